@@ -1,0 +1,193 @@
+r"""The equations as residuals, by nested automatic differentiation.
+
+The raw outputs z [N, K] of a network become fields by
+
+    form "strong" (K = 3, the paper):   u = U z_0, v = U z_1, p = P z_2
+    form "mixed"  (K = 5):              u = U z_0, v = U z_1, p = P softplus(z_2),
+                                        tau_1 = p z_3, tau_2 = p z_4
+
+with tau = [[tau_1, tau_2], [tau_2, -tau_1]]. The mixed form is a deviation from the paper, which
+has no stress unknowns: it needs no second derivatives, no viscosity and no clamp, and the stress
+ratio s = tau / p makes the traction vanish with p at the free surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from granpinn import rheology
+from granpinn.reference.network import RawNetwork, gradient, member, network
+
+# gamma_dot = sqrt(... + SMOOTHING): the shear rate keeps a finite derivative in material at rest.
+SMOOTHING = 1e-12
+
+viscosity = rheology.viscosity
+
+
+class Physics(NamedTuple):
+    """The eight numbers of the `physics` list, dimensionless."""
+
+    d: float  # grain diameter
+    g_x: float  # gravity, a unit vector
+    g_y: float
+    eta_min: float  # limits of the viscosity
+    eta_max: float
+    U: float  # scale of the velocity outputs
+    P: float  # scale of the pressure output
+    p_floor: float  # pressure below which I no longer grows
+
+
+def pressure(z_2: Tensor, P: float, form: str) -> Tensor:
+    """p from the third raw output: P z_2 (strong, the paper) or P softplus(z_2) >= 0 (mixed)."""
+    return P * z_2 if form == "strong" else -P * torch.nn.functional.logsigmoid(-z_2)
+
+
+def constitutive(D_1: Tensor, D_2: Tensor, s_1: Tensor, s_2: Tensor, mu: Tensor) -> list[Tensor]:
+    r"""Equation (6) without its division: $r = \dot\gamma\, s / \mu(I) - 2\,(D_1, D_2)$, each [N].
+
+    s = tau / p is the stress ratio, |s| = mu(I) in flowing material; rigid zones drop out.
+    """
+    gamma_dot = shear_rate(D_1, D_2)
+    return [gamma_dot * s_1 / mu - 2 * D_1, gamma_dot * s_2 / mu - 2 * D_2]
+
+
+def shear_rate(D_1: Tensor, D_2: Tensor) -> Tensor:
+    """gamma_dot = sqrt(2 D:D) of the deviatoric strain rate D = [[D_1, D_2], [D_2, -D_1]]."""
+    return torch.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
+
+
+def residuals(
+    raw: RawNetwork, points: Tensor, theta: Tensor, physics: Sequence[float], form: str
+) -> Tensor:
+    """Residuals of the equations at the points: [N, 3] strong, [N, 5] mixed.
+
+    Args:
+        raw: any differentiable map from points [N, 3] to raw outputs [N, K], row by row.
+    """
+    points = points.detach().requires_grad_()
+    z = raw(points)
+    if form == "strong":
+        return _strong_form(z, points, theta, Physics(*physics), pressure_form="strong")
+    if form == "mixed":
+        return _mixed_form(z, points, theta, Physics(*physics))
+    raise ValueError(f'form must be "strong" or "mixed", got "{form}"')
+
+
+def _strong_form(
+    z: Tensor, points: Tensor, theta: Tensor, physics: Physics, pressure_form: str
+) -> Tensor:
+    r"""(e_u, e_v, div v) [N, 3] of equations (3a) and (3b):
+
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g. $$
+
+    The divergence differentiates the stress 2 eta D itself, with eta in it.
+    """
+    u, v = physics.U * z[:, 0], physics.U * z[:, 1]
+    p = pressure(z[:, 2], physics.P, pressure_form)
+    u_x, u_y, u_t = gradient(u, points).unbind(1)
+    v_x, v_y, v_t = gradient(v, points).unbind(1)
+    p_x, p_y, _ = gradient(p, points).unbind(1)
+
+    D_xx, D_xy, D_yy = u_x, (u_y + v_x) / 2, v_y
+    gamma_dot = torch.sqrt(2 * (D_xx**2 + 2 * D_xy**2 + D_yy**2) + SMOOTHING)
+    eta = viscosity(
+        gamma_dot, p, theta, physics.d, physics.eta_min, physics.eta_max, physics.p_floor
+    )
+    tau_xx_x, _, _ = gradient(2 * eta * D_xx, points).unbind(1)
+    tau_xy_x, tau_xy_y, _ = gradient(2 * eta * D_xy, points).unbind(1)
+    _, tau_yy_y, _ = gradient(2 * eta * D_yy, points).unbind(1)
+
+    e_u = u_t + u * u_x + v * u_y + p_x - (tau_xx_x + tau_xy_y) - physics.g_x
+    e_v = v_t + u * v_x + v * v_y + p_y - (tau_xy_x + tau_yy_y) - physics.g_y
+    return torch.stack([e_u, e_v, u_x + v_y], dim=1)
+
+
+def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> Tensor:
+    r"""(e_u, e_v, div v, r_1, r_2) [N, 5] of (3a) and (3b) with the stress as an unknown,
+
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g, $$
+
+    and of the friction law as `constitutive` writes it.
+    """
+    u, v = physics.U * z[:, 0], physics.U * z[:, 1]
+    p = pressure(z[:, 2], physics.P, "mixed")
+    s_1, s_2 = z[:, 3], z[:, 4]
+    u_x, u_y, u_t = gradient(u, points).unbind(1)
+    v_x, v_y, v_t = gradient(v, points).unbind(1)
+    p_x, p_y, _ = gradient(p, points).unbind(1)
+    tau_1_x, tau_1_y, _ = gradient(p * s_1, points).unbind(1)
+    tau_2_x, tau_2_y, _ = gradient(p * s_2, points).unbind(1)
+
+    e_u = u_t + u * u_x + v * u_y + p_x - (tau_1_x + tau_2_y) - physics.g_x
+    e_v = v_t + u * v_x + v * v_y + p_y - (tau_2_x - tau_1_y) - physics.g_y
+
+    D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
+    gamma_dot = shear_rate(D_1, D_2)
+    inertia = rheology.inertial_number(gamma_dot, p, physics.d, physics.p_floor)
+    mu_s, mu_2, I_0 = theta.unbind(-1)
+    r_1, r_2 = constitutive(D_1, D_2, s_1, s_2, rheology.mu_of_I(inertia, mu_s, mu_2, I_0))
+    return torch.stack([e_u, e_v, u_x + v_y, r_1, r_2], dim=1)
+
+
+def pointwise_residuals(
+    raw_jets: Tensor, theta: Tensor, physics: Sequence[float], form: str
+) -> Tensor:
+    r"""Residuals [N, 3] or [N, 5] of fields of which only the raw jets [C, N, K] are known.
+
+    At each point the raw outputs are replaced by their Taylor polynomial about that point,
+
+    $$ z(\delta) = z + z_x \delta_x + z_y \delta_y + z_t \delta_t
+       + (z_{xx} \delta_x^2 + 2 z_{xy} \delta_x \delta_y + z_{yy} \delta_y^2) / 2, $$
+
+    which has the same jet at delta = 0 and therefore the same residuals.
+    """
+
+    def taylor(delta: Tensor) -> Tensor:
+        d_x, d_y, d_t = delta.unsqueeze(2).unbind(1)
+        z, z_x, z_y, z_t = raw_jets[:4]
+        polynomial = z + z_x * d_x + z_y * d_y + z_t * d_t
+        if len(raw_jets) == 7:
+            z_xx, z_xy, z_yy = raw_jets[4:]
+            polynomial = polynomial + z_xx * d_x**2 / 2 + z_xy * d_x * d_y + z_yy * d_y**2 / 2
+        return polynomial
+
+    return residuals(taylor, raw_jets.new_zeros(raw_jets.shape[1], 3), theta, physics, form)
+
+
+def strong_residual(
+    points: Tensor,
+    params: Tensor,
+    theta: Tensor,
+    widths: Sequence[int],
+    input_shift: Sequence[float],
+    input_scale: Sequence[float],
+    physics: Sequence[float],
+    form: str,
+) -> Tensor:
+    """(e_u, e_v, div v) [N, 3] (or [E, N, 3]) of the first three fields of either form's network.
+
+    `form` says how the network was trained, hence how its third output maps to the pressure.
+    """
+    if params.ndim == 2:
+        return torch.stack(
+            [
+                strong_residual(
+                    member(points, e, 2),
+                    w,
+                    member(theta, e, 1),
+                    widths,
+                    input_shift,
+                    input_scale,
+                    physics,
+                    form,
+                )
+                for e, w in enumerate(params)
+            ]
+        )
+    points = points.detach().requires_grad_()
+    z = network(params, widths, input_shift, input_scale)(points)
+    return _strong_form(z, points, theta, Physics(*physics), pressure_form=form)

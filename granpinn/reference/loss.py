@@ -1,0 +1,111 @@
+r"""The training loss, equations (10), (11) and (14) of the paper, and its gradient by autograd."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from granpinn.reference.equations import Physics, pressure, residuals
+from granpinn.reference.network import member, network
+
+
+def loss_terms(
+    params: Tensor,
+    theta: Tensor,
+    points: Tensor,
+    velocity: Tensor,
+    point_weights: Tensor,
+    surface_points: Tensor,
+    surface_pressure: Tensor,
+    widths: Sequence[int],
+    input_shift: Sequence[float],
+    input_scale: Sequence[float],
+    physics: Sequence[float],
+    form: str,
+) -> Tensor:
+    r"""The five terms [5] of one network, differentiable in params and theta; 0 over no points.
+
+    With N points (weights w_v for the velocity, w_f for the equations) and M surface points:
+
+        velocity      1/(2N) sum w_v ((u - u_data)^2 + (v - v_data)^2)    equation (10)
+        surface       1/(2M) sum (p - p_surface)^2                        equation (14)
+        momentum      1/(2N) sum w_f (e_u^2 + e_v^2)                      equation (11)
+        continuity    1/(2N) sum w_f (div v)^2                            equation (11)
+        constitutive  1/(2N) sum w_f (r_1^2 + r_2^2)                      mixed form only
+
+    Args:
+        points, velocity, point_weights: [N, 3], (u, v) [N, 2], (w_v, w_f) [N, 2].
+        surface_points, surface_pressure: [M, 3], [M].
+    """
+    raw = network(params, widths, input_shift, input_scale)
+    U, P = Physics(*physics).U, Physics(*physics).P
+    w_v, w_f = point_weights.unbind(1)
+
+    misfit = U * raw(points)[:, :2] - velocity
+    misfit_surface = pressure(raw(surface_points)[:, 2], P, form) - surface_pressure
+    e_u, e_v, div_v, *r = residuals(raw, points, theta, physics, form).unbind(1)
+    constitutive = sum((r_i**2 for r_i in r), torch.zeros_like(div_v))
+
+    return torch.stack(
+        [
+            _half_mean(w_v * (misfit**2).sum(1)),
+            _half_mean(misfit_surface**2),
+            _half_mean(w_f * (e_u**2 + e_v**2)),
+            _half_mean(w_f * div_v**2),
+            _half_mean(w_f * constitutive),
+        ]
+    )
+
+
+def _half_mean(squares: Tensor) -> Tensor:
+    return squares.sum() / (2 * max(len(squares), 1))
+
+
+def residual_loss(
+    params: Tensor,
+    theta: Tensor,
+    points: Tensor,
+    velocity: Tensor,
+    point_weights: Tensor,
+    surface_points: Tensor,
+    surface_pressure: Tensor,
+    term_weights: Tensor,
+    widths: Sequence[int],
+    input_shift: Sequence[float],
+    input_scale: Sequence[float],
+    physics: Sequence[float],
+    form: str,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """loss = sum_k term_weights_k term_k, with the terms and both gradients, all detached.
+
+    Returns:
+        loss [], terms [5], d loss / d params [P], d loss / d theta [3]; each leads with E for an
+        ensemble, whose members are evaluated one after the other.
+    """
+    tensors = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
+    if params.ndim == 2:
+        members = [
+            residual_loss(
+                params[e],
+                member(theta, e, 1),
+                *(member(x, e, rank) for x, rank in zip(tensors, (2, 2, 2, 2, 1, 1), strict=True)),
+                widths=widths,
+                input_shift=input_shift,
+                input_scale=input_scale,
+                physics=physics,
+                form=form,
+            )
+            for e in range(len(params))
+        ]
+        loss, terms, grad_params, grad_theta = (torch.stack(x) for x in zip(*members, strict=True))
+        return loss, terms, grad_params, grad_theta
+
+    params, theta = params.detach().requires_grad_(), theta.detach().requires_grad_()
+    terms = loss_terms(
+        params, theta, *tensors[:-1], widths, input_shift, input_scale, physics, form
+    )
+    loss = (term_weights * terms).sum()
+    grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)
+    return loss.detach(), terms.detach(), grad_params, grad_theta
