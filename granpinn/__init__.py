@@ -1,0 +1,40 @@
+"""The friction law and the pressure of a granular flow, identified from its velocity field.
+
+    import granpinn
+
+    flow = granpinn.read_flow("collapse.h5")
+    result = granpinn.identify(flow, granpinn.Config())
+
+Names are loaded when they are first used, so that ``python -m granpinn.doctor`` can still speak
+when torch or the compiled kernels cannot be imported.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from granpinn.config import Config
+    from granpinn.data import read_flow, write_flow
+    from granpinn.identification import identify
+    from granpinn.results import Result
+
+__version__ = "0.1.0"
+__all__ = ["Config", "Result", "__version__", "identify", "read_flow", "write_flow"]
+
+_HOMES = {
+    "Config": "granpinn.config",
+    "Result": "granpinn.results",
+    "identify": "granpinn.identification",
+    "read_flow": "granpinn.data",
+    "write_flow": "granpinn.data",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'granpinn' has no attribute {name!r}; it has {__all__}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

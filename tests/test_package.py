@@ -1,0 +1,34 @@
+"""The public names of the package, and that they cost nothing until they are used."""
+
+import subprocess
+import sys
+
+import pytest
+
+import granpinn
+
+
+@pytest.mark.parametrize("name", [n for n in granpinn.__all__ if n != "__version__"])
+def test_public_names_load(name: str) -> None:
+    assert callable(getattr(granpinn, name))
+
+
+def test_dir_lists_the_public_names() -> None:
+    assert set(granpinn.__all__) <= set(dir(granpinn))
+
+
+def test_unknown_name_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'solve'.*identify"):
+        _ = granpinn.solve
+
+
+def test_import_loads_neither_torch_nor_the_kernels() -> None:
+    code = "import granpinn, sys; print('torch' in sys.modules, 'granpinn._C' in sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["False", "False"]
+
+
+def test_version_is_that_of_the_installed_distribution() -> None:
+    from importlib.metadata import version
+
+    assert granpinn.__version__ == version("granpinn")
