@@ -56,15 +56,16 @@ def viscosity(
 
     Args:
         gamma_dot: shear rate [N], >= 0.
-        p: pressure [N]; where p <= 0 there is no friction and eta = eta_min.
+        p: pressure [N]; grains under tension (p < 0) have no friction, hence eta = eta_min.
         theta: (mu_s, mu_2, I_0) [3].
         d, p_floor: as in `inertial_number`.
         eta_min, eta_max: limits of the viscosity, in units of rho L U.
     """
     mu_s, mu_2, I_0 = theta.unbind(-1)
     strength = mu_of_I(inertial_number(gamma_dot, p, d, p_floor), mu_s, mu_2, I_0) * p
-    at_least = (strength <= eta_min * gamma_dot) | (p <= 0)
-    at_most = ~at_least & (strength >= eta_max * gamma_dot)
+    at_rest = gamma_dot == 0
+    at_least = (strength < eta_min * gamma_dot) | (at_rest & (strength <= 0))
+    at_most = (strength > eta_max * gamma_dot) & ~at_least
     flowing = ~(at_least | at_most)
     eta = strength / torch.where(flowing, gamma_dot, torch.ones_like(gamma_dot))
     eta = torch.where(at_least, torch.full_like(eta, eta_min), eta)

@@ -148,10 +148,10 @@ def pointwise_residuals(
 
     def taylor(delta: Tensor) -> Tensor:
         d_x, d_y, d_t = delta.unsqueeze(2).unbind(1)
-        z, z_x, z_y, z_t = raw_jets[:4]
+        z, z_x, z_y, z_t, *second = raw_jets.unbind(0)
         polynomial = z + z_x * d_x + z_y * d_y + z_t * d_t
-        if len(raw_jets) == 7:
-            z_xx, z_xy, z_yy = raw_jets[4:]
+        if second:
+            z_xx, z_xy, z_yy = second
             polynomial = polynomial + z_xx * d_x**2 / 2 + z_xy * d_x * d_y + z_yy * d_y**2 / 2
         return polynomial
 

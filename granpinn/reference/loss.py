@@ -46,7 +46,7 @@ def loss_terms(
     misfit = U * raw(points)[:, :2] - velocity
     misfit_surface = pressure(raw(surface_points)[:, 2], P, form) - surface_pressure
     e_u, e_v, div_v, *r = residuals(raw, points, theta, physics, form).unbind(1)
-    constitutive = sum((r_i**2 for r_i in r), torch.zeros_like(div_v))
+    constitutive = torch.stack([torch.zeros_like(div_v), *(r_i**2 for r_i in r)]).sum(0)
 
     return torch.stack(
         [
@@ -84,27 +84,42 @@ def residual_loss(
         loss [], terms [5], d loss / d params [P], d loss / d theta [3]; each leads with E for an
         ensemble, whose members are evaluated one after the other.
     """
-    tensors = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
     if params.ndim == 2:
         members = [
             residual_loss(
-                params[e],
+                w,
                 member(theta, e, 1),
-                *(member(x, e, rank) for x, rank in zip(tensors, (2, 2, 2, 2, 1, 1), strict=True)),
-                widths=widths,
-                input_shift=input_shift,
-                input_scale=input_scale,
-                physics=physics,
-                form=form,
+                member(points, e, 2),
+                member(velocity, e, 2),
+                member(point_weights, e, 2),
+                member(surface_points, e, 2),
+                member(surface_pressure, e, 1),
+                member(term_weights, e, 1),
+                widths,
+                input_shift,
+                input_scale,
+                physics,
+                form,
             )
-            for e in range(len(params))
+            for e, w in enumerate(params)
         ]
-        loss, terms, grad_params, grad_theta = (torch.stack(x) for x in zip(*members, strict=True))
+        loss, terms, grad_params, grad_theta = map(torch.stack, zip(*members, strict=True))
         return loss, terms, grad_params, grad_theta
 
     params, theta = params.detach().requires_grad_(), theta.detach().requires_grad_()
     terms = loss_terms(
-        params, theta, *tensors[:-1], widths, input_shift, input_scale, physics, form
+        params,
+        theta,
+        points,
+        velocity,
+        point_weights,
+        surface_points,
+        surface_pressure,
+        widths,
+        input_shift,
+        input_scale,
+        physics,
+        form,
     )
     loss = (term_weights * terms).sum()
     grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)
