@@ -1,0 +1,209 @@
+"""``python -m granpinn.doctor``: what is installed, which kernels run here and why.
+
+Nothing is imported before it is needed, so that a broken torch or a module that was not built is
+reported like any other finding. Exit code 0 if the kernels work, 1 otherwise, with what to do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import granpinn
+
+Section = dict[str, Any]
+
+BUILD_HINT = (
+    "build it in the source tree with the torch that is installed: "
+    "pip install scikit-build-core pybind11 cmake ninja && pip install --no-build-isolation -e ."
+)
+# What the processor must have for each variant of the kernels; the names are those of Linux.
+NEEDED_FLAGS = {
+    "generic": set[str](),
+    "avx2": {"avx2", "fma"},
+    "avx512": {"avx512f", "avx512dq", "avx512vl", "avx512bw", "fma"},
+}
+LARGEST_ERROR = 1e-8  # of float64 kernels, relative L2
+EXTRAS = {"tensorboard": ("tensorboard",), "test": ("pytest", "hypothesis", "sympy", "scipy")}
+
+
+class Trouble(Exception):
+    """Something that keeps the kernels from working; the message says what to do."""
+
+
+def versions() -> Section:
+    """Versions of Python and of the packages that a result depends on."""
+    found = {"granpinn": granpinn.__version__, "python": platform.python_version()}
+    for name in ("torch", "numpy", "h5py", "safetensors"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def extras() -> Section:
+    """Optional groups of packages: present, or the command that installs them."""
+    found = {}
+    for group, modules in EXTRAS.items():
+        missing = [name for name in modules if importlib.util.find_spec(name) is None]
+        hint = f"not installed; pip install {' '.join(missing)}"
+        found[group] = hint if missing else "present"
+    return found
+
+
+def load(name: str, hint: str) -> Any:
+    """The module `name`, or the Trouble that keeps it from being imported."""
+    try:
+        return import_module(name)
+    except Exception as error:  # a damaged binary package raises OSError, RuntimeError, ...
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise Trouble(f"{name} cannot be imported ({reason}): {hint}") from error
+
+
+def build() -> Section:
+    """What the module was built with, and that it fits the torch that is running."""
+    torch = load("torch", "pip install 'torch>=2.11'")
+    info: Section = dict(load("granpinn._C", BUILD_HINT).build_info())
+    running, built = torch.__version__.split(".")[:2], info["torch_version"].split(".")[:2]
+    if running != built:
+        raise Trouble(
+            f"granpinn was built against torch {info['torch_version']} but torch "
+            f"{torch.__version__} is installed: {BUILD_HINT}"
+        )
+    return info
+
+
+def processor() -> tuple[str, set[str]]:
+    """Name and instruction sets of the CPU (no sets where the system does not tell)."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    facts = dict(line.split(":", 1) for line in lines if ":" in line)
+    facts = {key.strip(): value.strip() for key, value in facts.items()}
+    return facts.get("model name", platform.machine()), set(facts.get("flags", "").split())
+
+
+def why(active: str, built: Sequence[str], flags: set[str]) -> str:
+    """Why the variant `active` of the kernels runs, out of those that were built."""
+    order = list(NEEDED_FLAGS)
+    faster = [name for name in built if order.index(name) > order.index(active)]
+    if not faster:
+        return f"the fastest of those built ({', '.join(built)})"
+    missing = {name: sorted(NEEDED_FLAGS[name] - flags) for name in faster}
+    return "; ".join(
+        f"{name}: the processor has no {', '.join(lacks)}" if lacks else f"{name}: switched off"
+        for name, lacks in missing.items()
+    )
+
+
+def cpu() -> Section:
+    """The processor, the instruction set that the kernels use on it, and the threads."""
+    model, flags = processor()
+    torch, kernels = import_module("torch"), import_module("granpinn._C")
+    active = kernels.cpu_capability()
+    return {
+        "processor": model,
+        "kernels": f"{active}, {why(active, kernels.build_info()['simd'].split(), flags)}",
+        "threads": torch.get_num_threads(),
+        "cores": os.cpu_count(),
+        "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set"),
+    }
+
+
+def gpu() -> Section:
+    """What torch sees of a GPU. The kernels of this version run on the CPU."""
+    torch = import_module("torch")
+    if torch.version.cuda is None:
+        seen = "none: this torch was built without CUDA"
+    elif not torch.cuda.is_available():
+        seen = f"none: torch was built for CUDA {torch.version.cuda} but finds no device or driver"
+    else:
+        names = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
+        seen = f"{', '.join(names)} (CUDA {torch.version.cuda})"
+    return {"devices": seen, "kernels": "none: this version of granpinn has CPU kernels only"}
+
+
+def self_check() -> Section:
+    """The fused loss and its gradient against nested autograd, on five points."""
+    ops, reference = load("granpinn.ops", BUILD_HINT), load("granpinn.reference", BUILD_HINT)
+    report = {}
+    for form, outputs in (("strong", 3), ("mixed", 5)):
+        problem = small_problem([3, 8, outputs], form)
+        fused, truth = ops.residual_loss(*problem), reference.residual_loss(*problem)
+        error = max(
+            float((f - t).norm() / t.norm().clamp_min(1e-300))
+            for f, t in zip(fused, truth, strict=True)
+        )
+        if not error < LARGEST_ERROR:  # so that nan is trouble too
+            raise Trouble(
+                f"the {form} residual kernel differs from nested autograd by {error:.1e} (expected "
+                f"< {LARGEST_ERROR:.0e}): {BUILD_HINT}; if it persists, report it with this text"
+            )
+        report[form] = f"agrees with nested autograd to {error:.0e}"
+    return report
+
+
+def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
+    """Arguments of residual_loss for a random network, five points and four surface points."""
+    torch = import_module("torch")
+    generator = torch.Generator().manual_seed(0)
+
+    def draw(*shape: int) -> Any:
+        return torch.randn(shape, generator=generator, dtype=torch.float64)
+
+    params = draw(sum((n + 1) * m for n, m in pairwise(widths)))
+    theta = torch.tensor([0.4, 0.6, 0.3], dtype=torch.float64)
+    inside = (draw(5, 3), draw(5, 2), torch.ones(5, 2, dtype=torch.float64))
+    surface = (draw(4, 3), draw(4))
+    term_weights = torch.ones(5, dtype=torch.float64)
+    physics = [0.01, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
+    scaling = ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0])
+    return params, theta, *inside, *surface, term_weights, widths, *scaling, physics, form
+
+
+def examine() -> tuple[dict[str, Section], str | None]:
+    """All sections, in the order in which they are printed, and what is wrong (None: nothing)."""
+    report = {"versions": versions(), "extras": extras()}
+    steps: dict[str, Callable[[], Section]] = {
+        "build": build,
+        "cpu": cpu,
+        "gpu": gpu,
+        "self-check": self_check,
+    }
+    try:
+        for name, step in steps.items():
+            report[name] = step()
+    except Trouble as trouble:
+        return report, str(trouble)
+    return report, None
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Prints the report as text, or with --json for programs; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m granpinn.doctor", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    options = parser.parse_args(argv)
+    report, trouble = examine()
+    if options.json:
+        print(json.dumps({"works": trouble is None, "trouble": trouble, **report}, indent=2))
+    else:
+        for title, section in report.items():
+            print(title)
+            for key, value in section.items():
+                print(f"  {key:<16} {value}")
+        print(f"\nThe kernels do not work: {trouble}" if trouble else "\nThe kernels work.")
+    return 1 if trouble else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

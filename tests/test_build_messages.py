@@ -1,0 +1,57 @@
+"""A build that cannot succeed says what is missing and what to do about it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+OLD_TORCH = '__version__ = "2.6.0+cu124"\ndef compiled_with_cxx11_abi(): return True'
+ABSENT = "raise ImportError('it is not there')"
+
+
+def configure(folder: Path, **environment: str) -> str:
+    """What CMake says to a configuration that fails, without its line breaks."""
+    tools = {name: shutil.which(name) for name in ("cmake", "ninja")}
+    if None in tools.values():
+        pytest.skip("cmake and ninja are needed; pip install cmake ninja")
+    command = [tools["cmake"], "-S", ROOT, "-B", folder / "build", "-G", "Ninja"]
+    command += [f"-DCMAKE_MAKE_PROGRAM={tools['ninja']}", f"-DPython_EXECUTABLE={sys.executable}"]
+    command += ["-DSKBUILD_PROJECT_VERSION=0.1.0"]
+    done = subprocess.run(
+        [str(word) for word in command],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode != 0
+    return " ".join(done.stderr.split())
+
+
+def shadow(folder: Path, package: str, text: str) -> str:
+    """A folder for PYTHONPATH in which `package` is the given text."""
+    (folder / package).mkdir()
+    (folder / package / "__init__.py").write_text(text)
+    return str(folder)
+
+
+@pytest.mark.parametrize(
+    ("package", "text", "message"),
+    [
+        ("torch", OLD_TORCH, "granpinn needs torch >= 2.11, found 2.6.0+cu124 in"),
+        ("torch", ABSENT, "granpinn needs torch >= 2.11 to build, and Python cannot import torch."),
+        ("pybind11", ABSENT, "granpinn needs pybind11 to build, and Python cannot import it."),
+    ],
+)
+def test_missing_or_old_packages(tmp_path: Path, package: str, text: str, message: str) -> None:
+    said = configure(tmp_path, PYTHONPATH=shadow(tmp_path, package, text))
+    assert message in said
+    assert "pip install 'torch>=2.11' scikit-build-core pybind11 cmake ninja" in said
+
+
+def test_missing_compiler(tmp_path: Path) -> None:
+    said = configure(tmp_path, CXX=str(tmp_path / "no-such-compiler"))
+    assert "granpinn needs a C++20 compiler and found none. Install one" in said

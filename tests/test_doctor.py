@@ -1,0 +1,120 @@
+"""granpinn.doctor tells the truth: when the kernels work, and what to do when they do not."""
+
+import json
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError
+from types import SimpleNamespace
+from typing import Any, NoReturn
+
+import pytest
+import torch
+
+from granpinn import doctor
+
+AVX2 = {"avx2", "fma"}
+BUILT = ("generic", "avx2", "avx512")
+
+
+def fake_module(torch_version: str) -> SimpleNamespace:
+    info = {"torch_version": torch_version, "simd": "generic avx2"}
+    return SimpleNamespace(build_info=lambda: info, cpu_capability=lambda: "avx2")
+
+
+@pytest.mark.parametrize(
+    ("active", "built", "flags", "reason"),
+    [
+        ("avx512", BUILT, doctor.NEEDED_FLAGS["avx512"], "the fastest of those built"),
+        ("generic", ("generic",), set(), "the fastest of those built (generic)"),
+        ("avx2", BUILT, AVX2 | {"avx512f"}, "avx512: the processor has no avx512bw, avx512dq"),
+        ("generic", BUILT, AVX2, "avx2: switched off; avx512: the processor has no"),
+    ],
+)
+def test_the_active_instruction_set_is_explained(
+    active: str, built: tuple[str, ...], flags: set[str], reason: str
+) -> None:
+    assert reason in doctor.why(active, built, flags)
+
+
+def test_a_missing_package_is_reported_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> NoReturn:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor, "version", absent)
+    assert doctor.versions()["h5py"] == "missing"
+
+
+def test_missing_extras_come_with_the_command_that_installs_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(doctor, "EXTRAS", {"plots": ("no_such_package",), "present": ("torch",)})
+    expected = {"plots": "not installed; pip install no_such_package", "present": "present"}
+    assert doctor.extras() == expected
+
+
+def test_a_module_that_was_not_built_is_trouble_with_the_build_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "granpinn._C", None)  # import raises ImportError
+    assert doctor.main([]) == 1
+    text = capsys.readouterr().out
+    assert "granpinn._C cannot be imported" in text
+    assert "pip install --no-build-isolation" in text
+
+
+def test_a_broken_torch_is_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(doctor.Trouble, match=r"torch cannot be imported .*pip install 'torch>="):
+        doctor.build()
+
+
+def test_a_module_built_against_another_torch_is_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "granpinn._C", fake_module("2.5.1"))
+    with pytest.raises(doctor.Trouble, match=r"built against torch 2\.5\.1 but torch .* installed"):
+        doctor.build()
+
+
+@pytest.mark.parametrize(
+    ("cuda", "devices", "expected"),
+    [
+        (None, 0, "built without CUDA"),
+        ("13.0", 0, "finds no device or driver"),
+        ("13.0", 2, "GPU 0, GPU 1 (CUDA 13.0)"),
+    ],
+)
+def test_gpus_are_reported_as_torch_sees_them(
+    monkeypatch: pytest.MonkeyPatch, cuda: str | None, devices: int, expected: str
+) -> None:
+    monkeypatch.setattr(torch.version, "cuda", cuda)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: devices > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: devices)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda i: f"GPU {i}")
+    assert expected in doctor.gpu()["devices"]
+
+
+@pytest.mark.parametrize("factor", [1.001, float("nan")])
+def test_wrong_kernels_are_trouble(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    from granpinn import ops, reference
+
+    def wrong(*arguments: Any) -> tuple[torch.Tensor, ...]:
+        return tuple(output * factor for output in reference.residual_loss(*arguments))
+
+    monkeypatch.setattr(ops, "residual_loss", wrong)
+    with pytest.raises(doctor.Trouble, match="strong residual kernel differs"):
+        doctor.self_check()
+
+
+def test_everything_works_here(capsys: pytest.CaptureFixture[str]) -> None:
+    assert doctor.main([]) == 0
+    text = capsys.readouterr().out
+    for word in ("threads", "agrees with nested autograd", "The kernels work."):
+        assert word in text
+
+
+def test_json_for_programs_and_the_exit_code() -> None:
+    command = [sys.executable, "-m", "granpinn.doctor", "--json"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True)
+    report = json.loads(out.stdout)
+    assert report["works"] is True
+    assert report["trouble"] is None
+    assert report["versions"]["torch"] == report["build"]["torch_version"]
