@@ -1,0 +1,170 @@
+"""Manufactured fields: sympy differentiates what the oracle and the kernels must reproduce (V-1).
+
+u, v, p, s_1, s_2 are closed expressions, not solutions of anything: the residual that sympy
+derives from the equations as printed is their source term. Reference values are evaluated in
+extended precision (numpy.longdouble), so that their own rounding stays below the gate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import sympy as sp
+import torch
+
+x, y, t = sp.symbols("x y t", real=True)
+
+# Values that every field takes to both limits of the viscosity and to both sides of p_floor;
+# fractions of powers of two, so that sympy and the kernels work with the same numbers.
+D, G_X, G_Y = sp.Rational(3, 64), sp.Rational(5, 16), sp.Rational(-7, 8)
+ETA_MIN, ETA_MAX = sp.Rational(1, 8), sp.Rational(1, 2)
+U, P, P_FLOOR = sp.Rational(7, 4), sp.Rational(3, 4), sp.Rational(1, 2)
+MU_S, MU_2, I_0 = sp.Rational(3, 8), sp.Rational(11, 16), sp.Rational(9, 32)
+PHYSICS = [float(value) for value in (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR)]
+THETA = [float(value) for value in (MU_S, MU_2, I_0)]
+SMOOTHING = 1e-12
+
+FIELDS = {
+    "waves": (
+        sp.sin(2 * x + t) * sp.cos(y) + y**2 / 3,
+        sp.cos(x - y) * sp.exp(-t / 2) + x * y / 5,
+        1 + sp.sin(x) * sp.cos(2 * y - t) / 2 + y / 4,
+        sp.sin(x * y + t) / 3 + x / 7,
+        sp.cos(x + 2 * y) * sp.exp(-t) / 4 + y / 9,
+    ),
+    "shear layer": (
+        sp.tanh(3 * (y - x / 3 - t / 4)) + x / 2,
+        sp.exp(-((x - y) ** 2)) / 3 + t * y / 4,
+        sp.exp(-y) * (1 + x**2 / 4) + t / 8,
+        -sp.tanh(2 * y - x + t) / 3,
+        sp.exp(-(x**2)) * sp.sin(y + t) / 5,
+    ),
+    # p changes sign in the strong form; the mixed form takes p + 1 (softplus is positive)
+    "falling column": (
+        x**2 * y / 2 - t * x * y**2 / 3 + sp.sin(3 * t),
+        -t / 2 + x * y**2 / 4 - y**3 * t / 6 + x / 3,
+        y**2 / 2 - x * y / 3 + sp.cos(4 * x + t) / 3 - sp.Rational(1, 8),
+        x * y / 3 - t / 5,
+        (x**2 - y * t) / 4,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Manufactured:
+    """A field in the variables of one residual form.
+
+    raw: the network's raw outputs z as expressions.
+    variants: the residuals under each assumption about floor and limits.
+    """
+
+    form: str
+    raw: list[sp.Expr]
+    p: sp.Expr
+    gamma_dot: sp.Expr
+    variants: dict[str, list[sp.Expr]]
+
+    def points(self, n: int) -> np.ndarray:
+        return np.random.default_rng(7).uniform(-1, 1, (n, 3)).astype(np.float64)
+
+    def raw_jets(self, points: np.ndarray) -> torch.Tensor:
+        """Jets [C, N, K] of the raw outputs, differentiated by sympy: 7 channels or 4."""
+        orders: list[tuple[sp.Symbol, ...]] = [(), (x,), (y,), (t,)]
+        if self.form == "strong":
+            orders += [(x, x), (x, y), (y, y)]
+        jets = [[sp.diff(z, *order) if order else z for z in self.raw] for order in orders]
+        return torch.from_numpy(
+            np.stack([_evaluate(channel, points).astype(np.float64) for channel in jets])
+        )
+
+    def raw_network(self) -> torch.nn.Module:
+        """The raw outputs as a differentiable torch function of points [N, 3]."""
+        return _TorchField(self.raw)
+
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """The residuals [N, R] in extended precision, each point with its own variant."""
+        d, mu_s, mu_2, i_0, eta_min, eta_max, p_floor = (
+            float(value) for value in (D, MU_S, MU_2, I_0, ETA_MIN, ETA_MAX, P_FLOOR)
+        )
+        p, gamma_dot = _evaluate([self.p, self.gamma_dot], points).T
+        inertia = d * gamma_dot / np.sqrt(np.maximum(np.abs(p), p_floor))
+        eta = (mu_s + (mu_2 - mu_s) * inertia / (i_0 + inertia)) * p / gamma_dot
+        holds = {"floored": np.abs(p) < p_floor, "eta_min": eta < eta_min, "eta_max": eta > eta_max}
+        chosen = np.full(len(points), "flowing", dtype=object)
+        for name in ("floored", "eta_min", "eta_max"):
+            if name in self.variants:
+                chosen[holds[name]] = name
+        missing = set(self.variants) - set(chosen)
+        assert not missing, f"no point exercises {missing}"
+        out = np.empty((len(points), len(self.variants["flowing"])), dtype=np.longdouble)
+        for name, expressions in self.variants.items():
+            out[chosen == name] = _evaluate(expressions, points[chosen == name])
+        return out
+
+
+@cache
+def manufactured(name: str, form: str) -> Manufactured:
+    u, v, p, s_1, s_2 = FIELDS[name]
+    if form == "mixed" and name == "falling column":
+        p = p + 1
+    u_x, u_y, v_x, v_y = u.diff(x), u.diff(y), v.diff(x), v.diff(y)
+    inertial_u = u.diff(t) + u * u_x + v * u_y + p.diff(x) - G_X
+    inertial_v = v.diff(t) + u * v_x + v * v_y + p.diff(y) - G_Y
+    if form == "strong":
+        rate = sp.Matrix([[u_x, (u_y + v_x) / 2], [(u_y + v_x) / 2, v_y]])
+        gamma_dot = sp.sqrt(2 * sum(entry**2 for entry in rate) + SMOOTHING)
+        eta = {
+            "flowing": _mu(gamma_dot, p) * p / gamma_dot,
+            "floored": _mu(gamma_dot, P_FLOOR) * p / gamma_dot,
+            "eta_min": ETA_MIN,
+            "eta_max": ETA_MAX,
+        }
+        variants = {}
+        for variant, viscosity in eta.items():
+            tau = 2 * viscosity * rate
+            variants[variant] = [
+                inertial_u - tau[0, 0].diff(x) - tau[0, 1].diff(y),
+                inertial_v - tau[1, 0].diff(x) - tau[1, 1].diff(y),
+                u_x + v_y,
+            ]
+        raw = [u / U, v / U, p / P]
+    else:
+        D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
+        gamma_dot = sp.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
+        variants = {}
+        for variant, floored_p in (("flowing", p), ("floored", P_FLOOR)):
+            mu = _mu(gamma_dot, floored_p)
+            variants[variant] = [
+                inertial_u - (p * s_1).diff(x) - (p * s_2).diff(y),
+                inertial_v - (p * s_2).diff(x) + (p * s_1).diff(y),
+                u_x + v_y,
+                gamma_dot * s_1 / mu - 2 * D_1,
+                gamma_dot * s_2 / mu - 2 * D_2,
+            ]
+        raw = [u / U, v / U, sp.log(sp.exp(p / P) - 1), s_1, s_2]
+    return Manufactured(form, raw, p, gamma_dot, variants)
+
+
+def _mu(gamma_dot: sp.Expr, p: sp.Expr) -> sp.Expr:
+    inertia = D * gamma_dot / sp.sqrt(p)
+    return MU_S + (MU_2 - MU_S) / (1 + I_0 / inertia)
+
+
+def _evaluate(expressions: list[sp.Expr], points: np.ndarray) -> np.ndarray:
+    """Expressions at points [N, 3] -> [N, len(expressions)] in extended precision."""
+    function = sp.lambdify((x, y, t), expressions, modules="numpy", cse=True)
+    columns = function(*points.astype(np.longdouble).T)
+    return np.stack([np.broadcast_to(c, len(points)) for c in columns], axis=1)
+
+
+class _TorchField(torch.nn.Module):
+    def __init__(self, expressions: list[sp.Expr]) -> None:
+        super().__init__()
+        names = ("sin", "cos", "tanh", "exp", "log", "sqrt")
+        functions = {name: getattr(torch, name) for name in names}
+        self.function = sp.lambdify((x, y, t), expressions, modules=[functions], cse=True)
+
+    def forward(self, points: torch.Tensor) -> torch.Tensor:
+        return torch.stack(self.function(*points.unbind(1)), dim=1)
