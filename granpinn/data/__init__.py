@@ -1,0 +1,24 @@
+"""Flow files and what is made of them: reading, writing, rules, noise, points."""
+
+from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface, Truth
+from granpinn.data.noise import add_noise
+from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
+from granpinn.data.reader import read_flow
+from granpinn.data.rules import check_flow
+from granpinn.data.writer import write_flow
+
+__all__ = [
+    "Flow",
+    "FlowFileError",
+    "FlowFileWarning",
+    "Surface",
+    "TestGrid",
+    "TrainingSet",
+    "Truth",
+    "add_noise",
+    "check_flow",
+    "read_flow",
+    "test_grid",
+    "training_set",
+    "write_flow",
+]

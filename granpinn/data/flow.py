@@ -1,0 +1,102 @@
+"""A measured or simulated granular flow in memory, in the units of its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class FlowFileError(ValueError):
+    """A flow breaks a rule of the format; the message is one sentence that says what to do."""
+
+
+class FlowFileWarning(UserWarning):
+    """A flow keeps every rule of the format but looks wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Points of the free surface, in any order.
+
+    Attributes:
+        t, x, y: time and position, [n].
+        p: measured pressure there, [n], or None; used at level V2 only.
+    """
+
+    t: Float64Array
+    x: Float64Array
+    y: Float64Array
+    p: Float32Array | None = None
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Parameters of the friction law that made the data: for scoring, never for training."""
+
+    mu_s: float | None = None
+    mu_2: float | None = None
+    I0: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Velocity of the grains on a grid in space and time.
+
+    Attributes:
+        t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
+        u, v: velocity [T, Y, X]; NaN where there is no valid vector, never 0.
+        c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1.
+        gravity: (g_x, g_y).
+        density: bulk density of the grains.
+        grain_diameter: mean diameter d of the grains.
+        length_unit, time_unit: names of the units, "1" = dimensionless.
+        p: reference pressure [T, Y, X]: for scoring, never for training.
+        surface: observed points of the free surface.
+        sigma_u, sigma_v: standard deviation of u and v, one number or [T, Y, X].
+        eta_max, eta_min: bounds of the viscosity in the solver that made the data.
+        truth: parameters that made the data.
+        attributes: further facts about the file, such as its source.
+        sha256: hash of the file that was read, "" for a flow made in memory.
+        path: the file that was read.
+    """
+
+    t: Float64Array
+    y: Float64Array
+    x: Float64Array
+    u: Float32Array
+    v: Float32Array
+    c: Float32Array
+    gravity: tuple[float, float]
+    density: float
+    grain_diameter: float
+    length_unit: str = "1"
+    time_unit: str = "1"
+    p: Float32Array | None = None
+    surface: Surface | None = None
+    sigma_u: float | Float32Array | None = None
+    sigma_v: float | Float32Array | None = None
+    eta_max: float | None = None
+    eta_min: float | None = None
+    truth: Truth | None = None
+    attributes: dict[str, Any] = field(default_factory=dict)
+    sha256: str = ""
+    path: Path | None = None
+
+    @property
+    def material(self) -> BoolArray:
+        """Where the cell holds nothing but grains, c = 1: [T, Y, X]."""
+        material: BoolArray = self.c == 1
+        return material
+
+    @property
+    def valid(self) -> BoolArray:
+        """Where grains with a finite velocity vector are: [T, Y, X]."""
+        return self.material & np.isfinite(self.u) & np.isfinite(self.v)

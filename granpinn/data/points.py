@@ -1,0 +1,157 @@
+"""The points that training and scoring use, dimensionless and in a fixed order (t, y, x)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from granpinn.data.flow import BoolArray, Flow, FlowFileError
+from granpinn.scales import Scales, height
+
+LEVELS = ("V0", "V1", "V2")
+# In the toe the layer is thinner than this many grains and p = 0 does not hold.
+TOE_GRAINS = 2.0
+
+Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """What the network is fitted to; N data points, M points of the free surface.
+
+    Attributes:
+        points: (x, y, t) of the data, [N, 3].
+        velocity: measured (u, v), [N, 2].
+        point_weights: weights of the velocity and of the physics at each point, [N, 2].
+        surface_points: (x, y, t) of the free surface, [M, 3]; M = 0 at level V0.
+        surface_pressure: [M]; 0 at level V1, measured at V2.
+        lower, upper: bounds of the points, [3].
+    """
+
+    points: torch.Tensor
+    velocity: torch.Tensor
+    point_weights: torch.Tensor
+    surface_points: torch.Tensor
+    surface_pressure: torch.Tensor
+    lower: torch.Tensor
+    upper: torch.Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class TestGrid:
+    """All points with c = 1: `points` [K, 3] = (x, y, t), float64, and their indices.
+
+    `indices` are three arrays [K] (frame, row, column): `flow.u[grid.indices]` is u there.
+    """
+
+    points: torch.Tensor
+    indices: Indices
+
+
+def training_set(
+    flow: Flow, scales: Scales, level: str = "V1", dtype: torch.dtype = torch.float32
+) -> TrainingSet:
+    """The data points (c = 1, t > 0, valid vector) and the surface points of a level.
+
+    Args:
+        level: "V0" velocity only; "V1" and the line of the free surface, where p = 0;
+            "V2" and the pressure measured there.
+        dtype: of all tensors.
+
+    Raises:
+        FlowFileError: the flow has not what the level needs.
+    """
+    if level not in LEVELS:
+        raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
+    # t = 0 holds no solution: the pressure of the initial state is a guess.
+    used = flow.valid & (flow.t > 0)[:, None, None]
+    if not used.any():
+        raise FlowFileError(
+            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the clock "
+            "at the release of the grains"
+        )
+    indices = _indices(used)
+    points = _points(flow, scales, indices)
+    velocity = scales.to_dimensionless(np.stack([flow.u[used], flow.v[used]], -1), "velocity")
+    weights = np.stack([_velocity_weights(flow, used), np.ones(len(points))], -1)
+    surface_points, surface_pressure = _surface(flow, scales, level)
+
+    def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
+        return torch.as_tensor(values).to(dtype)
+
+    return TrainingSet(
+        tensor(points),
+        tensor(velocity),
+        tensor(weights),
+        tensor(surface_points),
+        tensor(surface_pressure),
+        lower=tensor(points.min(axis=0)),
+        upper=tensor(points.max(axis=0)),
+    )
+
+
+def test_grid(flow: Flow, scales: Scales) -> TestGrid:
+    """All points with c = 1, for scoring and for maps of the fields."""
+    indices = _indices(flow.material)
+    return TestGrid(torch.as_tensor(_points(flow, scales, indices)), indices)
+
+
+def _indices(mask: BoolArray) -> Indices:
+    frame, row, column = np.nonzero(mask)
+    return frame, row, column
+
+
+def _points(flow: Flow, scales: Scales, indices: Indices) -> npt.NDArray[np.float64]:
+    frame, row, column = indices
+    return scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
+
+
+def _velocity_weights(flow: Flow, used: BoolArray) -> npt.NDArray[np.float64]:
+    """1/variance of the measurement, with mean 1; 1 everywhere where it is the same."""
+    sigmas = (flow.sigma_u, flow.sigma_v)
+    if not any(isinstance(sigma, np.ndarray) for sigma in sigmas):
+        return np.ones(int(used.sum()))
+    variance = sum(
+        np.square(sigma[used] if isinstance(sigma, np.ndarray) else sigma, dtype=np.float64)
+        for sigma in sigmas
+        if sigma is not None
+    )
+    weights = 1 / np.asarray(variance, dtype=np.float64)
+    return np.asarray(weights / weights.mean())
+
+
+def _surface(
+    flow: Flow, scales: Scales, level: str
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
+    if level == "V0":
+        return np.empty((0, 3)), np.empty(0)
+    surface = flow.surface
+    if surface is None:
+        raise FlowFileError(
+            f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
+            "them or use level V0"
+        )
+    if level == "V2" and surface.p is None:
+        raise FlowFileError(
+            "level V2 needs the pressure on the free surface, got no surface_p: add it or use "
+            "level V1"
+        )
+    kept = surface.t > 0
+    if level == "V1":
+        h = height(flow.gravity, surface.x, surface.y)
+        kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
+    if not kept.any():
+        raise FlowFileError(
+            f"level {level} needs points of the free surface at t > 0 and more than "
+            f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
+            "the surface or use level V0"
+        )
+    points = scales.points_to_dimensionless(surface.x[kept], surface.y[kept], surface.t[kept])
+    if level == "V1" or surface.p is None:
+        return points, np.zeros(len(points))
+    pressure = surface.p[kept].astype(np.float64)
+    return points, scales.to_dimensionless(pressure, "pressure")

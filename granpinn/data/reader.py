@@ -1,0 +1,139 @@
+"""Reads a flow file, version 1; whatever is wrong with it becomes a FlowFileError."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.data.flow import Flow, FlowFileError, Surface, Truth
+from granpinn.data.format import (
+    DATASETS,
+    FORMAT_NAME,
+    FORMAT_VERSION,
+    KNOWN_ATTRIBUTES,
+    OPTIONAL_NUMBERS,
+    TRUTH,
+)
+from granpinn.data.hdf5 import SafeFile, read_regular_file, too_large
+from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
+
+DEFAULT_MAX_BYTES = 2**30
+# What is held in memory: coordinates in float64, all else in float32.
+_FLOAT64 = ("t", "y", "x", "surface_t", "surface_x", "surface_y")
+
+
+def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:
+    """Reads and checks a flow file.
+
+    Args:
+        path: the file; nothing else is opened.
+        max_bytes: refuse a file that is larger than this, or declares more data than this.
+
+    Raises:
+        FlowFileError: the file breaks a rule; the message is one sentence.
+    """
+    try:
+        flow = _read(Path(path), max_bytes)
+        check_values(flow)
+    except FlowFileError as error:
+        raise FlowFileError(f"{path}: {error}") from None
+    warn_of_zeros(flow)
+    return flow
+
+
+def _read(path: Path, max_bytes: int) -> Flow:
+    image = read_regular_file(path, max_bytes)
+    with SafeFile(image) as file:
+        _check_version(file)
+        constants: dict[str, Any] = {
+            "gravity": _require(file, "gravity"),
+            "density": _number(file, "density", required=True),
+            "grain_diameter": _number(file, "grain_diameter", required=True),
+            "length_unit": _require_text(file, "length_unit"),
+            "time_unit": _require_text(file, "time_unit"),
+        }
+        optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
+        truth = {field: _number(file, name) for name, field in TRUTH.items()}
+        others = file.other_attributes(KNOWN_ATTRIBUTES)
+        arrays = _read_arrays(file, max_bytes)
+    for name in ("sigma_u", "sigma_v"):
+        if name in arrays and optional[name] is not None:
+            raise FlowFileError(
+                f"{name} must be either an attribute or a dataset, got both: remove one"
+            )
+        optional[name] = arrays.pop(name, optional[name])
+    surface = {name: arrays.pop(f"surface_{name}", None) for name in ("t", "x", "y", "p")}
+    return Flow(
+        **arrays,
+        **constants,
+        **optional,
+        surface=None if surface["t"] is None else Surface(**surface),
+        truth=Truth(**truth) if any(value is not None for value in truth.values()) else None,
+        attributes=others,
+        sha256=hashlib.sha256(image).hexdigest(),
+        path=path,
+    )
+
+
+def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
+    """All datasets of the format, once their layout and their total size are known."""
+    opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
+    datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
+    check_layout({name: dataset.layout for name, dataset in datasets.items()})
+    total = sum(dataset.n_bytes for dataset in datasets.values())
+    if total > max_bytes:
+        raise too_large(total, max_bytes)
+    return {
+        name: dataset.read("float64" if name in _FLOAT64 else "float32")
+        for name, dataset in datasets.items()
+    }
+
+
+def _check_version(file: SafeFile) -> None:
+    name = file.text("format_name")
+    if name != FORMAT_NAME:
+        found = "nothing" if name is None else repr(name[:40])
+        raise FlowFileError(
+            f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
+            f"kind of HDF5 file; {WRITE_HINT}"
+        )
+    version = file.numbers("format_version")
+    if version != (FORMAT_VERSION,):
+        found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
+        raise FlowFileError(
+            f"the attribute format_version must be {FORMAT_VERSION}, got {found}: update "
+            f"granpinn or {WRITE_HINT}"
+        )
+
+
+def _require(file: SafeFile, name: str) -> tuple[float, ...]:
+    values = file.numbers(name)
+    if values is None:
+        raise FlowFileError(f"the attribute {name} is missing: add it to the root of the file")
+    return tuple(float(value) for value in values)
+
+
+def _require_text(file: SafeFile, name: str) -> str:
+    text = file.text(name)
+    if text is None:
+        raise FlowFileError(
+            f"the attribute {name} is missing: add it to the root of the file, '1' if the data "
+            "is dimensionless"
+        )
+    return text
+
+
+def _number(file: SafeFile, name: str, *, required: bool = False) -> Any:
+    """One number; None if it is not there and not required."""
+    values = _require(file, name) if required else file.numbers(name)
+    if values is None:
+        return None
+    if len(values) != 1:
+        raise FlowFileError(
+            f"the attribute {name} must be one number, got {len(values)}: correct it"
+        )
+    return float(np.float64(values[0]))

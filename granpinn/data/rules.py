@@ -1,0 +1,262 @@
+"""The rules of a flow file: each has one error, which names the dataset and says what to do.
+
+`check_layout` needs shapes and types alone, so that a file is judged before its data is read;
+`check_values` needs the numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data.flow import BoolArray, Flow, FlowFileError, FlowFileWarning, Surface, Truth
+from granpinn.data.format import DATASETS, DatasetRule, Layout, arrays_of
+
+# Volume fractions of a solver stray from 0..1 by rounding; anything more is a mistake.
+FRACTION_TOLERANCE = 1e-6
+# Share of exact zeros among the vectors above which they are likely to be gaps.
+MAX_ZERO_SHARE = 0.005
+# How far outside the grid the surface may be seen, in units of the grid's extent.
+SURFACE_MARGIN = 0.1
+WRITE_HINT = "write it with granpinn.data.write_flow"
+
+
+def check_flow(flow: Flow) -> None:
+    """Raises FlowFileError if the flow breaks a rule of the format."""
+    check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays_of(flow).items()})
+    check_values(flow)
+
+
+def check_layout(found: Mapping[str, Layout]) -> None:
+    """Checks which datasets there are, their types and shapes.
+
+    Args:
+        found: shape and type of every dataset of the format that is there.
+    """
+    sizes: dict[str, int] = {}
+    for rule in DATASETS:
+        if rule.name in found:
+            _check_one_layout(rule, found[rule.name], sizes)
+        elif rule.required:
+            names = ", ".join(found) or "none of the format"
+            axes = f"[{', '.join(rule.axes)}]"
+            raise FlowFileError(
+                f"{rule.name} is missing: expected a dataset {rule.name} "
+                f"{rule.dtypes[0]} {axes}, found {names}; add it, NaN where nothing is known"
+            )
+    surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
+    if len(surface) in (1, 2) or ("surface_p" in found and not surface):
+        raise FlowFileError(
+            "surface_t, surface_x and surface_y must come together, got "
+            f"{' and '.join(surface) or 'surface_p'} alone: add the others or leave all out"
+        )
+
+
+def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) -> None:
+    """Checks one dataset against its rule; `sizes` collects the length of every axis."""
+    name, shape = rule.name, layout.shape
+    axes = f"[{', '.join(rule.axes)}]"
+    if layout.dtype not in rule.dtypes:
+        raise FlowFileError(
+            f"{name} must be {rule.dtypes[0]} {axes}, got {layout.dtype} {list(shape)}: "
+            f"convert it or {WRITE_HINT}"
+        )
+    if len(shape) != len(rule.axes):
+        raise FlowFileError(
+            f"{name} must be {rule.dtypes[0]} {axes}, got {len(shape)} dimensions "
+            f"{list(shape)}: reshape it"
+        )
+    if rule.axes == ("n",) and shape[0] == 0:
+        raise FlowFileError(
+            f"{name} must hold at least one point, got none: leave the surface out instead"
+        )
+    if len(shape) == 1 and rule.axes != ("n",) and shape[0] < 2:
+        raise FlowFileError(
+            f"{name} must hold at least two values, got {shape[0]}: give more of the flow"
+        )
+    for axis, size in zip(rule.axes, shape, strict=True):
+        sizes.setdefault(axis, size)
+    expected = tuple(sizes[axis] for axis in rule.axes)
+    if shape == expected:
+        return
+    if rule.axes == ("n",):
+        raise FlowFileError(
+            f"{name} must have as many points as surface_t, {expected[0]}, got {shape[0]}: "
+            "give every surface point a time, a position and, if at all, a pressure"
+        )
+    advice = (
+        "transpose it"
+        if sorted(shape) == sorted(expected)
+        else "give it a value at every point of the grid t, y, x"
+    )
+    raise FlowFileError(f"{name} must be {axes} = {list(expected)}, got {list(shape)}: {advice}")
+
+
+def check_values(flow: Flow) -> None:
+    """Checks the numbers of a flow whose layout is right."""
+    _check_material_constants(flow)
+    for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
+        _check_coordinate(name, values)
+    _check_fraction(flow)
+    _check_velocity(flow)
+    if flow.p is not None and not np.isfinite(flow.p[flow.material]).all():
+        raise FlowFileError(
+            "p must be finite where c = 1, got NaN or infinity: give the reference pressure at "
+            "every point with grains or leave p out"
+        )
+    _check_sigma(flow)
+    if flow.surface is not None:
+        _check_surface(flow, flow.surface)
+
+
+def _check_material_constants(flow: Flow) -> None:
+    truth = flow.truth or Truth()
+    positive = {
+        "density": flow.density,
+        "grain_diameter": flow.grain_diameter,
+        "eta_max": flow.eta_max,
+        "true_mu_s": truth.mu_s,
+        "true_mu_2": truth.mu_2,
+        "true_I0": truth.I0,
+    }
+    for name, value in positive.items():
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise FlowFileError(
+                f"{name} must be a positive number, got {value:g}: correct this attribute"
+            )
+    if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
+        raise FlowFileError(
+            f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "
+            "attribute or leave it out"
+        )
+    gravity = flow.gravity
+    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or math.hypot(*gravity) == 0:
+        raise FlowFileError(
+            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
+            f"{[float(g) for g in gravity]}: correct this attribute"
+        )
+
+
+def _check_coordinate(name: str, values: npt.NDArray[np.float64]) -> None:
+    if not np.isfinite(values).all():
+        raise FlowFileError(
+            f"{name} must be finite, got NaN or infinity at index "
+            f"{int(np.argmin(np.isfinite(values)))}: correct the coordinate"
+        )
+    steps = np.diff(values)
+    if not (steps > 0).all():
+        i = int(np.argmin(steps > 0))
+        raise FlowFileError(
+            f"{name} must increase strictly, got {values[i]:g} then {values[i + 1]:g} at index "
+            f"{i}: sort the data along {name}"
+        )
+
+
+def _check_fraction(flow: Flow) -> None:
+    c = flow.c
+    lowest, highest = float(c.min()), float(c.max())  # NaN if there is one
+    if not (lowest >= -FRACTION_TOLERANCE and highest <= 1 + FRACTION_TOLERANCE):
+        raise FlowFileError(
+            f"c must be a volume fraction from 0 to 1 everywhere, got {lowest:g} to "
+            f"{highest:g}: use 0 where there are no grains"
+        )
+    grains = _in_any_cell(flow.material)
+    if not grains.any():
+        raise FlowFileError(
+            f"c must be 1 where there are only grains, got no such point (largest value "
+            f"{highest:g}): set c to exactly 1 inside the material"
+        )
+    if not grains[0]:
+        raise FlowFileError(
+            "c must be 1 at some point of the first frame, whose height of grains sets the "
+            "length scale, got none: leave out the frames before the grains are seen"
+        )
+
+
+def _in_any_cell(mask: BoolArray) -> BoolArray:
+    """Whether [T, Y, X] is true anywhere in each frame: [T]."""
+    return np.asarray(mask.any(axis=(1, 2)))
+
+
+def _check_velocity(flow: Flow) -> None:
+    for name, values in (("u", flow.u), ("v", flow.v)):
+        if np.isinf(values).any():
+            raise FlowFileError(
+                f"{name} must be finite, or NaN where there is no valid vector, got infinity at "
+                f"{int(np.isinf(values).sum())} points: set these to NaN in u and v"
+            )
+    one_sided = int((np.isnan(flow.u) != np.isnan(flow.v)).sum())
+    if one_sided:
+        raise FlowFileError(
+            f"u and v must be NaN at the same points, got {one_sided} where only one of them "
+            "is: set both to NaN"
+        )
+    empty = ~_in_any_cell(~np.isnan(flow.u))
+    empty |= _in_any_cell(flow.material) & ~_in_any_cell(flow.valid)
+    if empty.any():
+        first = int(np.argmax(empty))
+        raise FlowFileError(
+            f"u and v must hold valid vectors among the grains in every frame, got only NaN in "
+            f"{int(empty.sum())} of {len(empty)} frames (first: t = {flow.t[first]:g}): "
+            "leave these frames out"
+        )
+
+
+def _check_sigma(flow: Flow) -> None:
+    pair = {"sigma_u": flow.sigma_u, "sigma_v": flow.sigma_v}
+    missing = [name for name, sigma in pair.items() if sigma is None]
+    if len(missing) == 1:
+        raise FlowFileError(
+            f"sigma_u and sigma_v must come together, got no {missing[0]}: add it or leave both out"
+        )
+    for name, sigma in pair.items():
+        if sigma is None:
+            continue
+        used = sigma[flow.valid] if isinstance(sigma, np.ndarray) else np.asarray(sigma)
+        if not (np.isfinite(used) & (used > 0)).all():
+            raise FlowFileError(
+                f"{name} must be positive and finite at every valid vector, got "
+                f"{float(used.min()):g} as the least: give the standard deviation of the "
+                "measurement or leave sigma_u and sigma_v out"
+            )
+
+
+def _check_surface(flow: Flow, surface: Surface) -> None:
+    grid = {"t": flow.t, "x": flow.x, "y": flow.y}
+    parts = {"t": surface.t, "x": surface.x, "y": surface.y, "p": surface.p}
+    for name, values in parts.items():
+        if values is None:
+            continue
+        if not np.isfinite(values).all():
+            raise FlowFileError(
+                f"surface_{name} must be finite, got NaN or infinity at index "
+                f"{int(np.argmin(np.isfinite(values)))}: leave this surface point out"
+            )
+        if name == "p":
+            continue
+        low, high = grid[name][0], grid[name][-1]
+        margin = SURFACE_MARGIN * (high - low)
+        if values.min() < low - margin or values.max() > high + margin:
+            raise FlowFileError(
+                f"surface_{name} must lie within {name}, {low:g} to {high:g}, got "
+                f"{values.min():g} to {values.max():g}: check its unit and that x and y are "
+                "not swapped"
+            )
+
+
+def warn_of_zeros(flow: Flow) -> None:
+    """Warns if suspiciously many vectors among the grains are exactly zero after the start."""
+    valid = flow.valid[flow.t > 0]
+    zero = valid & (flow.u[flow.t > 0] == 0) & (flow.v[flow.t > 0] == 0)
+    n_valid, n_zero = int(valid.sum()), int(zero.sum())
+    if n_zero > MAX_ZERO_SHARE * n_valid:
+        warnings.warn(
+            f"{n_zero} of {n_valid} vectors among the grains are exactly zero: if there was no "
+            "valid vector, write NaN, because a zero looks like static grains",
+            FlowFileWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,116 @@
+"""Writes a flow file, version 1, that xarray opens as netCDF-4 too."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from granpinn.data.flow import Flow, Truth
+from granpinn.data.format import (
+    DATASETS,
+    FORMAT_NAME,
+    FORMAT_VERSION,
+    NUMBERS,
+    OPTIONAL_NUMBERS,
+    TEXTS,
+    TRUTH,
+    arrays_of,
+)
+from granpinn.data.rules import check_flow
+
+FRAMES_PER_CHUNK = 10
+# Dimension scales: the axis that each coordinate stands for.
+_SCALES = {"T": "t", "Y": "y", "X": "x", "n": "surface_t"}
+
+
+def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
+    """Checks a flow and writes it; the file is there completely or not at all.
+
+    Raises:
+        FlowFileError: the flow breaks a rule of the format.
+        OSError: the file cannot be written.
+    """
+    check_flow(flow)
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        with h5py.File(temporary, "x") as file:
+            _write_attributes(file, flow)
+            _write_arrays(file, flow)
+        _sync(temporary)
+        temporary.replace(target)
+        _sync(target.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _write_attributes(file: h5py.File, flow: Flow) -> None:
+    truth = flow.truth or Truth()
+    values = {
+        **flow.attributes,
+        "format_name": FORMAT_NAME,
+        "format_version": FORMAT_VERSION,
+        "gravity": np.asarray(flow.gravity, dtype=np.float64),
+        **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS, *OPTIONAL_NUMBERS)},
+        **{name: getattr(truth, field) for name, field in TRUTH.items()},
+    }
+    for name, value in values.items():
+        if isinstance(value, str):
+            _write_text(file, name, value)
+        elif value is not None and not (name.startswith("sigma_") and np.ndim(value)):
+            file.attrs[name] = value
+
+
+def _write_arrays(file: h5py.File, flow: Flow) -> None:
+    arrays, units = arrays_of(flow), _units(flow)
+    for rule in DATASETS:
+        if rule.name not in arrays:
+            continue
+        array = arrays[rule.name]
+        options = {}
+        if array.ndim == 3:
+            chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
+            options = {"chunks": chunks, "compression": "gzip"}
+        dataset = file.create_dataset(rule.name, data=array, **options)
+        if rule.name in units:
+            _write_text(dataset, "units", units[rule.name])
+    for name in _SCALES.values():
+        if name in arrays:
+            file[name].make_scale(name)
+    for rule in DATASETS:
+        if rule.name in arrays and rule.name not in _SCALES.values():
+            for axis, axis_name in enumerate(rule.axes):
+                file[rule.name].dims[axis].attach_scale(file[_SCALES[axis_name]])
+
+
+def _units(flow: Flow) -> dict[str, str]:
+    """The unit of every dataset; that of pressure is known only without dimensions."""
+    length, time = flow.length_unit, flow.time_unit
+    dimensionless = length == time == "1"
+    velocity = "1" if dimensionless else f"{length}/{time}"
+    return {
+        **dict.fromkeys(("t", "surface_t"), time),
+        **dict.fromkeys(("x", "y", "surface_x", "surface_y"), length),
+        **dict.fromkeys(("u", "v", "sigma_u", "sigma_v"), velocity),
+        "c": "1",
+        **(dict.fromkeys(("p", "surface_p"), "1") if dimensionless else {}),
+    }
+
+
+def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
+    """A fixed-length string: variable-length ones are what damaged files hang in."""
+    encoded = text.encode()
+    kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
+    place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

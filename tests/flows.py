@@ -1,0 +1,63 @@
+"""A small analytic flow for tests: cheap, complete, and it keeps every rule of the format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from granpinn.data import Flow, Surface, Truth
+
+
+def make_flow(*, frames: int = 12, rows: int = 24, columns: int = 20, **changes: Any) -> Flow:
+    r"""A heap that spreads like a collapsing column, in SI units (so that slips of unit show).
+
+    With $R = R_0 (1 + 2 t^2)$, $a = \dot R / R$ and $b = 1/2$ the velocity
+    $u = a x (1 + b y)$, $v = -a (y + b y^2 / 2)$ is free of divergence. The free surface is the
+    quarter ellipse $h = H \sqrt{1 - x^2/R^2}$ with $H R$ constant, the pressure is hydrostatic.
+    It solves no momentum equation: good for plumbing, not for identified values.
+
+    Args:
+        frames, rows, columns: size of the grid t in 0.1..1.0, y in 0..1.1, x in 0..2.
+        changes: fields of the Flow to replace, for example `surface=None` or `gravity=(1, -9)`.
+    """
+    t = np.linspace(0.1, 1.0, frames)
+    y = (np.arange(rows) + 0.5) * (1.1 / rows)
+    x = (np.arange(columns) + 0.5) * (2.0 / columns)
+    time, height, width = np.meshgrid(t, y, x, indexing="ij")
+    spread = 1 + 2 * time**2
+    strain_rate = 4 * time / spread
+    surface_height = np.sqrt(np.clip(1 - (width / (0.6 * spread)) ** 2, 0, None)) / spread
+    c = np.clip((surface_height - height) / (y[1] - y[0]) + 0.5, 0, 1)
+    grains = c == 1
+    u = np.where(grains, strain_rate * width * (1 + 0.5 * height), np.nan)
+    v = np.where(grains, -strain_rate * (height + 0.25 * height**2), np.nan)
+    p = 1500 * 9.81 * np.clip(surface_height - height, 0, None)
+    line = surface_height[:, 0, :] > 0
+    frame, column = np.nonzero(line)
+    flow = Flow(
+        t=t,
+        y=y,
+        x=x,
+        u=u.astype(np.float32),
+        v=v.astype(np.float32),
+        c=c.astype(np.float32),
+        p=p.astype(np.float32),
+        gravity=(0.0, -9.81),
+        density=1500.0,
+        grain_diameter=0.025,
+        length_unit="m",
+        time_unit="s",
+        surface=Surface(
+            t=t[frame],
+            x=x[column],
+            y=surface_height[:, 0, :][line],
+            p=np.zeros(frame.size, dtype=np.float32),
+        ),
+        eta_max=1e4,
+        eta_min=1e-3,
+        truth=Truth(mu_s=0.4, mu_2=0.64, I0=0.3),
+        attributes={"source": "analytic spreading heap"},
+    )
+    return replace(flow, **changes)
