@@ -58,7 +58,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
         }
         optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
         truth = {field: _number(file, name) for name, field in TRUTH.items()}
-        others = file.other_attributes(KNOWN_ATTRIBUTES)
+        others = file.attributes.scalars(KNOWN_ATTRIBUTES)
         arrays = _read_arrays(file, max_bytes)
     for name in ("sigma_u", "sigma_v"):
         if name in arrays and optional[name] is not None:
@@ -84,7 +84,7 @@ def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
     opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
     datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
     check_layout({name: dataset.layout for name, dataset in datasets.items()})
-    total = sum(dataset.n_bytes for dataset in datasets.values())
+    total = sum(dataset.n_bytes_needed for dataset in datasets.values())
     if total > max_bytes:
         raise too_large(total, max_bytes)
     return {
@@ -94,14 +94,14 @@ def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
 
 
 def _check_version(file: SafeFile) -> None:
-    name = file.text("format_name")
+    name = file.attributes.text("format_name")
     if name != FORMAT_NAME:
         found = "nothing" if name is None else repr(name[:40])
         raise FlowFileError(
             f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
             f"kind of HDF5 file; {WRITE_HINT}"
         )
-    version = file.numbers("format_version")
+    version = file.attributes.numbers("format_version")
     if version != (FORMAT_VERSION,):
         found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
         raise FlowFileError(
@@ -111,14 +111,14 @@ def _check_version(file: SafeFile) -> None:
 
 
 def _require(file: SafeFile, name: str) -> tuple[float, ...]:
-    values = file.numbers(name)
+    values = file.attributes.numbers(name)
     if values is None:
         raise FlowFileError(f"the attribute {name} is missing: add it to the root of the file")
     return tuple(float(value) for value in values)
 
 
 def _require_text(file: SafeFile, name: str) -> str:
-    text = file.text(name)
+    text = file.attributes.text(name)
     if text is None:
         raise FlowFileError(
             f"the attribute {name} is missing: add it to the root of the file, '1' if the data "
@@ -129,7 +129,7 @@ def _require_text(file: SafeFile, name: str) -> str:
 
 def _number(file: SafeFile, name: str, *, required: bool = False) -> Any:
     """One number; None if it is not there and not required."""
-    values = _require(file, name) if required else file.numbers(name)
+    values = _require(file, name) if required else file.attributes.numbers(name)
     if values is None:
         return None
     if len(values) != 1:

@@ -74,7 +74,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
         options = {}
         if array.ndim == 3:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
-            options = {"chunks": chunks, "compression": "gzip"}
+            options = {"chunks": chunks, "compression": "gzip", "shuffle": True}
         dataset = file.create_dataset(rule.name, data=array, **options)
         if rule.name in units:
             _write_text(dataset, "units", units[rule.name])
