@@ -1,0 +1,123 @@
+// From tensors to the plain structs that kernels take, with every argument checked.
+//
+// Shared by all devices. Each check says what was expected and what was found. An ensemble of E
+// networks has parameters [E, P]; every other tensor may then have the leading E or be shared.
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <string>
+#include <vector>
+
+#include "problem.h"
+
+namespace granpinn {
+
+using Ints = at::IntArrayRef;
+using Doubles = at::ArrayRef<double>;
+
+inline std::string shape_of(const at::Tensor& a) {
+  std::string out = "[";
+  for (std::int64_t i = 0; i < a.dim(); ++i) out += (i ? ", " : "") + std::to_string(a.size(i));
+  return out + "] " + c10::toString(a.scalar_type()) + " on " + a.device().str();
+}
+
+// Number of parameters of a network; checks widths and the input map.
+inline std::int64_t parameter_count(Ints widths, Doubles shift, Doubles scale) {
+  TORCH_CHECK_VALUE(widths.size() >= 2 && widths[0] == 3,
+                    "widths must be [3, hidden ..., outputs], got ", widths);
+  for (const auto w : widths)
+    TORCH_CHECK_VALUE(w >= 1 && w <= 65536, "widths must be in 1..65536, got ", widths);
+  TORCH_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
+                    "input_shift and input_scale must have 3 values (x, y, t), got ", shift.size(),
+                    " and ", scale.size());
+  std::int64_t count = 0;
+  for (std::size_t l = 0; l + 1 < widths.size(); ++l) count += (widths[l] + 1) * widths[l + 1];
+  return count;
+}
+
+// The ensemble's size: 0 where params is a single vector [P].
+inline std::int64_t ensemble_size(const at::Tensor& params, std::int64_t count) {
+  TORCH_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
+                   "params must be float32 or float64, got ", shape_of(params));
+  TORCH_CHECK_VALUE((params.dim() == 1 || params.dim() == 2) && params.size(-1) == count,
+                    "params must be [", count, "] or [E, ", count, "] for these widths, got ",
+                    shape_of(params));
+  return params.dim() == 2 ? params.size(0) : 0;
+}
+
+// A tensor of the ensemble, contiguous, and the distance between members (0: shared).
+struct Shared {
+  at::Tensor data;
+  std::int64_t stride;
+
+  template <class T>
+  const T* member(std::int64_t e) const {
+    return data.const_data_ptr<T>() + e * stride;
+  }
+};
+
+// Checks type, device and trailing shape (-1: any size) against params.
+inline Shared shared(const char* name, const at::Tensor& a, const at::Tensor& params,
+                     std::int64_t ensemble, std::vector<std::int64_t> shape) {
+  const auto rank = static_cast<std::int64_t>(shape.size());
+  TORCH_CHECK_TYPE(a.scalar_type() == params.scalar_type() && a.device() == params.device(), name,
+                   " must have the type and device of params, ", shape_of(params), ", got ",
+                   shape_of(a));
+  const bool own = a.dim() == rank + 1;
+  bool fits = a.dim() == rank || (own && ensemble > 0 && a.size(0) == ensemble);
+  for (std::int64_t i = 0; fits && i < rank; ++i)
+    fits = shape[i] < 0 || a.size(a.dim() - rank + i) == shape[i];
+  std::string expected;
+  for (const auto s : shape)
+    expected += (expected.empty() ? "" : ", ") + (s < 0 ? std::string("N") : std::to_string(s));
+  TORCH_CHECK_VALUE(
+      fits, name, " must be [", expected, "]",
+      ensemble > 0 ? " with or without a leading E = " + std::to_string(ensemble) : std::string(),
+      ", got ", shape_of(a));
+  std::int64_t stride = 0;
+  if (own) {
+    stride = 1;
+    for (std::int64_t i = 1; i < a.dim(); ++i) stride *= a.size(i);
+  }
+  return {a.contiguous(), stride};
+}
+
+template <class T>
+Network<T> network(const T* params, Ints widths, Doubles shift, Doubles scale) {
+  Network<T> net{};
+  net.widths = widths.data();
+  net.layers = static_cast<int>(widths.size()) - 1;
+  net.params = params;
+  for (int i = 0; i < 3; ++i) {
+    net.shift[i] = static_cast<T>(shift[i]);
+    net.scale[i] = static_cast<T>(scale[i]);
+  }
+  return net;
+}
+
+template <class T>
+Physics<T> physics_of(Doubles values) {
+  TORCH_CHECK_VALUE(values.size() == 8,
+                    "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ",
+                    values.size(), " values");
+  Physics<T> c{};
+  T* to[] = {&c.grain_diameter, &c.g_x,           &c.g_y, &c.eta_min, &c.eta_max, &c.velocity_scale,
+             &c.pressure_scale, &c.pressure_floor};
+  for (int i = 0; i < 8; ++i) *to[i] = static_cast<T>(values[i]);
+  return c;
+}
+
+inline Form form_of(c10::string_view name) {
+  if (name == "mixed") return Form::mixed;
+  if (name == "strong") return Form::strong;
+  TORCH_CHECK_VALUE(name == "data", "form must be 'mixed', 'strong' or 'data', got '", name, "'");
+  return Form::data;
+}
+
+inline int channels_of(std::int64_t order) {
+  TORCH_CHECK_VALUE(order >= 0 && order <= 2, "order must be 0, 1 or 2, got ", order);
+  return order == 0 ? 1 : order == 1 ? 4 : 7;
+}
+
+}  // namespace granpinn

@@ -1,0 +1,67 @@
+// The seam between the torch side and the vectorised kernels: function pointers.
+//
+// kernels.cpp is compiled once per instruction set and fills one table each; dispatch.cpp picks
+// the table that the processor can run. Nothing here depends on the instruction set.
+#pragma once
+
+#include "problem.h"
+
+namespace granpinn {
+
+constexpr std::int64_t kTilePoints = 32;  // points that go through the network together
+
+GRANPINN_HD std::int64_t padded(std::int64_t width) {
+  return (width + kTilePoints - 1) / kTilePoints * kTilePoints;
+}
+
+// The gradient of a thread: as the parameters, but rows of W padded to whole tiles.
+template <class T>
+GRANPINN_HD std::int64_t gradient_offset(const Network<T>& net, int layer) {
+  std::int64_t at = 0;
+  for (int l = 0; l < layer; ++l) at += (padded(net.in(l)) + 1) * net.out(l);
+  return at;
+}
+
+// Scalars of scratch memory that a thread needs: it does not grow with the number of points.
+template <class T>
+GRANPINN_HD std::int64_t workspace_size(const Network<T>& net, int channels) {
+  std::int64_t stash = 0;
+  for (int l = 0; l < net.layers; ++l) stash += net.out(l);
+  const std::int64_t panels = stash + 2 * net.widest() + padded(net.widest());
+  return panels * channels * kTilePoints + 3 * kTilePoints;
+}
+
+// What one thread adds up.
+template <class T>
+struct LossSums {
+  T* gradient;             // padded layout
+  double squares[kTerms];  // sums of weighted squared residuals
+  double theta[3];
+};
+
+template <class T>
+struct KernelTable {
+  const char* name;
+  // Points [begin, end) through the network: out [channels, n, outputs].
+  void (*jet)(const Network<T>&, int channels, const T* points, std::int64_t begin,
+              std::int64_t end, std::int64_t n, T* out, T* workspace);
+  // Adds the parameters' gradient of sum(grad_out * jet) to `gradient` (padded layout).
+  void (*jet_adjoint)(const Network<T>&, int channels, const T* points, std::int64_t begin,
+                      std::int64_t end, std::int64_t n, const T* grad_out, T* gradient,
+                      T* workspace);
+  // Tiles [begin, end) of the loss; interior tiles first, then those of the surface.
+  void (*loss)(const LossArguments<T>&, std::int64_t begin, std::int64_t end, LossSums<T>* sums,
+               T* workspace);
+  // Residuals [n, 3 or 5] from raw network jets [channels, n, fields].
+  void (*residuals)(Form, bool softplus, const Physics<T>&, const T* theta, const T* jets,
+                    std::int64_t n, std::int64_t fields, T* out);
+  // eta [n] and its derivatives [n, 5] by gamma_dot, p, mu_s, mu_2, I0 (where not null).
+  void (*viscosity)(const Physics<T>&, const T* theta, const T* gamma_dot, const T* p,
+                    std::int64_t n, T* eta, T* derivatives);
+};
+
+// The table for this processor; GRANPINN_CPU=generic|avx2|avx512 in the environment lowers it.
+template <class T>
+const KernelTable<T>& kernels();
+
+}  // namespace granpinn

@@ -1,0 +1,65 @@
+// granpinn::network_jet and its adjoint on the CPU.
+#include "ops.h"
+#include "threads.h"
+
+namespace granpinn {
+
+at::Tensor network_jet_cpu(const at::Tensor& points, const at::Tensor& params, Ints widths,
+                           Doubles shift, Doubles scale, std::int64_t order) {
+  const std::int64_t count = parameter_count(widths, shift, scale);
+  const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
+  const Shared x = shared("points", points, params, E, {-1, 3});
+  const at::Tensor flat = params.contiguous();
+  const int C = channels_of(order);
+  const std::int64_t N = points.size(-2), K = widths.back();
+  at::Tensor out =
+      E ? at::empty({E, C, N, K}, params.options()) : at::empty({C, N, K}, params.options());
+  AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet", [&] {
+    for (std::int64_t e = 0; e < members; ++e) {
+      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
+      const std::int64_t tiles = tiles_of(N), team = team_size(tiles);
+      const std::int64_t scratch = workspace_size(net, C);
+      const at::Tensor workspace = at::empty({team, scratch}, params.options());
+      scalar_t* to = out.mutable_data_ptr<scalar_t>() + e * C * N * K;
+      split(team, tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+        kernels<scalar_t>().jet(net, C, x.member<scalar_t>(e), begin * kTilePoints,
+                                std::min(end * kTilePoints, N), N, to,
+                                workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+      });
+    }
+  });
+  return out;
+}
+
+at::Tensor network_jet_backward_cpu(const at::Tensor& grad, const at::Tensor& points,
+                                    const at::Tensor& params, Ints widths, Doubles shift,
+                                    Doubles scale, std::int64_t order) {
+  const std::int64_t count = parameter_count(widths, shift, scale);
+  const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
+  const Shared x = shared("points", points, params, E, {-1, 3});
+  const at::Tensor flat = params.contiguous();
+  const int C = channels_of(order);
+  const std::int64_t N = points.size(-2), K = widths.back();
+  const Shared g = shared("grad", grad, params, E, {C, N, K});
+  at::Tensor out = at::empty(params.sizes(), params.options());
+  AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet_backward", [&] {
+    for (std::int64_t e = 0; e < members; ++e) {
+      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
+      const std::int64_t tiles = tiles_of(N), team = team_size(tiles);
+      const std::int64_t scratch = workspace_size(net, C), size = gradient_offset(net, net.layers);
+      const at::Tensor workspace = at::empty({team, scratch}, params.options());
+      const at::Tensor partial = at::zeros({team, size}, params.options());
+      split(team, tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+        kernels<scalar_t>().jet_adjoint(net, C, x.member<scalar_t>(e), begin * kTilePoints,
+                                        std::min(end * kTilePoints, N), N, g.member<scalar_t>(e),
+                                        partial.mutable_data_ptr<scalar_t>() + i * size,
+                                        workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+      });
+      sum_gradients(net, partial.const_data_ptr<scalar_t>(), team, size,
+                    out.mutable_data_ptr<scalar_t>() + e * count);
+    }
+  });
+  return out;
+}
+
+}  // namespace granpinn

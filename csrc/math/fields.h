@@ -1,0 +1,48 @@
+// From the network's raw outputs z to the physical fields (dimensionless):
+//   u = U z_0,  v = U z_1,  p = P z_2 or P softplus(z_2),  s_1 = z_3,  s_2 = z_4,
+// with their first derivatives. softplus keeps p >= 0: grains carry no tension.
+#pragma once
+
+#include "jet.h"
+#include "rheology.h"
+
+namespace granpinn {
+
+enum class PressureMap { linear, softplus };
+
+template <PressureMap map, class R>
+GRANPINN_HD R pressure_value(const R& z, scalar_t<R> scale) {
+  using T = scalar_t<R>;
+  if constexpr (map == PressureMap::linear) {
+    return scale * z;
+  } else {
+    // softplus(z) = max(z, 0) + log(1 + exp(-|z|)): no overflow, no cancellation
+    const R tail = log_one_plus(exponential(-absolute(z)));
+    return scale * (maximum(z, R(T(0))) + tail);
+  }
+}
+
+// dp/dz
+template <PressureMap map, class R>
+GRANPINN_HD R pressure_slope(const R& z, scalar_t<R> scale) {
+  using T = scalar_t<R>;
+  if constexpr (map == PressureMap::linear) {
+    return R(scale);
+  } else {
+    return scale / (R(T(1)) + exponential(-z));
+  }
+}
+
+// p with its x and y derivatives
+template <class R>
+struct PressureJet {
+  R p, p_x, p_y;
+};
+
+template <PressureMap map, int C, class R>
+GRANPINN_HD PressureJet<R> pressure_jet(const R (&z)[C], scalar_t<R> scale) {
+  const R slope = pressure_slope<map>(z[kValue], scale);
+  return {pressure_value<map>(z[kValue], scale), slope * z[kX], slope * z[kY]};
+}
+
+}  // namespace granpinn

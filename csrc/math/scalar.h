@@ -1,0 +1,61 @@
+// What the shared mathematics asks of a real number type.
+//
+// Every function of csrc/math is a template over a real type R: float or double (host and
+// device), Vec<T> (cpu/simd.h) or Dual<R, N> (dual.h). R provides + - * /, comparison by
+// `less`, `select`, and the elementary functions below, found by argument-dependent lookup.
+#pragma once
+
+#include <cmath>
+
+#if defined(__CUDACC__)
+#define GRANPINN_HD __host__ __device__ __forceinline__
+#else
+#define GRANPINN_HD inline __attribute__((always_inline))
+#endif
+
+namespace granpinn {
+
+// the plain scalar under a real type: float or double
+template <class R>
+struct ScalarOf {
+  using type = typename R::Scalar;
+};
+template <>
+struct ScalarOf<float> {
+  using type = float;
+};
+template <>
+struct ScalarOf<double> {
+  using type = double;
+};
+template <class R>
+using scalar_t = typename ScalarOf<R>::type;
+
+GRANPINN_HD float exponential(float a) { return expf(a); }
+GRANPINN_HD double exponential(double a) { return ::exp(a); }
+GRANPINN_HD float square_root(float a) { return sqrtf(a); }
+GRANPINN_HD double square_root(double a) { return ::sqrt(a); }
+GRANPINN_HD float log_one_plus(float a) { return log1pf(a); }
+GRANPINN_HD double log_one_plus(double a) { return ::log1p(a); }
+
+GRANPINN_HD bool less(float a, float b) { return a < b; }
+GRANPINN_HD bool less(double a, double b) { return a < b; }
+GRANPINN_HD float select(bool which, float yes, float no) { return which ? yes : no; }
+GRANPINN_HD double select(bool which, double yes, double no) { return which ? yes : no; }
+
+template <class R>
+GRANPINN_HD R absolute(R a) {
+  return select(less(a, R(scalar_t<R>(0))), -a, a);
+}
+
+template <class R>
+GRANPINN_HD R maximum(R a, R b) {
+  return select(less(a, b), b, a);
+}
+
+template <class R>
+GRANPINN_HD R minimum(R a, R b) {
+  return select(less(b, a), b, a);
+}
+
+}  // namespace granpinn

@@ -1,0 +1,57 @@
+// The operators of granpinn: schemas, and the CPU kernels behind them; and the Python module.
+//
+// Shapes, meaning and gradients are documented where users meet them: granpinn/ops.py.
+#include <pybind11/pybind11.h>
+#include <torch/library.h>
+
+#include "build_info.h"
+#include "cpu/kernel_table.h"
+#include "cpu/ops.h"
+
+TORCH_LIBRARY(granpinn, m) {
+  m.def(
+      "network_jet(Tensor points, Tensor params, int[] widths, float[] input_shift, "
+      "float[] input_scale, int order) -> Tensor");
+  m.def(
+      "network_jet_backward(Tensor grad, Tensor points, Tensor params, int[] widths, "
+      "float[] input_shift, float[] input_scale, int order) -> Tensor");
+  m.def(
+      "residual_loss(Tensor params, Tensor theta, Tensor points, Tensor velocity, "
+      "Tensor point_weights, Tensor surface_points, Tensor surface_pressure, Tensor term_weights, "
+      "int[] widths, float[] input_shift, float[] input_scale, float[] physics, str form) "
+      "-> (Tensor, Tensor, Tensor, Tensor)");
+  m.def(
+      "viscosity(Tensor gamma_dot, Tensor p, Tensor theta, float d, float eta_min, float eta_max, "
+      "float p_floor) -> Tensor");
+  m.def(
+      "viscosity_backward(Tensor grad, Tensor gamma_dot, Tensor p, Tensor theta, float d, "
+      "float eta_min, float eta_max, float p_floor) -> (Tensor, Tensor, Tensor)");
+  m.def("pointwise_residuals(Tensor raw_jets, Tensor theta, float[] physics, str form) -> Tensor");
+  m.def("sample_indices(Tensor step, int seed, int stream, int count, int population) -> Tensor");
+}
+
+TORCH_LIBRARY_IMPL(granpinn, CPU, m) {
+  m.impl("network_jet", &granpinn::network_jet_cpu);
+  m.impl("network_jet_backward", &granpinn::network_jet_backward_cpu);
+  m.impl("residual_loss", &granpinn::residual_loss_cpu);
+  m.impl("viscosity", &granpinn::viscosity_cpu);
+  m.impl("viscosity_backward", &granpinn::viscosity_backward_cpu);
+  m.impl("pointwise_residuals", &granpinn::pointwise_residuals_cpu);
+  m.impl("sample_indices", &granpinn::sample_indices_cpu);
+}
+
+PYBIND11_MODULE(_C, m) {
+  m.doc() = "granpinn's compiled kernels; importing this registers torch.ops.granpinn";
+  m.def("build_info", [] {
+    namespace build = granpinn::build;
+    pybind11::dict info;
+    info["version"] = build::version;
+    info["compiler"] = build::compiler;
+    info["flags"] = build::flags;
+    info["build_type"] = build::build_type;
+    info["torch_version"] = build::torch_version;
+    info["simd"] = build::simd;
+    return info;
+  });
+  m.def("cpu_capability", [] { return granpinn::kernels<float>().name; });
+}
