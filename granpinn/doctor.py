@@ -101,7 +101,9 @@ def why(active: str, built: Sequence[str], flags: set[str]) -> str:
         return f"the fastest of those built ({', '.join(built)})"
     missing = {name: sorted(NEEDED_FLAGS[name] - flags) for name in faster}
     return "; ".join(
-        f"{name}: the processor has no {', '.join(lacks)}" if lacks else f"{name}: switched off"
+        f"{name}: the processor has no {', '.join(lacks)}"
+        if lacks
+        else f"{name}: switched off by GRANPINN_CPU"
         for name, lacks in missing.items()
     )
 
