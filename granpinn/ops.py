@@ -143,7 +143,7 @@ def strong_residual(
     input_scale: Sequence[float],
     physics: Sequence[float],
 ) -> Tensor:
-    """The strong form's (e_u, e_v, div v) [N, 3] of a network trained in either form. No gradient."""
+    """(e_u, e_v, div v) [N, 3] of the strong form, for a network of either form. No gradient."""
     with torch.no_grad():
         jets = network_jet(points, params, widths, input_shift, input_scale, 2)
     return pointwise_residuals(jets, theta, physics, "strong")
