@@ -27,7 +27,7 @@ def fake_module(torch_version: str) -> SimpleNamespace:
         ("avx512", BUILT, doctor.NEEDED_FLAGS["avx512"], "the fastest of those built"),
         ("generic", ("generic",), set(), "the fastest of those built (generic)"),
         ("avx2", BUILT, AVX2 | {"avx512f"}, "avx512: the processor has no avx512bw, avx512dq"),
-        ("generic", BUILT, AVX2, "avx2: switched off by GRANPINN_CPU; avx512: the processor has no"),
+        ("generic", BUILT, AVX2, "avx2: switched off by GRANPINN_CPU; avx512: the processor has"),
     ],
 )
 def test_the_active_instruction_set_is_explained(

@@ -22,10 +22,11 @@ def calls(tree: ast.AST) -> Iterator[ast.Call]:
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_files_have_300_lines_of_100_characters_at_most(path: Path) -> None:
+def test_files_are_short(path: Path) -> None:
     lines = path.read_text().splitlines()
     assert len(lines) <= 300
-    assert max(map(len, lines), default=0) <= 100
+    if path.suffix != ".py":  # ruff measures those
+        assert max(map(len, lines), default=0) <= 100
 
 
 @pytest.mark.parametrize("path", PACKAGE, ids=lambda p: str(p.relative_to(ROOT)))
