@@ -1,0 +1,89 @@
+"""The network as one flat vector of parameters.
+
+Fully connected, swish between layers, widths [3, h_1, ..., h_L, K]. For each layer the vector holds
+W [out, in] row by row, then b [out]. Inputs (x, y, t) are mapped first, xi = (x - shift) * scale.
+K = 3 for the strong form (u, v, p), K = 5 for the mixed form (u, v, p, s_1, s_2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor
+
+OUTPUTS = {"strong": 3, "mixed": 5}
+
+
+@dataclass(frozen=True)
+class NetworkSpec:
+    """Everything about a network but its parameters."""
+
+    widths: tuple[int, ...]
+    input_shift: tuple[float, ...]
+    input_scale: tuple[float, ...]
+    form: str
+
+    def __post_init__(self) -> None:
+        expected = OUTPUTS[self.form]
+        if len(self.widths) < 2 or self.widths[0] != 3 or self.widths[-1] != expected:
+            raise ValueError(
+                f"widths must be 3, hidden widths, {expected} for the {self.form} form, "
+                f"got {self.widths}"
+            )
+
+    @property
+    def n_params(self) -> int:
+        return n_params(self.widths)
+
+
+def n_params(widths: Sequence[int]) -> int:
+    """Length P of the flat parameter vector."""
+    return sum(n_out * (n_in + 1) for n_in, n_out in pairwise(widths))
+
+
+def views(params: Tensor, widths: Sequence[int]) -> list[tuple[Tensor, Tensor]]:
+    """(W [out, in], b [out]) of every layer, sharing memory with params [P]."""
+    if params.shape != (n_params(widths),):
+        raise ValueError(
+            f"params must be [{n_params(widths)}] for widths {list(widths)}, "
+            f"got {list(params.shape)}"
+        )
+    layers = []
+    start = 0
+    for n_in, n_out in pairwise(widths):
+        W = params[start : start + n_out * n_in].view(n_out, n_in)
+        start += n_out * n_in
+        layers.append((W, params[start : start + n_out]))
+        start += n_out
+    return layers
+
+
+def initial_parameters(spec: NetworkSpec, seed: int, distribution: str = "wide") -> Tensor:
+    """params [P] float64, a function of the arguments alone.
+
+    "glorot_uniform": variance 2 / (n_in + n_out), zero biases (Glorot & Bengio, AISTATS 2010).
+    "wide": inputs in [-1, 1] are spread over the bend of swish, W ~ N(0, 1), b ~ U(-1, 1) in the
+    first layer; gain 1.4 against the contraction of swish in the hidden ones; outputs of order 1
+    for u, v and smaller ones for pressure and stress.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    params = torch.zeros(spec.n_params, dtype=torch.float64)
+    layers = views(params, spec.widths)
+    for i, (W, b) in enumerate(layers):
+        n_out, n_in = W.shape
+        if distribution == "glorot_uniform":
+            bound = math.sqrt(6 / (n_in + n_out))
+            W.uniform_(-bound, bound, generator=generator)
+        elif i == 0:
+            W.normal_(0, 1, generator=generator)
+            b.uniform_(-1, 1, generator=generator)
+        else:
+            last = i == len(layers) - 1
+            W.normal_(0, (1 if last else 1.4) / math.sqrt(n_in), generator=generator)
+            if last:
+                W[2:] *= 0.3
+    return params

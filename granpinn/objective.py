@@ -1,0 +1,99 @@
+"""The loss of one step: a batch of the training set through the fused residual loss."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granpinn import ops
+from granpinn.config import Batch
+from granpinn.data import TrainingSet
+from granpinn.problem import TERMS, Problem
+from granpinn.sampling import INTERIOR, SURFACE, draw
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Loss [], terms [5] (NaN: not part of this step) and gradients [P], [3] of one step.
+
+    grad_theta is None where the loss does not depend on the rheology.
+    """
+
+    loss: Tensor
+    terms: Tensor
+    grad_params: Tensor
+    grad_theta: Tensor | None
+
+
+class Objective:
+    """The training set on its device, and the two losses that a run minimizes in turn."""
+
+    def __init__(
+        self, problem: Problem, data: TrainingSet, batch: Batch, seed: int, device: torch.device
+    ) -> None:
+        self.problem = problem
+        self.batch = batch
+        self.seed = seed
+        self.points = data.points.to(device)
+        self.velocity = data.velocity.to(device)
+        self.point_weights = data.point_weights.to(device)
+        self.surface_points = data.surface_points.to(device)
+        self.surface_pressure = data.surface_pressure.to(device)
+        self.term_weights = self.points.new_tensor(problem.term_weights)
+        self.absent = self.points.new_full((len(TERMS) - 1,), math.nan)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The data by name, for the check that they are finite."""
+        return {
+            "points": self.points,
+            "velocities": self.velocity,
+            "weights": self.point_weights,
+            "surface points": self.surface_points,
+            "surface pressures": self.surface_pressure,
+        }
+
+    def everything(self, step: int, params: Tensor, theta: Tensor) -> Evaluation:
+        """All terms and their gradients at params [P], theta [3]."""
+        j = draw(self.seed, step, SURFACE, self.batch.surface, self.surface_points)
+        spec = self.problem.spec
+        return Evaluation(
+            *self._loss(
+                step, params, theta, self.surface_points[j], self.surface_pressure[j], spec.form
+            )
+        )
+
+    def velocity_alone(self, step: int, params: Tensor, theta: Tensor) -> Evaluation:
+        """The velocity term and its gradient: no derivative of the network is needed."""
+        nowhere = self.surface_points[:0], self.surface_pressure[:0]
+        loss, terms, grad_params, _ = self._loss(step, params, theta, *nowhere, "data")
+        return Evaluation(loss, torch.cat([terms[:1], self.absent]), grad_params, None)
+
+    def _loss(
+        self,
+        step: int,
+        params: Tensor,
+        theta: Tensor,
+        surface_points: Tensor,
+        surface_pressure: Tensor,
+        form: str,
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        i = draw(self.seed, step, INTERIOR, self.batch.interior, self.points)
+        spec = self.problem.spec
+        return ops.residual_loss(
+            params,
+            theta,
+            self.points[i],
+            self.velocity[i],
+            self.point_weights[i],
+            surface_points,
+            surface_pressure,
+            self.term_weights,
+            spec.widths,
+            spec.input_shift,
+            spec.input_scale,
+            self.problem.physics,
+            form,
+        )

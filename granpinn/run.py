@@ -1,0 +1,195 @@
+"""A training run from its first step, or its newest checkpoint, to its end.
+
+`Run` adds to `Training` what happens between the steps: rows of the history, checkpoints, signals,
+the rollback after a number that is not finite, and the plan of a run with a time limit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+
+import torch
+
+from granpinn import checkpoint, clock
+from granpinn.config import Config, ConfigError, identity
+from granpinn.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
+from granpinn.history import History
+from granpinn.objective import Objective
+from granpinn.progress import Progress
+from granpinn.schedule import Schedule
+from granpinn.training import Training
+
+UNLIMITED = 2**53  # steps
+CORRECT_EVERY = 0.05  # of the time limit, between corrections of the plan
+
+
+class Run:
+    """One run; `folder` is None for a run that leaves nothing on disk.
+
+    Attributes:
+        seconds: what the time limit leaves for training, None without one.
+        wall_s: time spent in training, over all resumptions.
+        stopped: what set the number of steps, "steps" or "max_time".
+    """
+
+    def __init__(
+        self,
+        objective: Objective,
+        config: Config,
+        folder: Path | None,
+        progress: Progress,
+        seconds: float | None,
+    ) -> None:
+        require_finite(objective.tensors())
+        self.config = config
+        self.progress = progress
+        self.seconds = seconds
+        self.stopped = "steps"
+        self.checkpoints = None if folder is None else folder / "checkpoint"
+        self.history = History(None if folder is None else folder / "history.csv")
+        self.data_sha256 = _digest(objective)
+        self.at_most = _steps(config, len(objective.points))
+        schedule = Schedule(self.at_most, config.optimizer)
+        self.training = Training(objective, schedule, config)
+        self.wall_s = 0.0
+
+    def train(self) -> None:
+        """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
+        if not (self.config.resume and self._resume()):
+            self._begin()
+        training = self.training
+        self.progress.start(training.schedule.total, training.step)
+        try:
+            with signals() as caught:
+                self._loop(caught)
+        finally:
+            self.progress.stop()
+            self.history.close()
+
+    def _begin(self) -> None:
+        if self.seconds is not None:
+            plan = clock.plan(self.training, self.seconds, self.at_most)
+            self.training.schedule = plan
+            self.stopped = "steps" if plan.total == self.at_most else "max_time"
+        self.history.open(0)
+        self._mark()
+        self._save()
+
+    def _resume(self) -> bool:
+        """Restore the newest checkpoint, False where there is none."""
+        if self.checkpoints is None:
+            raise ConfigError("resume needs a run folder: give run_dir, or --out")
+        found = checkpoint.newest(self.checkpoints)
+        if found is None:
+            self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
+            return False
+        checkpoint.require_same(found, identity(self.config), self.data_sha256)
+        checkpoint.restore(found, self.training.tensors())
+        self.training.set_plain_state(found.state["training"])
+        self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
+        self.seconds = None  # the plan of the checkpoint stands
+        self.history.open(found.state["history_bytes"])
+        self._mark()
+        return True
+
+    def _mark(self) -> None:
+        """Start the clocks of this process."""
+        self.started = self.saved = self.corrected = time.monotonic()
+        self.corrected_step = self.training.step
+        self.before = self.wall_s
+
+    def _loop(self, caught: Signals) -> None:
+        training, config = self.training, self.config
+        while not training.finished and caught.received is None:
+            try:
+                training.advance()
+            except NonFiniteError as error:
+                self._recover(error)
+                continue
+            if training.step % config.log_every == 0 or training.finished:
+                self._log()
+            if time.monotonic() - self.saved >= config.checkpoint_every:
+                self._save()
+        self._save()
+        if caught.received is not None:
+            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
+            raise Interrupted(caught.received, f"stopped at step {training.step}{where}")
+
+    def _log(self) -> None:
+        now = time.monotonic()
+        self.wall_s = self.before + now - self.started
+        row = self.training.row(self.wall_s)
+        self.history.append(row)
+        self.training.remember()
+        self.progress.show(row)
+        if self.seconds is not None:
+            self._correct_plan(now)
+
+    def _correct_plan(self, now: float) -> None:
+        assert self.seconds is not None
+        training = self.training
+        if training.schedule.velocity_alone(training.step):
+            self.corrected, self.corrected_step = now, training.step
+        elif now - self.corrected > CORRECT_EVERY * self.seconds:
+            left = self.seconds - (now - self.started)
+            since = (self.corrected_step, self.corrected)
+            training.schedule = clock.corrected(training, since, left, self.at_most)
+            training.remember()
+            self.corrected, self.corrected_step = now, training.step
+            self.progress.total(training.schedule.total)
+
+    def _recover(self, error: NonFiniteError) -> None:
+        """One rollback per run, then the end."""
+        training = self.training
+        if training.slower < 1:
+            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
+            raise NonFiniteError(
+                f"{error} again, after a rollback at half the learning rate: lower "
+                f"--optimizer.learning_rate or look at the data{where}"
+            ) from error
+        training.roll_back()
+        self.history.forget_after(training.step)
+        self.progress.message(
+            f"{error}: back to step {training.step}, on at half the learning rate"
+        )
+
+    def _save(self) -> None:
+        if self.checkpoints is None:
+            return
+        self.wall_s = self.before + time.monotonic() - self.started
+        try:
+            written = self.history.flush()
+        except OSError as error:
+            raise checkpoint.CheckpointError(
+                f"{self.history.path} could not be written ({error.strerror}): make room"
+            ) from error
+        settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
+        state = {
+            "training": self.training.plain_state(),
+            "history_bytes": written,
+            "wall_s": self.wall_s,
+            "stopped": self.stopped,
+            "settings": settings,
+            "input_sha256": self.data_sha256,
+        }
+        checkpoint.save(self.checkpoints, self.training.step, self.training.tensors(), state)
+        self.saved = time.monotonic()
+
+
+def _steps(config: Config, n_points: int) -> int:
+    """Steps that the settings ask for, by themselves or as epochs."""
+    if config.steps is not None:
+        return config.steps
+    if config.epochs is not None:
+        return config.epochs * -(-n_points // config.batch.interior)
+    return UNLIMITED
+
+
+def _digest(objective: Objective) -> str:
+    """SHA-256 of all that the network is fitted to."""
+    sha = hashlib.sha256()
+    for tensor in objective.tensors().values():
+        sha.update(tensor.cpu().contiguous().view(torch.uint8).numpy().data)
+    return sha.hexdigest()

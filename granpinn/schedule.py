@@ -1,0 +1,65 @@
+"""How long a run is and what each of its steps does: pure functions of the step."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from granpinn.config import Optimizer
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A run of `total` steps: velocity alone first, then everything; step s is in [0, total).
+
+    Everything depends on the progress in [0, 1], which is linear in the step. A run with a time
+    limit may change its total while it goes on: progress then continues from (from_step,
+    from_progress) to 1 at the new total, without a jump.
+
+    Attributes:
+        settings: learning rates and fractions of the run.
+    """
+
+    total: int
+    settings: Optimizer
+    from_step: int = 0
+    from_progress: float = 0.0
+
+    def progress(self, step: int) -> float:
+        """Part of the run that is done before step `step`."""
+        done = (step - self.from_step) / max(1, self.total - self.from_step)
+        return self.from_progress + (1 - self.from_progress) * done
+
+    def replanned(self, step: int, total: int) -> Schedule:
+        """The schedule that goes on from `step` and ends at `total`."""
+        progress = self.progress(step)
+        return dataclasses.replace(self, total=total, from_step=step, from_progress=progress)
+
+    def velocity_alone(self, step: int) -> bool:
+        """Whether step `step` belongs to the pre-fit of the velocity."""
+        return self.progress(step) < self.settings.prefit
+
+    def averages(self, step: int) -> bool:
+        """Whether the parameters after step `step` enter the average."""
+        return self.progress(step) >= 1 - self.settings.average
+
+    def changes(self, step: int) -> bool:
+        """Whether step `step` is the first with the whole loss after a pre-fit."""
+        return step > 0 and self.velocity_alone(step - 1) and not self.velocity_alone(step)
+
+    def learning_rate(self, step: int) -> float:
+        """Factor in [0, 1] on every learning rate: in each stage a warm-up from 0 and a decay."""
+        s = self.settings
+        if self.velocity_alone(step):
+            begin, end, final = 0.0, s.prefit, s.prefit_final_fraction
+        else:
+            begin, end, final = s.prefit, 1.0, s.final_fraction
+        done, after = ((self.progress(i) - begin) / (end - begin) for i in (step, step + 1))
+        if done < s.warm_up:
+            return min(1.0, after / s.warm_up)
+        decayed = (done - s.warm_up) / (1 - s.warm_up)
+        if s.decay == "exponential":
+            return float(final**decayed)
+        shape = (1 + math.cos(math.pi * decayed)) / 2 if s.decay == "cosine" else 1 - decayed
+        return final + (1 - final) * shape

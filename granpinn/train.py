@@ -1,0 +1,57 @@
+"""The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
+
+flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report.
+
+Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from granpinn import progress, report
+from granpinn.arguments import parse
+from granpinn.checkpoint import CheckpointError
+from granpinn.config import Config, ConfigError
+from granpinn.data import FlowFileError
+from granpinn.guard import Interrupted, NonFiniteError
+from granpinn.identification import identify
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    try:
+        return _train(parse(sys.argv[1:] if argv is None else argv))
+    except (ConfigError, FlowFileError) as error:
+        return _fail(2, str(error))
+    except (CheckpointError, NonFiniteError) as error:
+        return _fail(1, str(error))
+    except Interrupted as error:
+        return _fail(128 + error.signum, str(error))
+    except KeyboardInterrupt:
+        return _fail(130, "stopped before or after the training")
+
+
+def _train(config: Config) -> int:
+    assert config.flow is not None
+    assert config.out is not None
+    folder = Path(config.out)
+    listener = progress.automatic()
+    if config.tensorboard:
+        listener = progress.TensorBoard(folder, listener)
+    result = identify(config.flow, config, run_dir=folder, progress=listener)
+    print(result)
+    page = report.build(folder)
+    print(f"report: {page}")
+    return 0
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"granpinn.train: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
