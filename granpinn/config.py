@@ -9,8 +9,6 @@ unless the text of a field says otherwise.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -238,9 +236,3 @@ def identity(config: Config) -> dict[str, Any]:
     """The settings that decide the numbers of a run, as JSON values."""
     flat = {key: value for key, value in flatten(config).items() if key not in FREE}
     return {key: list(v) if isinstance(v, tuple) else v for key, v in flat.items()}
-
-
-def digest(config: Config) -> str:
-    """SHA-256 of `identity`: equal for two runs that must give the same bits."""
-    text = json.dumps(identity(config), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()

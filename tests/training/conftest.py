@@ -1,0 +1,64 @@
+"""A small flow, and runs on it that take a fraction of a second."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from granpinn import problem, recipes
+from granpinn.config import Config
+from granpinn.data import Flow, training_set, write_flow
+from granpinn.objective import Objective
+from granpinn.progress import Silent
+from granpinn.run import Run
+from granpinn.scales import Scales
+from granpinn.schedule import Schedule
+from granpinn.training import Training
+from tests.flows import make_flow
+
+TINY = {
+    "steps": 40,
+    "log_every": 5,
+    "network__widths": (9, 7),
+    "batch__interior": 33,
+    "batch__surface": 6,
+}
+
+
+def tiny(**changes: Any) -> Config:
+    """The default recipe on a tiny network for 40 steps, 12 of them on the velocity alone."""
+    return recipes.make(**(TINY | changes))
+
+
+def make_objective(config: Config, flow: Flow) -> Objective:
+    scales = Scales.from_flow(flow)
+    data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
+    posed = problem.build(flow, scales, data, config)
+    return Objective(posed, data, config.batch, config.seed, torch.device("cpu"))
+
+
+def make_training(config: Config, flow: Flow) -> Training:
+    assert config.steps is not None
+    schedule = Schedule(config.steps, config.optimizer)
+    return Training(make_objective(config, flow), schedule, config)
+
+
+def make_run(config: Config, flow: Flow, folder: Path | None = None) -> Run:
+    if folder is not None:
+        folder.mkdir(exist_ok=True)
+    return Run(make_objective(config, flow), config, folder, Silent(), None)
+
+
+@pytest.fixture(scope="session")
+def flow() -> Flow:
+    return make_flow()
+
+
+@pytest.fixture(scope="session")
+def flow_file(tmp_path_factory: pytest.TempPathFactory, flow: Flow) -> Path:
+    path = tmp_path_factory.mktemp("flows") / "heap.h5"
+    write_flow(flow, path)
+    return path

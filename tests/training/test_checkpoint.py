@@ -1,0 +1,208 @@
+"""Gates T-3 and F-3: a checkpoint is whole or the one before it is, and nothing in it runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from granpinn import checkpoint
+from granpinn.checkpoint import CheckpointError, newest, plain, require_same, restore, save
+
+TENSORS = {"params": torch.arange(6.0), "scalars": torch.tensor([1.0, 2.0], dtype=torch.float64)}
+STATE: dict[str, Any] = {"settings": {"seed": 3, "sigma": "inf"}, "input_sha256": "abc"}
+
+
+def saved(folder: Path, *steps: int) -> None:
+    for step in steps:
+        save(folder, step, {k: t + step for k, t in TENSORS.items()}, STATE | {"wall_s": step})
+
+
+def test_what_is_saved_comes_back(tmp_path: Path) -> None:
+    saved(tmp_path, 7)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state["step"] == found.state["wall_s"] == 7
+    live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
+    restore(found, live)
+    for name, tensor in live.items():
+        assert torch.equal(tensor, TENSORS[name] + 7)
+
+
+def test_the_two_newest_are_kept(tmp_path: Path) -> None:
+    saved(tmp_path, 5, 80, 1000, 900)
+    (tmp_path / ".step-000000001.json.x.tmp").write_text("left by a killed process")
+    saved(tmp_path, 1001)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        f"step-{step:09d}.{suffix}" for step in (1000, 1001) for suffix in ("json", "safetensors")
+    ]
+
+
+def test_an_empty_folder_has_no_checkpoint(tmp_path: Path) -> None:
+    assert newest(tmp_path) is None
+    assert newest(tmp_path / "missing") is None
+
+
+# What `save` asks of the operating system, each of which may fail at any of its calls.
+CALLS: list[tuple[Any, str]] = [
+    (tempfile, "mkstemp"),
+    (pathlib.Path, "write_bytes"),
+    (os, "fsync"),
+    (os, "replace"),
+    (pathlib.Path, "unlink"),
+    (pathlib.Path, "mkdir"),
+]
+
+
+class Faulty:
+    """A function of the operating system that fails at one of its calls."""
+
+    def __init__(self, real: Callable[..., Any], at_call: int) -> None:
+        self.real, self.at_call, self.calls = real, at_call, 0
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        self.calls += 1
+        if self.calls == self.at_call + 1:
+            raise OSError(28, "No space left on device")
+        return self.real(*args, **kwargs)
+
+
+def save_or_message(folder: Path, step: int) -> str | None:
+    """The message of the CheckpointError, None where the checkpoint was saved."""
+    try:
+        saved(folder, step)
+    except CheckpointError as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.parametrize(("owner", "name"), CALLS, ids=[name for _, name in CALLS])
+def test_a_fault_at_any_call_leaves_the_checkpoint_before_it(
+    owner: Any, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = 0
+    while True:
+        folder = tmp_path / str(faults)
+        saved(folder, 1, 2)
+        faulty = Faulty(getattr(owner, name), at_call=faults)
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, lambda *a, faulty=faulty, **k: faulty(*a, **k))
+            message = save_or_message(folder, 3)
+        found = newest(folder)
+        assert found is not None
+        assert found.state["step"] in (2, 3)
+        assert torch.equal(found.tensors["params"], TENSORS["params"] + found.state["step"])
+        saved(folder, 4)
+        assert len(list(folder.iterdir())) == 4
+        if message is None:
+            break
+        faults += 1
+        assert str(folder / "step-000000003.") in message
+        assert "No space left on device" in message
+    assert faults == faulty.calls > 0
+
+
+def test_half_a_write_is_a_fault_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    saved(tmp_path, 1)
+    real = Path.write_bytes
+
+    def torn(path: Path, content: bytes) -> int:
+        real(path, content[: len(content) // 2])
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", torn)
+        with pytest.raises(CheckpointError, match="Input/output error"):
+            saved(tmp_path, 2)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state["step"] == 1
+
+
+DAMAGE = {
+    "tensors cut": ("safetensors", lambda b: b[:-3]),
+    "tensors changed": ("safetensors", lambda b: b[:-1] + bytes([b[-1] ^ 1])),
+    "tensors empty": ("safetensors", lambda b: b""),
+    "state cut": ("json", lambda b: b[: len(b) // 2]),
+    "state of another program": ("json", lambda b: b'{"step": 1}'),
+    "state is a list": ("json", lambda b: b"[1, 2]"),
+    "state with NaN": ("json", lambda b: b.replace(b'"wall_s": 2', b'"wall_s": NaN')),
+    "state is binary": ("json", lambda b: b"\xff\xfe"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_a_damaged_checkpoint_is_passed_over(case: str, tmp_path: Path) -> None:
+    suffix, damage = DAMAGE[case]
+    saved(tmp_path, 1, 2)
+    path = tmp_path / f"step-000000002.{suffix}"
+    path.write_bytes(damage(path.read_bytes()))
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state["step"] == 1
+    (tmp_path / "step-000000001.safetensors").unlink()
+    with pytest.raises(CheckpointError, match="no checkpoint can be read"):
+        newest(tmp_path)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_what_is_not_finite_is_never_saved(bad: float, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="params holds a NaN or an infinity at step 3"):
+        save(tmp_path, 3, {"params": torch.tensor([1.0, bad])}, STATE)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_not_finite_is_never_restored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.torch, "isfinite", torch.ones_like)
+        save(tmp_path, 3, {"params": torch.tensor([1.0, float("nan")])}, STATE)
+    found = newest(tmp_path)
+    assert found is not None
+    with pytest.raises(CheckpointError, match="params holds a NaN"):
+        restore(found, {"params": torch.zeros(2)})
+
+
+def test_tensors_must_fit(tmp_path: Path) -> None:
+    saved(tmp_path, 1)
+    found = newest(tmp_path)
+    assert found is not None
+    live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
+    with pytest.raises(CheckpointError, match=r"params must be torch.float32 \[2\], got .* \[6\]"):
+        restore(found, live | {"params": torch.zeros(2)})
+    with pytest.raises(CheckpointError, match=r"scalars must be torch.float32 \[2\], got .*64"):
+        restore(found, live | {"scalars": torch.zeros(2)})
+    with pytest.raises(CheckpointError, match="differ in the tensors more"):
+        restore(found, live | {"more": torch.zeros(2)})
+    assert not live["params"].any()
+
+
+def test_another_run_is_refused_with_the_difference(tmp_path: Path) -> None:
+    saved(tmp_path, 1)
+    found = newest(tmp_path)
+    assert found is not None
+    settings = {"seed": 3, "sigma": float("inf")}
+    require_same(found, settings, "abc")
+    with pytest.raises(CheckpointError, match="a run with seed = 3, this one has 4"):
+        require_same(found, settings | {"seed": 4}, "abc")
+    with pytest.raises(CheckpointError, match="another flow file"):
+        require_same(found, settings, "def")
+    del found.state["settings"]
+    with pytest.raises(CheckpointError, match="lacks its settings"):
+        require_same(found, settings, "abc")
+
+
+def test_infinity_is_text_in_the_state(tmp_path: Path) -> None:
+    assert plain(float("inf")) == "inf"
+    assert plain(1.5) == 1.5
+    saved(tmp_path, 1)
+    text = (tmp_path / "step-000000001.json").read_text()
+    assert json.loads(text)["format_version"] == 1

@@ -1,0 +1,131 @@
+"""Gate T-5: a NaN or an infinity is noticed in its step, never saved, and stops the run by name."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from granpinn import checkpoint
+from granpinn.data import Flow
+from granpinn.guard import NonFiniteError, first_nonfinite
+from granpinn.objective import Evaluation
+from granpinn.progress import Silent
+from granpinn.run import Run
+from tests.training.conftest import make_objective, make_run, make_training, tiny
+
+BAD = [math.nan, math.inf, -math.inf]
+BAD_STEP = 23  # counts from 0; rows and snapshots are at 20 and 25
+
+
+def poison(run: Run, target: str, value: float, times: int) -> list[int]:
+    """Put `value` into a tensor of step BAD_STEP, `times` times; the steps where that happened."""
+    objective, training = run.training.objective, run.training
+    real = objective.everything
+    poisoned: list[int] = []
+
+    def everything(step: int, params: torch.Tensor, theta: torch.Tensor) -> Evaluation:
+        e = real(step, params, theta)
+        if step != BAD_STEP or len(poisoned) == times:
+            return e
+        poisoned.append(step)
+        if target == "loss":
+            return replace(e, loss=e.loss + value)
+        if target == "parameter":
+            params[3] = value
+        elif target == "scalar":
+            training.scalars.values[1] = value
+        else:
+            tensor = getattr(e, target)
+            tensor[1] = value
+        return e
+
+    objective.everything = everything  # type: ignore[method-assign]
+    return poisoned
+
+
+NAMES = {
+    "loss": "loss",
+    "grad_params": "gradient of the network parameters",
+    "grad_theta": "gradient of the rheology",
+    "parameter": "network parameters",
+    "scalar": "rheology scalars",
+}
+
+
+@pytest.mark.parametrize("value", BAD)
+@pytest.mark.parametrize("target", NAMES)
+def test_it_is_noticed_in_its_step_by_name(target: str, value: float, flow: Flow) -> None:
+    run = make_run(tiny(), flow)
+    poison(run, target, value, times=1)
+    for _ in range(BAD_STEP):
+        run.training.advance()
+    with pytest.raises(NonFiniteError, match=f"the {NAMES[target]} became NaN .* in step 24"):
+        run.training.advance()
+    assert run.training.step == BAD_STEP
+
+
+@pytest.mark.parametrize("target", NAMES)
+def test_the_first_time_the_run_goes_back_and_on_more_slowly(
+    target: str, flow: Flow, tmp_path: Path
+) -> None:
+    run = make_run(tiny(), flow, tmp_path / "run")
+    poisoned = poison(run, target, math.nan, times=1)
+    messages: list[str] = []
+    run.progress.message = messages.append  # type: ignore[method-assign]
+    run.train()
+    assert poisoned == [BAD_STEP]
+    assert run.training.finished
+    assert run.training.slower == 0.5
+    assert [row.step for row in run.history.rows] == list(range(5, 41, 5))
+    assert len(messages) == 1
+    assert NAMES[target] in messages[0]
+    assert "back to step 20" in messages[0]
+    for tensor in run.training.tensors().values():
+        assert tensor.isfinite().all()
+
+
+@pytest.mark.parametrize("target", NAMES)
+def test_the_second_time_it_stops_and_a_good_state_is_on_disk(
+    target: str, flow: Flow, tmp_path: Path
+) -> None:
+    run = make_run(tiny(checkpoint_every=0.0), flow, tmp_path / "run")
+    poison(run, target, math.nan, times=2)
+    with pytest.raises(NonFiniteError, match=f"the {NAMES[target]} .* again, after a rollback"):
+        run.train()
+    found = checkpoint.newest(tmp_path / "run" / "checkpoint")
+    assert found is not None
+    assert found.state["step"] == BAD_STEP
+    for tensor in found.tensors.values():
+        assert tensor.isfinite().all()
+
+
+def test_the_rollback_uses_half_the_learning_rate_from_the_snapshot_on(flow: Flow) -> None:
+    run = make_run(tiny(), flow)
+    poison(run, "loss", math.nan, times=1)
+    run.train()
+    twin = make_training(tiny(), flow)
+    for step in range(40):
+        if step == 20:
+            twin.slower = 0.5
+        twin.advance()
+    assert torch.equal(run.training.params, twin.params)
+
+
+@pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])
+def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> None:
+    objective: Any = make_objective(tiny(), flow)
+    getattr(objective, name)[1, 0] = math.nan
+    with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
+        Run(objective, tiny(), None, Silent(), None)
+
+
+def test_first_nonfinite_names_the_first() -> None:
+    good, bad = torch.ones(3), torch.tensor([1.0, math.inf])
+    assert first_nonfinite({"a": good, "b": good}) is None
+    assert first_nonfinite({"a": good, "b": bad, "c": bad}) == "b"
+    assert first_nonfinite({"a": torch.tensor([math.inf, -math.inf])}) == "a"

@@ -1,0 +1,149 @@
+"""Batches, scaling and weights: what reaches the fused loss."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn import ops, problem, recipes, reference
+from granpinn.config import Config
+from granpinn.data import Flow, add_noise, training_set
+from granpinn.sampling import INTERIOR, SURFACE, draw
+from granpinn.scales import Scales
+from tests.training.conftest import make_objective, make_training, tiny
+
+
+def posed(flow: Flow, config: Config) -> problem.Problem:
+    scales = Scales.from_flow(flow)
+    return problem.build(flow, scales, training_set(flow, scales, config.level), config)
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+@pytest.mark.parametrize("level", ["V0", "V1", "V2"])
+def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, flow: Flow) -> None:
+    config = tiny(form=form, level=level, dtype="float64", seed=4)
+    objective = make_objective(config, flow)
+    training = make_training(config, flow)
+    theta = training.scalars.theta()
+    found = objective.everything(9, training.params, theta)
+
+    i = ops.sample_indices(4, 9, INTERIOR, config.batch.interior, len(objective.points))
+    j = torch.empty(0, dtype=torch.int64)
+    if level != "V0":
+        n_surface = len(objective.surface_points)
+        j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
+    p = objective.problem
+    expected = reference.residual_loss(
+        training.params,
+        theta,
+        objective.points[i],
+        objective.velocity[i],
+        objective.point_weights[i],
+        objective.surface_points[j],
+        objective.surface_pressure[j],
+        objective.term_weights,
+        p.spec.widths,
+        p.spec.input_shift,
+        p.spec.input_scale,
+        p.physics,
+        form,
+    )
+    assert found.grad_theta is not None
+    for ours, truth in zip(
+        (found.loss, found.terms, found.grad_params, found.grad_theta), expected, strict=True
+    ):
+        torch.testing.assert_close(ours, truth, rtol=1e-8, atol=1e-10)
+
+
+def test_velocity_alone_is_the_first_term_of_everything(flow: Flow) -> None:
+    config = tiny(dtype="float64")
+    objective, training = make_objective(config, flow), make_training(config, flow)
+    theta = training.scalars.theta()
+    alone = objective.velocity_alone(3, training.params, theta)
+    objective.term_weights[1:] = 0
+    whole = objective.everything(3, training.params, theta)
+    assert alone.grad_theta is None
+    assert alone.terms[1:].isnan().all()
+    torch.testing.assert_close(alone.terms[0], whole.terms[0])
+    torch.testing.assert_close(alone.loss, whole.loss)
+    torch.testing.assert_close(alone.grad_params, whole.grad_params)
+
+
+def test_batches_are_a_function_of_seed_step_and_stream() -> None:
+    points = torch.zeros(1000, 3)
+    first = draw(1, 2, INTERIOR, 50, points)
+    assert torch.equal(first, draw(1, 2, INTERIOR, 50, points))
+    for other in ((2, 2, INTERIOR), (1, 3, INTERIOR), (1, 2, SURFACE)):
+        assert not torch.equal(first, draw(*other, 50, points))
+    assert first.min() >= 0
+    assert first.max() < 1000
+    assert draw(1, 2, SURFACE, 50, points[:0]).numel() == 0
+
+
+def test_batches_cover_the_points_evenly() -> None:
+    drawn = torch.cat([draw(0, step, INTERIOR, 500, torch.zeros(100, 3)) for step in range(40)])
+    counts = torch.bincount(drawn, minlength=100)
+    chi_square = float(((counts - 200.0) ** 2 / 200).sum())
+    assert 50 < chi_square < 160
+
+
+def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
+    found = posed(flow, tiny())
+    data = training_set(flow, Scales.from_flow(flow), "V1")
+    mapped = (data.points - torch.tensor(found.spec.input_shift)) * torch.tensor(
+        found.spec.input_scale
+    )
+    torch.testing.assert_close(mapped.amin(0), -torch.ones(3))
+    torch.testing.assert_close(mapped.amax(0), torch.ones(3))
+    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor = found.physics
+    scales = Scales.from_flow(flow)
+    assert d == flow.grain_diameter / scales.length
+    assert (g_x, g_y) == (0, -1)
+    viscosity = scales.pressure * scales.time
+    assert eta_min * viscosity == pytest.approx(1e-3)
+    assert eta_max * viscosity == pytest.approx(1e4)
+    assert U_out == pytest.approx(float(data.velocity.square().mean().sqrt()))
+    assert (P_out, p_floor) == (0.2, 1e-6)
+
+
+def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
+    """The paper's loss has unit weights in the units of the data."""
+    found = posed(flow, recipes.make("paper"))
+    scales = Scales.from_flow(flow)
+    assert found.spec.input_shift == (0, 0, 0)
+    assert found.spec.input_scale == (scales.length, scales.length, scales.time)
+    U_out, P_out = found.physics[5:7]
+    assert U_out * scales.velocity == pytest.approx(1)
+    assert P_out * scales.pressure == pytest.approx(1)
+    velocity, surface, momentum, continuity, _ = found.term_weights
+    assert velocity == pytest.approx(scales.velocity**2)
+    assert surface == pytest.approx(scales.pressure**2)
+    assert momentum == pytest.approx((flow.density * 9.81) ** 2)
+    assert continuity == pytest.approx(scales.time**-2)
+
+
+def test_viscosity_limits_that_the_file_does_not_have_do_not_act(flow: Flow) -> None:
+    found = posed(replace(flow, eta_min=None, eta_max=None), tiny())
+    assert found.physics[3:5] == [0, math.inf]
+
+
+def test_an_infinite_sigma_leaves_a_term_out(flow: Flow) -> None:
+    found = posed(flow, tiny(weights__sigma_surface=math.inf))
+    assert found.term_weights[1] == 0
+    assert found.term_weights[2] == pytest.approx(1 / 0.05**2)
+
+
+def test_measurement_error_is_added_to_the_sigma_of_the_velocity(flow: Flow) -> None:
+    clean = posed(flow, tiny()).term_weights[0]
+    noisy = add_noise(flow, 0.1, seed=0)
+    assert isinstance(noisy.sigma_u, float)
+    sigma = noisy.sigma_u / Scales.from_flow(flow).velocity
+    expected = 1 / (1 / clean + sigma**2)
+    assert posed(noisy, tiny()).term_weights[0] == pytest.approx(expected)
+    everywhere = np.full(flow.u.shape, noisy.sigma_u, np.float32)
+    varying = replace(flow, sigma_u=everywhere, sigma_v=everywhere)
+    assert posed(varying, tiny()).term_weights[0] == pytest.approx(expected, rel=1e-5)

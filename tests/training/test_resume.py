@@ -1,0 +1,154 @@
+"""Gate T-1: a run that is interrupted anywhere and resumed has the bits of one that was not."""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from granpinn import recipes
+from granpinn.checkpoint import CheckpointError
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.guard import Interrupted
+from granpinn.history import Row
+from granpinn.run import Run
+from tests.training.conftest import make_run, tiny
+
+CONFIGS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "averaging float64": {"optimizer__average": 0.5, "dtype": "float64"},
+    "paper": {"recipe": "paper", "network__widths": (9, 7), "batch__interior": 33},
+}
+
+
+def config_of(name: str) -> Config:
+    changes = dict(CONFIGS[name])
+    if recipe := changes.pop("recipe", None):
+        return recipes.make(recipe, steps=40, log_every=5, **changes)
+    return tiny(**changes)
+
+
+def interrupted_at(step: int, run: Run, signum: int = 15) -> None:
+    """Train until a signal arrives during `step`."""
+    real = run.training.advance
+    caught: list[Any] = []
+    run_loop = run._loop
+
+    def loop(signals: Any) -> None:
+        caught.append(signals)
+        run_loop(signals)
+
+    def advance() -> None:
+        real()
+        if run.training.step == step:
+            caught[0].handle(signum, None)
+
+    run._loop, run.training.advance = loop, advance  # type: ignore[method-assign]
+    with pytest.raises(Interrupted) as stop:
+        run.train()
+    assert stop.value.signum == signum
+    assert run.training.step == step
+
+
+def without_time(rows: list[Row]) -> list[str]:
+    """Rows as text: NaN equals NaN, and every bit shows."""
+    return [repr(dataclasses.replace(row, wall_s=0.0)) for row in rows]
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_resuming_at_ten_random_steps_changes_no_bit(
+    name: str, flow: Flow, tmp_path: Path, seed: int
+) -> None:
+    config = config_of(name)
+    whole = make_run(config, flow, tmp_path / "whole")
+    whole.train()
+    for step in random.Random(seed).sample(range(1, 40), 10):
+        folder = tmp_path / f"at {step}"
+        interrupted_at(step, make_run(config, flow, folder))
+        resumed = make_run(recipes.replace(config, resume=True), flow, folder)
+        resumed.train()
+        expected = whole.training.tensors()
+        for key, tensor in resumed.training.tensors().items():
+            assert torch.equal(tensor, expected[key]), key
+        assert resumed.training.plain_state() == whole.training.plain_state()
+        assert without_time(resumed.history.rows) == without_time(whole.history.rows)
+        rows = [
+            [cell for i, cell in enumerate(line.split(",")) if i != 1]
+            for path in (folder, tmp_path / "whole")
+            for line in (path / "history.csv").read_text().splitlines()
+        ]
+        assert rows[: len(rows) // 2] == rows[len(rows) // 2 :]
+        assert resumed.wall_s > 0
+
+
+def test_a_chain_of_interruptions_changes_no_bit(flow: Flow, tmp_path: Path) -> None:
+    config = tiny()
+    whole = make_run(config, flow)
+    whole.train()
+    interrupted_at(6, make_run(config, flow, tmp_path / "run"))
+    again = recipes.replace(config, resume=True)
+    for step in (7, 13, 31):
+        interrupted_at(step, make_run(again, flow, tmp_path / "run"))
+    last = make_run(again, flow, tmp_path / "run")
+    last.train()
+    assert torch.equal(last.training.params, whole.training.params)
+
+
+def test_the_history_after_the_checkpoint_is_written_again(flow: Flow, tmp_path: Path) -> None:
+    """A killed process leaves more history than its newest checkpoint knows."""
+    folder = tmp_path / "run"
+    interrupted_at(12, make_run(tiny(), flow, folder))
+    with (folder / "history.csv").open("a") as file:
+        file.write("15,lost rows\n20,of a killed pro")
+    resumed = make_run(tiny(resume=True), flow, folder)
+    resumed.train()
+    lines = (folder / "history.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["step", *map(str, range(5, 41, 5))]
+
+
+def test_resuming_a_finished_run_does_nothing(flow: Flow, tmp_path: Path) -> None:
+    run = make_run(tiny(), flow, tmp_path / "run")
+    run.train()
+    again = make_run(tiny(resume=True), flow, tmp_path / "run")
+    again.train()
+    assert torch.equal(run.training.params, again.training.params)
+    assert without_time(run.history.rows) == without_time(again.history.rows)
+
+
+def test_resuming_without_a_checkpoint_starts(flow: Flow, tmp_path: Path) -> None:
+    run = make_run(tiny(resume=True), flow, tmp_path / "run")
+    messages: list[str] = []
+    run.progress.message = messages.append  # type: ignore[method-assign]
+    run.train()
+    assert run.training.finished
+    assert "no checkpoint yet" in messages[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"seed": 1}, "seed = 0, this one has 1"),
+        ({"steps": 50}, "steps = 40, this one has 50"),
+        ({"network__widths": (9, 8)}, "network.widths"),
+        ({"batch__interior": 34}, "batch.interior"),
+    ],
+)
+def test_a_checkpoint_of_other_settings_is_refused(
+    change: dict[str, Any], expected: str, flow: Flow, tmp_path: Path
+) -> None:
+    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
+    other = make_run(tiny(resume=True, **change), flow, tmp_path / "run")
+    with pytest.raises(CheckpointError, match=expected):
+        other.train()
+
+
+def test_a_checkpoint_of_other_data_is_refused(flow: Flow, tmp_path: Path) -> None:
+    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
+    other = dataclasses.replace(flow, u=flow.u * 1.01)
+    with pytest.raises(CheckpointError, match="another flow file"):
+        make_run(tiny(resume=True), other, tmp_path / "run").train()

@@ -1,0 +1,67 @@
+"""Learning rate and stages as functions of the step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from granpinn.config import Optimizer
+from granpinn.schedule import Schedule
+
+
+def schedule(total: int = 1000, **changes: Any) -> Schedule:
+    settings = {"warm_up": 0.0, "prefit": 0.0, "decay": "linear"} | changes
+    return Schedule(total, Optimizer(**settings))
+
+
+@pytest.mark.parametrize(
+    ("decay", "middle"), [("linear", 0.505), ("cosine", 0.505), ("exponential", 0.1)]
+)
+def test_the_learning_rate_falls_from_its_peak_to_its_end(decay: str, middle: float) -> None:
+    s = schedule(final_fraction=0.01, decay=decay)
+    assert s.learning_rate(0) == 1
+    assert s.learning_rate(500) == pytest.approx(middle)
+    assert s.learning_rate(1000) == pytest.approx(0.01)
+    rates = [s.learning_rate(step) for step in range(1000)]
+    assert rates == sorted(rates, reverse=True)
+
+
+def test_the_paper_goes_from_5e_4_to_1e_5() -> None:
+    s = schedule(total=100_000, final_fraction=0.02)
+    assert 5e-4 * s.learning_rate(0) == 5e-4
+    assert 5e-4 * s.learning_rate(99_999) == pytest.approx(1e-5, rel=1e-3)
+
+
+def test_each_stage_warms_up_and_decays() -> None:
+    s = schedule(prefit=0.4, prefit_final_fraction=0.1, warm_up=0.05)
+    assert [step for step in range(1000) if s.changes(step)] == [400]
+    assert s.velocity_alone(399)
+    assert not s.velocity_alone(400)
+    assert s.learning_rate(0) == pytest.approx(1 / 20)
+    assert s.learning_rate(20) == 1
+    assert s.learning_rate(399) == pytest.approx(0.1, abs=0.01)
+    assert s.learning_rate(400) == pytest.approx(1 / 30)
+    assert s.learning_rate(430) == 1
+    assert s.learning_rate(999) == pytest.approx(0, abs=0.01)
+
+
+def test_a_run_without_prefit_never_changes() -> None:
+    assert not any(schedule().changes(step) for step in range(1000))
+
+
+def test_the_end_of_the_run_is_averaged() -> None:
+    s = schedule(average=0.25)
+    assert [s.averages(step) for step in (0, 749, 750, 999)] == [False, False, True, True]
+    assert not any(schedule(average=0.0).averages(step) for step in range(1000))
+
+
+@pytest.mark.parametrize("total", [600, 5000])
+def test_a_new_plan_goes_on_without_a_jump_and_ends_at_the_end(total: int) -> None:
+    s = schedule(prefit=0.2, warm_up=0.05)
+    new = s.replanned(500, total)
+    assert new.progress(500) == s.progress(500)
+    assert new.learning_rate(500) == pytest.approx(s.learning_rate(500))
+    assert new.progress(total) == 1
+    assert new.learning_rate(total) == pytest.approx(0)
+    assert not new.velocity_alone(500)
