@@ -45,6 +45,7 @@ def shadow(folder: Path, package: str, text: str) -> str:
         ("torch", ABSENT, "granpinn needs torch >= 2.11 to build, and Python cannot import torch."),
         ("pybind11", ABSENT, "granpinn needs pybind11 to build, and Python cannot import it."),
     ],
+    ids=["old torch", "no torch", "no pybind11"],
 )
 def test_missing_or_old_packages(tmp_path: Path, package: str, text: str, message: str) -> None:
     said = configure(tmp_path, PYTHONPATH=shadow(tmp_path, package, text))
