@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from granpinn.data.flow import Flow
+from granpinn.data.flow import Flow, FlowFileError
 
 Quantity = Literal["length", "velocity", "time", "pressure", "rate", "viscosity", "acceleration"]
 Values = TypeVar("Values")
@@ -43,7 +42,7 @@ class Scales:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
-                raise ValueError(
+                raise FlowFileError(
                     f"the scale of {name} must be positive and finite, got {value}: check the "
                     "units of the flow"
                 )
@@ -107,13 +106,6 @@ class Scales:
         )
 
 
-def height(gravity: tuple[float, float], x: Any, y: Any) -> npt.NDArray[np.float64]:
-    """Height of points above the origin, measured against gravity: -(g . r)/|g|."""
-    g_x, g_y = gravity
-    h: npt.NDArray[np.float64] = -(g_x * np.asarray(x) + g_y * np.asarray(y)) / math.hypot(g_x, g_y)
-    return h
-
-
 def initial_height(flow: Flow) -> float:
     """Extent of the cells full of grains in the first frame, measured against gravity.
 
@@ -121,8 +113,11 @@ def initial_height(flow: Flow) -> float:
     """
     rows, columns = np.nonzero(flow.material[0])
     if rows.size == 0:
-        raise ValueError("the first frame must hold cells with c = 1, got none: the scales need it")
-    h = height(flow.gravity, flow.x[columns], flow.y[rows])
+        raise FlowFileError(
+            "c must be 1 at some point of the first frame, got none: the height of the grains "
+            "there sets the length scale"
+        )
+    h = flow.height(flow.x[columns], flow.y[rows])
     spacing = (float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
     g = math.hypot(*flow.gravity)
     cell = sum(abs(g_i) / g * d_i for g_i, d_i in zip(flow.gravity, spacing, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -100,3 +101,9 @@ class Flow:
     def valid(self) -> BoolArray:
         """Where grains with a finite velocity vector are: [T, Y, X]."""
         return self.material & np.isfinite(self.u) & np.isfinite(self.v)
+
+    def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64Array:
+        """Height of points above the origin, measured against gravity: -(g . r)/|g|."""
+        g_x, g_y = self.gravity
+        along = g_x * np.asarray(x, dtype=np.float64) + g_y * np.asarray(y, dtype=np.float64)
+        return np.asarray(-along / math.hypot(g_x, g_y))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
 from granpinn.data.flow import BoolArray, Flow, FlowFileError
-from granpinn.scales import Scales, height
+
+if TYPE_CHECKING:
+    from granpinn.scales import Scales
 
 LEVELS = ("V0", "V1", "V2")
 # In the toe the layer is thinner than this many grains and p = 0 does not hold.
@@ -142,7 +145,7 @@ def _surface(
         )
     kept = surface.t > 0
     if level == "V1":
-        h = height(flow.gravity, surface.x, surface.y)
+        h = flow.height(surface.x, surface.y)
         kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
     if not kept.any():
         raise FlowFileError(

@@ -98,6 +98,7 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
 
 def check_values(flow: Flow) -> None:
     """Checks the numbers of a flow whose layout is right."""
+    _check_attributes(flow)
     _check_material_constants(flow)
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
         _check_coordinate(name, values)
@@ -111,6 +112,15 @@ def check_values(flow: Flow) -> None:
     _check_sigma(flow)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
+
+
+def _check_attributes(flow: Flow) -> None:
+    for name, value in flow.attributes.items():
+        if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
+            raise FlowFileError(
+                f"the attribute {name!r} must be one number or text under a plain name, got "
+                f"{type(value).__name__}: change it or leave it out"
+            )
 
 
 def _check_material_constants(flow: Flow) -> None:
@@ -187,7 +197,7 @@ def _check_velocity(flow: Flow) -> None:
         if np.isinf(values).any():
             raise FlowFileError(
                 f"{name} must be finite, or NaN where there is no valid vector, got infinity at "
-                f"{int(np.isinf(values).sum())} points: set these to NaN in u and v"
+                f"{int(np.isinf(values).sum())} of {values.size} points: set u and v to NaN there"
             )
     one_sided = int((np.isnan(flow.u) != np.isnan(flow.v)).sum())
     if one_sided:
@@ -243,8 +253,8 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
         if values.min() < low - margin or values.max() > high + margin:
             raise FlowFileError(
                 f"surface_{name} must lie within {name}, {low:g} to {high:g}, got "
-                f"{values.min():g} to {values.max():g}: check its unit and that x and y are "
-                "not swapped"
+                f"{values.min():g} to {values.max():g}: check its unit, or leave out the points "
+                "outside the grid"
             )
 
 

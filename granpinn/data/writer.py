@@ -58,7 +58,7 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
         **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS, *OPTIONAL_NUMBERS)},
         **{name: getattr(truth, field) for name, field in TRUTH.items()},
     }
-    for name, value in values.items():
+    for name, value in sorted(values.items()):  # equal flows make equal files
         if isinstance(value, str):
             _write_text(file, name, value)
         elif value is not None and not (name.startswith("sigma_") and np.ndim(value)):

@@ -41,7 +41,12 @@ class Attributes:
                 )
             value = np.empty((), dtype=f"S{kind.get_size()}")
             attribute.read(value, mtype=kind)
-            return bytes(value[()]).rstrip(b"\0").decode()
+            try:
+                return bytes(value[()]).rstrip(b"\0").decode()
+            except UnicodeDecodeError:
+                raise FlowFileError(
+                    f"the attribute {name} must be text in UTF-8, got other bytes: write it again"
+                ) from None
 
     def numbers(self, name: str) -> tuple[float, ...] | None:
         """A numeric attribute as a flat tuple (of int for an integer type), None if none."""

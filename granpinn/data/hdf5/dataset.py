@@ -37,13 +37,13 @@ class Dataset:
         kind, space = dataset.get_type(), dataset.get_space()
         if space.get_simple_extent_type() == h5s.NULL:
             raise FlowFileError(f"{name} must be an array, got an empty dataset: store the data")
-        self._itemsize = kind.get_size()
+        self._itemsize: int = kind.get_size()
         self.layout = Layout(tuple(space.shape), describe(kind))
 
     @property
     def n_bytes(self) -> int:
         """Size of the data."""
-        return int(self._itemsize) * math.prod(self.layout.shape)
+        return self._itemsize * math.prod(self.layout.shape)
 
     @property
     def n_bytes_needed(self) -> int:

@@ -13,7 +13,7 @@ from h5py import h5d, h5f, h5g, h5l, h5o
 from granpinn.data.flow import FlowFileError
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.data.hdf5.kinds import damage
+from granpinn.data.hdf5.kinds import HDF5_ERRORS, damage
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # H5LT_FILE_IMAGE_DONT_COPY | H5LT_FILE_IMAGE_DONT_RELEASE: parse our bytes where they are.
@@ -67,9 +67,14 @@ class SafeFile:
         self._image = image  # HDF5 works on these bytes: they must outlive the file
 
     def __enter__(self) -> SafeFile:
-        with damage("the file"):
+        try:
             self._file = h5f.open_file_image(self._image, flags=_IN_PLACE)
             self._root = h5g.open(self._file, b"/")
+        except HDF5_ERRORS:  # which say nothing of use here
+            raise FlowFileError(
+                "the file is damaged or was cut off, expected a whole HDF5 file: copy or make it "
+                "again"
+            ) from None
         self.attributes = Attributes(self._root)
         return self
 

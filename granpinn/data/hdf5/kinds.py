@@ -25,7 +25,7 @@ _KINDS = {
     h5t.ARRAY: "array",
 }
 # What h5py and zlib raise on damaged files, as seen on mutants of a valid one.
-_HDF5_ERRORS = (
+HDF5_ERRORS = (
     OSError,
     RuntimeError,
     ValueError,
@@ -68,7 +68,7 @@ def damage(what: str) -> Iterator[None]:
         yield
     except FlowFileError:
         raise
-    except _HDF5_ERRORS as error:
+    except HDF5_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
         raise FlowFileError(
             f"{what} cannot be read, the file is damaged ({reason}): copy or make it again"

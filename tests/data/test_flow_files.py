@@ -1,0 +1,189 @@
+"""Reading and writing: exact round trips, a layout that other tools understand, no half files."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+from flows import make_flow
+
+import granpinn
+from granpinn.data import (
+    Flow,
+    FlowFileError,
+    FlowFileWarning,
+    Truth,
+    check_flow,
+    read_flow,
+    write_flow,
+)
+from granpinn.data import writer as writer_module
+from granpinn.data.format import arrays_of
+
+REFERENCE = sorted((Path(__file__).parents[3] / "shared" / "data").glob("collapse_*.h5"))
+
+
+def with_field_of_sigma(flow: Flow) -> Flow:
+    sigma = np.where(flow.material, 0.1, np.nan).astype(np.float32)
+    return replace(flow, sigma_u=sigma, sigma_v=2 * sigma)
+
+
+FLOWS = {
+    "all": make_flow(),
+    "least": make_flow(p=None, surface=None, eta_max=None, eta_min=None, truth=None, attributes={}),
+    "surface without pressure": make_flow(surface=replace(make_flow().surface, p=None)),
+    "sigma as a number": make_flow(sigma_u=0.01, sigma_v=1 / 3),
+    "sigma as a field": with_field_of_sigma(make_flow()),
+    "a part of the truth": make_flow(truth=Truth(mu_s=1 / 3)),
+    "tilted": make_flow(gravity=(0.1, -9.0)),
+    "attributes": make_flow(
+        attributes={"source": "Grenoble, essai n°3 – 25 µm", "run": 7, "slope": 0.1, "note": ""}
+    ),
+}
+
+
+@pytest.mark.parametrize("flow", FLOWS.values(), ids=FLOWS.keys())
+def test_round_trip_is_exact(flow: Flow, tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(flow, path)
+    again = read_flow(path)
+    before, after = arrays_of(flow), arrays_of(again)
+    assert before.keys() == after.keys()
+    for name, array in before.items():
+        assert after[name].dtype == array.dtype, name
+        assert after[name].tobytes() == array.tobytes(), name
+    scalars = [f for f in vars(flow) if f not in (*before, "surface", "sha256", "path")]
+    for name in scalars:
+        assert getattr(again, name) == getattr(flow, name), name
+    assert again.path == path
+    assert again.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    write_flow(again, tmp_path / "again.h5")
+    assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+
+
+def test_nan_never_becomes_zero(tmp_path: Path) -> None:
+    flow = make_flow()
+    write_flow(flow, tmp_path / "flow.h5")
+    again = read_flow(str(tmp_path / "flow.h5"))
+    assert np.isnan(flow.u).any()
+    assert np.array_equal(np.isnan(again.u), np.isnan(flow.u))
+    assert not ((again.u == 0) & np.isnan(flow.u)).any()
+
+
+def test_the_package_offers_reader_and_writer() -> None:
+    assert granpinn.read_flow is read_flow
+    assert granpinn.write_flow is write_flow
+
+
+@pytest.mark.parametrize("flow", FLOWS.values(), ids=FLOWS.keys())
+def test_opens_in_xarray(flow: Flow, tmp_path: Path) -> None:
+    write_flow(flow, tmp_path / "flow.h5")
+    with xarray.open_dataset(tmp_path / "flow.h5", engine="h5netcdf") as dataset:
+        assert dataset.u.dims == ("t", "y", "x")
+        np.testing.assert_array_equal(dataset.x, flow.x)
+        np.testing.assert_array_equal(dataset.v, flow.v)
+        assert dataset.u.attrs["units"] == "m/s"
+        assert dataset.t.attrs["units"] == "s"
+        if flow.surface is not None:
+            np.testing.assert_array_equal(dataset.surface_y, flow.surface.y)
+
+
+def test_layout_of_the_file(tmp_path: Path) -> None:
+    write_flow(make_flow(length_unit="1", time_unit="1"), tmp_path / "flow.h5")
+    with h5py.File(tmp_path / "flow.h5") as file:
+        assert all(file[name].is_scale for name in ("t", "y", "x"))
+        assert [d[0].name for d in file["u"].dims] == ["/t", "/y", "/x"]
+        assert file["u"].compression == "gzip"
+        for name in ("format_name", "length_unit", "time_unit", "source"):
+            assert not file.attrs.get_id(name).get_type().is_variable_str(), name
+        assert file["p"].attrs["units"] == b"1"
+
+
+def test_big_endian_and_checksums_are_read(tmp_path: Path) -> None:
+    flow, path = make_flow(), tmp_path / "flow.h5"
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        del file["u"], file["t"], file["surface_x"], file["v"]
+        file.create_dataset("u", data=flow.u.astype(">f4"), fletcher32=True, compression="gzip")
+        file.create_dataset("v", data=flow.v, fletcher32=True, chunks=(1, 24, 20))
+        file["t"] = flow.t.astype(">f8")
+        file["surface_x"] = flow.surface.x.astype("f4")
+        file["something_else"] = "not read"
+        file.attrs["note"] = "a variable-length string is left alone"
+    again = read_flow(path)
+    np.testing.assert_array_equal(again.u, flow.u)
+    np.testing.assert_array_equal(again.v, flow.v)
+    np.testing.assert_array_equal(again.t, flow.t)
+    assert again.u.dtype == np.float32
+    assert again.surface is not None
+    assert again.surface.x.dtype == np.float64
+    assert again.attributes == {"source": "analytic spreading heap"}
+
+
+def test_larger_files_on_request(tmp_path: Path) -> None:
+    write_flow(make_flow(), tmp_path / "flow.h5")
+    with pytest.raises(FlowFileError, match="raise max_bytes"):
+        read_flow(tmp_path / "flow.h5", max_bytes=10_000)
+    read_flow(tmp_path / "flow.h5", max_bytes=10_000_000)
+
+
+def test_zeros_instead_of_gaps_are_noticed(tmp_path: Path) -> None:
+    flow = make_flow()
+    gaps = flow.valid & (np.arange(flow.u.size).reshape(flow.u.shape) % 50 == 0)
+    u, v = flow.u.copy(), flow.v.copy()
+    u[gaps] = v[gaps] = 0
+    write_flow(replace(flow, u=u, v=v), tmp_path / "flow.h5")
+    with pytest.warns(FlowFileWarning, match="exactly zero"):
+        read_flow(tmp_path / "flow.h5")
+
+
+def test_grains_at_rest_at_the_start_are_no_gaps(tmp_path: Path) -> None:
+    flow = make_flow()
+    u, v, t = flow.u.copy(), flow.v.copy(), flow.t - flow.t[0]
+    u[0][flow.material[0]] = v[0][flow.material[0]] = 0
+    write_flow(replace(flow, u=u, v=v, t=t, surface=None), tmp_path / "flow.h5")
+    read_flow(tmp_path / "flow.h5")
+
+
+def test_a_flow_that_breaks_a_rule_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(FlowFileError, match="density"):
+        write_flow(make_flow(density=-1.0), tmp_path / "flow.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(make_flow(), path)
+    before = path.read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(writer_module, "_write_arrays", full)
+    with pytest.raises(OSError, match="No space"):
+        write_flow(make_flow(frames=5), path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["flow.h5"]
+
+
+def test_a_written_file_has_the_usual_permissions(tmp_path: Path) -> None:
+    write_flow(make_flow(), tmp_path / "flow.h5")
+    (tmp_path / "other").touch()
+    assert (tmp_path / "flow.h5").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@pytest.mark.parametrize("path", REFERENCE, ids=lambda path: path.stem)
+def test_reference_collapses_load(path: Path) -> None:
+    flow = read_flow(path)
+    check_flow(flow)
+    assert flow.u.shape[:2] == (200, 108)
+    assert flow.truth is not None
+    assert f"{flow.truth.mu_s:.2f}_{flow.truth.mu_2:.2f}" in path.stem
+    assert 230_000 < flow.valid.sum() < 235_000

@@ -1,0 +1,139 @@
+"""Every rule of the format has one error that names the dataset, the finding and the remedy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from flows import make_flow
+
+from granpinn.data import Flow, FlowFileError, Surface, Truth, check_flow
+
+FLOW = make_flow()
+SURFACE = FLOW.surface
+assert SURFACE is not None
+
+
+def changed(name: str, index: Any, value: float) -> dict[str, Any]:
+    """The field `name` of the flow with some values replaced."""
+    array = getattr(FLOW, name).copy()
+    array[index] = value
+    return {name: array}
+
+
+def both(index: Any, value: float) -> dict[str, Any]:
+    return {**changed("u", index, value), **changed("v", index, value)}
+
+
+def surface(name: str, change: Any) -> dict[str, Any]:
+    return {"surface": replace(SURFACE, **{name: change(getattr(SURFACE, name).copy())})}
+
+
+def with_value(value: float) -> Any:
+    def put(array: Any) -> Any:
+        array[3] = value
+        return array
+
+    return put
+
+
+NEGATIVE_SIGMA = np.full(FLOW.u.shape, 0.1, dtype=np.float32)
+NEGATIVE_SIGMA[FLOW.valid] = -0.1
+
+RULES: dict[str, tuple[dict[str, Any], str]] = {
+    "u as double": ({"u": FLOW.u.astype(float)}, "u must be float32 [T, Y, X], got float64 [12"),
+    "v transposed": ({"v": FLOW.v.T}, "v must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: tra"),
+    "c of one frame": ({"c": FLOW.c[0]}, "c must be float32 [T, Y, X], got 2 dimensions"),
+    "p of other size": ({"p": FLOW.p[:, 1:]}, "p must be [T, Y, X] = [12, 24, 20], got [12, 23"),
+    "x as float32": ({"x": FLOW.x.astype("f4")}, "x must be float64 [X], got float32 [20]"),
+    "t in 2D": ({"t": FLOW.t[None]}, "t must be float64 [T], got 2 dimensions"),
+    "one frame": ({"t": FLOW.t[:1]}, "t must hold at least two values, got 1"),
+    "u as a list": ({"u": [1.0]}, "u is missing"),
+    "NaN in x": (changed("x", 3, np.nan), "x must be finite, got NaN or infinity at index 3"),
+    "infinite t": (changed("t", 11, np.inf), "t must be finite"),
+    "y downwards": ({"y": FLOW.y[::-1].copy()}, "y must increase strictly, got"),
+    "x twice": (changed("x", 4, FLOW.x[3]), "x must increase strictly"),
+    "c of NaN": (changed("c", (3, 2, 1), np.nan), "c must be a volume fraction"),
+    "c in percent": ({"c": FLOW.c * 100}, "from 0 to 1 everywhere, got 0 to 100"),
+    "c negative": (changed("c", (3, 2, 1), -0.1), "got -0.1 to 1"),
+    "c never 1": ({"c": FLOW.c * np.float32(0.99)}, "got no such point (largest value 0.99)"),
+    "no grains at first": (changed("c", 0, 0.0), "c must be 1 at some point of the first frame"),
+    "u infinite": (changed("u", (3, 2, 1), -np.inf), "u must be finite, or NaN"),
+    "v infinite": (changed("v", (3, 2, 1), np.inf), "v must be finite, or NaN"),
+    "NaN in u alone": (changed("u", (3, 0, 0), np.nan), "same points, got 1 where only one"),
+    "frame of NaN": (both(4, np.nan), "only NaN in 1 of 12 frames (first: t = 0.427273)"),
+    "NaN where there are grains": (
+        {
+            "u": np.where(FLOW.c == 1, np.nan, 1).astype("f4"),
+            "v": np.where(FLOW.c == 1, np.nan, 1).astype("f4"),
+        },
+        "only NaN in 12 of 12 frames",
+    ),
+    "p of NaN": (changed("p", (3, 0, 0), np.nan), "p must be finite where c = 1"),
+    "sigma_u alone": ({"sigma_u": 0.1}, "got no sigma_v"),
+    "sigma zero": ({"sigma_u": 0.1, "sigma_v": 0.0}, "sigma_v must be positive and finite"),
+    "sigma negative": (
+        {"sigma_u": NEGATIVE_SIGMA, "sigma_v": 0.1},
+        "sigma_u must be positive and finite at every valid vector, got -0.1",
+    ),
+    "sigma NaN": ({"sigma_u": np.nan, "sigma_v": 1.0}, "sigma_u must be positive"),
+    "sigma of other size": (
+        {"sigma_u": NEGATIVE_SIGMA[1:], "sigma_v": 0.1},
+        "sigma_u must be [T, Y, X]",
+    ),
+    "empty surface": (
+        {"surface": Surface(*(np.empty(0) for _ in range(3)))},
+        "surface_t must hold at least one point",
+    ),
+    "short surface": (surface("y", lambda y: y[1:]), "surface_y must have as many points as surf"),
+    "surface of NaN": (surface("x", with_value(np.nan)), "surface_x must be finite"),
+    "surface pressure of NaN": (surface("p", with_value(np.inf)), "surface_p must be finite"),
+    "surface elsewhere": (surface("x", lambda x: x * 1000), "surface_x must lie within x"),
+    "surface at another time": (surface("t", lambda t: t + 9), "surface_t must lie within t"),
+    "negative density": ({"density": -1.0}, "density must be a positive number, got -1"),
+    "no grain size": ({"grain_diameter": 0.0}, "grain_diameter must be a positive number, got 0"),
+    "density NaN": ({"density": np.nan}, "density must be a positive number, got nan"),
+    "no gravity": ({"gravity": (0.0, 0.0)}, "gravity must be two finite numbers"),
+    "gravity in 3D": ({"gravity": (0.0, 0.0, -1.0)}, "gravity must be two finite numbers"),
+    "gravity NaN": ({"gravity": (0.0, np.nan)}, "gravity must be two finite numbers"),
+    "eta_max": ({"eta_max": np.inf}, "eta_max must be a positive number, got inf"),
+    "eta_min": ({"eta_min": 2e4}, "eta_min must be at least 0 and below eta_max"),
+    "true friction": ({"truth": Truth(mu_s=-0.1)}, "true_mu_s must be a positive number"),
+    "attribute": ({"attributes": {"list": [1, 2]}}, "attribute 'list' must be one number or text"),
+    "attribute name": ({"attributes": {"a/b": 1}}, "attribute 'a/b' must be one number or text"),
+}
+
+
+def test_the_flow_for_tests_keeps_every_rule() -> None:
+    check_flow(FLOW)
+    assert FLOW.valid.sum() > 1000
+
+
+def test_the_flow_for_tests_is_free_of_divergence() -> None:
+    """Central differences are exact in u (linear in x) and in v (quadratic in y)."""
+    u_x = (FLOW.u[:, 1:-1, 2:] - FLOW.u[:, 1:-1, :-2]) / (FLOW.x[2] - FLOW.x[0])
+    v_y = (FLOW.v[:, 2:, 1:-1] - FLOW.v[:, :-2, 1:-1]) / (FLOW.y[2] - FLOW.y[0])
+    inside = np.isfinite(u_x + v_y)
+    assert np.abs(u_x[inside]).max() > 1
+    np.testing.assert_allclose(u_x[inside], -v_y[inside], atol=1e-4)
+
+
+@pytest.mark.parametrize(("changes", "message"), RULES.values(), ids=RULES.keys())
+def test_broken_rule_is_named(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(FlowFileError) as caught:
+        check_flow(replace(FLOW, **changes))
+    text = str(caught.value)
+    assert message in text
+    assert ": " in text or "; " in text, "the sentence must end in what to do"
+    assert "\n" not in text
+
+
+def test_what_is_allowed() -> None:
+    gaps = FLOW.valid & (np.arange(FLOW.u.size).reshape(FLOW.u.shape) % 7 == 0)
+    rounding = FLOW.c.copy()
+    rounding[FLOW.c == 0] = -4e-13
+    allowed: Flow = replace(FLOW, **both(gaps, np.nan), c=rounding, eta_min=0.0)
+    check_flow(allowed)
+    check_flow(replace(FLOW, p=np.where(FLOW.c == 1, FLOW.p, np.nan).astype("f4")))

@@ -1,0 +1,160 @@
+"""Training set, surface set and test grid: which points, in which order, in which units."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from flows import make_flow
+
+from granpinn import data
+from granpinn.data import Flow, FlowFileError, training_set
+from granpinn.scales import Scales
+
+FLOW = make_flow()
+SCALES = Scales.from_flow(FLOW)
+SURFACE = FLOW.surface
+assert SURFACE is not None
+assert SURFACE.p is not None
+
+
+def with_gaps(flow: Flow) -> Flow:
+    u, v = flow.u.copy(), flow.v.copy()
+    gaps = np.arange(u.size).reshape(u.shape) % 7 == 0
+    u[gaps] = v[gaps] = np.nan
+    return replace(flow, u=u, v=v)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_data_points_are_the_valid_vectors_in_order(dtype: torch.dtype) -> None:
+    flow = with_gaps(FLOW)
+    data_set = training_set(flow, SCALES, "V1", dtype)
+    expected = [
+        (flow.x[k], flow.y[j], flow.t[i], flow.u[i, j, k], flow.v[i, j, k])
+        for i, j, k in np.ndindex(flow.u.shape)
+        if flow.c[i, j, k] == 1 and np.isfinite(flow.u[i, j, k])
+    ]
+    found = np.concatenate(
+        [
+            SCALES.points_to_physical(data_set.points),
+            SCALES.to_physical(data_set.velocity.numpy(), "velocity"),
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert {tensor.dtype for tensor in vars(data_set).values()} == {dtype}
+
+
+def test_bounds_are_those_of_the_points() -> None:
+    data_set = training_set(FLOW, SCALES)
+    assert torch.equal(data_set.lower, data_set.points.amin(0))
+    assert torch.equal(data_set.upper, data_set.points.amax(0))
+
+
+def test_no_time_zero() -> None:
+    early = replace(FLOW, t=FLOW.t - FLOW.t[2], surface=replace(SURFACE, t=SURFACE.t - FLOW.t[2]))
+    data_set = training_set(early, SCALES, "V2")
+    assert data_set.points[:, 2].min() > 0
+    assert data_set.surface_points[:, 2].min() > 0
+    assert len(data_set.points) == FLOW.valid[3:].sum()
+    with pytest.raises(FlowFileError, match="at t > 0, got none"):
+        training_set(replace(FLOW, t=FLOW.t - 9), SCALES)
+
+
+def test_levels() -> None:
+    v0, v1, v2 = (training_set(FLOW, SCALES, level) for level in ("V0", "V1", "V2"))
+    assert v0.surface_points.shape == (0, 3)
+    assert v0.surface_pressure.shape == (0,)
+    above_toe = SURFACE.y > SURFACE.y.min() + 2 * FLOW.grain_diameter
+    assert 0 < above_toe.sum() < len(SURFACE.y)
+    assert len(v1.surface_points) == above_toe.sum()
+    np.testing.assert_allclose(
+        SCALES.points_to_physical(v1.surface_points),
+        np.stack([SURFACE.x, SURFACE.y, SURFACE.t], -1)[above_toe],
+        rtol=1e-6,
+    )
+    assert torch.equal(v1.surface_pressure, torch.zeros(len(v1.surface_points)))
+    assert len(v2.surface_points) == len(SURFACE.y)
+
+
+def test_pressure_at_v2_only_and_dimensionless() -> None:
+    p = np.arange(SURFACE.y.size, dtype=np.float32)
+    flow = replace(FLOW, surface=replace(SURFACE, p=p))
+    assert not training_set(flow, SCALES, "V1").surface_pressure.any()
+    pressure = training_set(flow, SCALES, "V2", torch.float64).surface_pressure
+    np.testing.assert_allclose(pressure * SCALES.pressure, p, rtol=1e-12)
+
+
+def test_the_toe_is_low_against_gravity() -> None:
+    """With gravity along +x the lowest points are those with the largest x."""
+    flow = replace(FLOW, gravity=(9.81, 0.0), grain_diameter=0.05)
+    scales = Scales.from_flow(flow)
+    points = scales.points_to_physical(training_set(flow, scales, "V1").surface_points)
+    assert len(points) < SURFACE.x.size
+    assert points[:, 0].max() < SURFACE.x.max() - 0.1
+
+
+@pytest.mark.parametrize(
+    ("flow", "level", "message"),
+    [
+        (replace(FLOW, surface=None), "V1", "level V1 needs the free surface"),
+        (replace(FLOW, surface=None), "V2", "level V2 needs the free surface"),
+        (replace(FLOW, surface=replace(SURFACE, p=None)), "V2", "level V2 needs the pressure"),
+        (replace(FLOW, grain_diameter=9.0), "V1", "level V1 needs points of the free surface"),
+    ],
+)
+def test_a_level_needs_its_data(flow: Flow, level: str, message: str) -> None:
+    with pytest.raises(FlowFileError, match=message):
+        training_set(flow, SCALES, level)
+
+
+def test_unknown_level() -> None:
+    with pytest.raises(ValueError, match="level must be one of V0, V1, V2, got 'V3'"):
+        training_set(FLOW, SCALES, "V3")
+
+
+def test_training_never_sees_truth_or_reference_pressure() -> None:
+    blind = replace(FLOW, truth=None, p=None)
+    for a, b in zip(
+        vars(training_set(FLOW, SCALES, "V2")).values(),
+        vars(training_set(blind, SCALES, "V2")).values(),
+        strict=True,
+    ):
+        assert torch.equal(a, b)
+
+
+def test_weights() -> None:
+    assert torch.equal(
+        training_set(FLOW, SCALES).point_weights, torch.ones(int(FLOW.valid.sum()), 2)
+    )
+    uniform = training_set(replace(FLOW, sigma_u=0.1, sigma_v=0.3), SCALES)
+    assert torch.equal(uniform.point_weights, torch.ones(int(FLOW.valid.sum()), 2))
+    sigma = np.full(FLOW.u.shape, np.nan, dtype=np.float32)
+    sigma[FLOW.valid] = np.where(np.arange(FLOW.valid.sum()) % 2, 0.1, 0.2)
+    weights = training_set(
+        replace(FLOW, sigma_u=sigma, sigma_v=sigma), SCALES, dtype=torch.float64
+    ).point_weights
+    assert weights[:, 0].mean() == pytest.approx(1)
+    assert weights[1, 0] / weights[0, 0] == pytest.approx(4, rel=1e-6)
+    assert torch.equal(weights[:, 1], torch.ones(len(weights), dtype=torch.float64))
+
+
+def test_grid_for_scoring_holds_all_material_points() -> None:
+    grid = data.test_grid(with_gaps(FLOW), SCALES)
+    assert len(grid.points) == FLOW.material.sum()
+    frame, row, column = grid.indices
+    assert (FLOW.c[grid.indices] == 1).all()
+    np.testing.assert_allclose(
+        SCALES.points_to_physical(grid.points),
+        np.stack([FLOW.x[column], FLOW.y[row], FLOW.t[frame]], -1),
+        rtol=1e-14,
+    )
+    flat = np.ravel_multi_index(grid.indices, FLOW.u.shape)
+    assert (np.diff(flat) > 0).all()
+
+
+def test_height_is_measured_against_gravity() -> None:
+    assert replace(FLOW, gravity=(0.0, -2.0)).height(3.0, 4.0) == 4
+    assert replace(FLOW, gravity=(3.0, -4.0)).height(1.0, 0.0) == pytest.approx(-0.6)
