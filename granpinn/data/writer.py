@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import secrets
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from granpinn.atomic import atomic_path
 from granpinn.data.flow import Flow, Truth
 from granpinn.data.format import (
     DATASETS,
@@ -35,17 +35,9 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
         OSError: the file cannot be written.
     """
     check_flow(flow)
-    target = Path(path)
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with h5py.File(temporary, "x") as file:
-            _write_attributes(file, flow)
-            _write_arrays(file, flow)
-        _sync(temporary)
-        temporary.replace(target)
-        _sync(target.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        _write_attributes(file, flow)
+        _write_arrays(file, flow)
 
 
 def _write_attributes(file: h5py.File, flow: Flow) -> None:
@@ -106,11 +98,3 @@ def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
     encoded = text.encode()
     kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
     place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -228,6 +228,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "empty density": (lambda f: f.attrs.create("density", h5py.Empty("f8")), "must have a value"),
     "negative density": (lambda f: f.attrs.create("density", -2.0), "density must be a positive"),
     "two densities": (lambda f: f.attrs.create("density", [1.0, 2.0]), "density must be one"),
+    "zero densities": (lambda f: f.attrs.create("density", np.empty(0)), "got 0: correct it"),
     "no grain diameter": (lambda f: f.attrs.pop("grain_diameter"), "grain_diameter is missing"),
     "no unit": (lambda f: f.attrs.pop("length_unit"), "length_unit is missing"),
     "unit in another encoding": (

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import numpy as np
 from flows import make_flow
 
 from granpinn.data import write_flow
@@ -42,6 +43,12 @@ def _short_chunk(path: Path) -> None:
     """A chunk that unpacks to less than it declares."""
     with h5py.File(path, "r+") as file:
         file["u"].id.write_direct_chunk((0, 0, 0), zlib.compress(b"abc"))
+
+
+def _long_attribute(path: Path) -> None:
+    """More than the 64 KiB that HDF5 allows unless told otherwise."""
+    with h5py.File(path, "w", libver="latest") as file:
+        file.attrs.create("format_name", np.bytes_(b"m" * 10**6))
 
 
 def _keep(path: Path, part: float) -> None:
@@ -79,6 +86,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "overwritten root": (lambda p: _overwrite(p, 96, 600), "damaged or was cut off"),
     "sparse and huge": (lambda p: os.truncate(p, 2**40), "at most 1 GiB"),
     "damaged heap": (_damaged_heap, "got variable-length string"),
+    "long attribute": (_long_attribute, "format_name must be at most 65536 bytes"),
     "damaged chunk": (_damaged_chunk, "u "),
     "short chunk": (_short_chunk, "u must have chunks of"),
 }
