@@ -20,34 +20,33 @@ MARGIN = 1.02  # planned time over measured time
 WORTHWHILE = 0.02  # smallest relative change of the steps left that is worth a new plan
 
 
-def plan(training: Training, seconds: float, at_most: float) -> Schedule:
-    """The schedule of a run that has not begun and may take `seconds` and `at_most` steps."""
+def plan(training: Training, deadline: float, at_most: int) -> Schedule:
+    """The schedule of a run that has not begun, up to time.monotonic() == `deadline`."""
     schedule = training.schedule
     prefit = schedule.settings.prefit
-    begin = time.monotonic()
     pace = sum(
         weight * _pace(training, alone)
         for alone, weight in ((True, prefit), (False, 1 - prefit))
         if weight > 0
     )
-    seconds -= time.monotonic() - begin
-    return Schedule(_steps(seconds, pace, at_most), schedule.settings)
+    return Schedule(_steps(deadline, pace, at_most), schedule.settings)
 
 
 def corrected(
-    training: Training, since: tuple[int, float], seconds: float, at_most: float
+    training: Training, since: tuple[int, float], deadline: float, at_most: int
 ) -> Schedule:
-    """The schedule whose end is in `seconds`, from the pace since (step, clock) `since`."""
+    """The schedule that ends at `deadline`, from the pace since (step, clock) `since`."""
     schedule, step = training.schedule, training.step
     pace = (time.monotonic() - since[1]) / (step - since[0])
-    total = step + _steps(seconds, pace, at_most - step)
+    total = step + _steps(deadline, pace, at_most - step)
     if abs(total - schedule.total) < WORTHWHILE * (schedule.total - step):
         return schedule
     return schedule.replanned(step, total)
 
 
-def _steps(seconds: float, pace: float, at_most: float) -> int:
-    return max(1, math.floor(min(at_most, seconds / (MARGIN * pace))))
+def _steps(deadline: float, pace: float, at_most: int) -> int:
+    seconds = deadline - time.monotonic()
+    return max(1, min(at_most, math.floor(seconds / (MARGIN * pace))))
 
 
 def _pace(training: Training, velocity_alone: bool) -> float:

@@ -6,10 +6,12 @@ what the lost steps wrote is written again.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -79,21 +81,32 @@ class History:
         """Force what was written to the disk; length of the file in bytes."""
         if self._file is None:
             return 0
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        with self._naming_the_file():
+            os.fsync(self._file.fileno())
         return self._file.tell()
 
     def close(self) -> None:
         if self._file is not None:
-            self._file.close()
+            # Every row was flushed: what a close cannot write has been reported before.
+            with contextlib.suppress(OSError):
+                self._file.close()
             self._file = None
 
     def _write(self, values: object) -> None:
         assert self._file is not None
         text = io.StringIO(newline="")
         csv.writer(text, lineterminator="\n").writerow(values)  # type: ignore[arg-type]
-        self._file.write(text.getvalue().encode())
-        self._file.flush()
+        with self._naming_the_file():
+            self._file.write(text.getvalue().encode())
+            self._file.flush()
+
+    @contextlib.contextmanager
+    def _naming_the_file(self) -> Iterator[None]:
+        """Errors of the operating system on an open file do not say which it is."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
 
 
 def _parse(text: str) -> list[Row]:

@@ -79,12 +79,12 @@ def identify(
     data = training_set(seen, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(seen, scales, data, config)
     objective = Objective(posed, data, config.batch, config.seed, device)
-    seconds = None
+    deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
-        seconds = config.max_time - kept - (time.monotonic() - begin)
+        deadline = begin + config.max_time - kept
     folder = None if run_dir is None else _prepare(Path(run_dir), config)
-    run = Run(objective, config, folder, progress or Silent(), seconds)
+    run = Run(objective, config, folder, progress or Silent(), deadline)
     run.train()
 
     model = Model(posed, *run.training.solution(), scales)

@@ -78,36 +78,42 @@ class Lines(Silent):
 
 
 class Bar(Silent):
-    """A bar with the time left, the identified values and the loss terms, by rich."""
+    """A bar with the time left; below it the identified values and the loss terms. By rich."""
 
     def __init__(self) -> None:
+        from rich import progress
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-        from rich.progress import Progress as RichProgress
+        from rich.live import Live
 
         columns = (
-            BarColumn(bar_width=20),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.description}"),
+            progress.TextColumn("step"),
+            progress.MofNCompleteColumn(),
+            progress.BarColumn(),
+            progress.TimeRemainingColumn(),
+            progress.TextColumn("left"),
         )
-        self.bar = RichProgress(*columns, console=Console(stderr=True))
+        self.bar = progress.Progress(*columns)
+        self.live = Live(self.bar, console=Console(stderr=True))
 
     def start(self, total: int, done: int) -> None:
         self.task = self.bar.add_task("", total=total, completed=done)
-        self.bar.start()
+        self.live.start()
 
     def total(self, steps: int) -> None:
         self.bar.update(self.task, total=steps)
 
     def show(self, row: Row) -> None:
-        self.bar.update(self.task, completed=row.step, description=describe(row))
+        from rich.console import Group
+        from rich.text import Text
+
+        self.bar.update(self.task, completed=row.step)
+        self.live.update(Group(self.bar, Text(describe(row))))
 
     def message(self, text: str) -> None:
-        self.bar.console.print(text, markup=False, highlight=False)
+        self.live.console.print(text, markup=False, highlight=False)
 
     def stop(self) -> None:
-        self.bar.stop()
+        self.live.stop()
 
 
 class TensorBoard(Silent):

@@ -10,8 +10,6 @@ import hashlib
 import time
 from pathlib import Path
 
-import torch
-
 from granpinn import checkpoint, clock
 from granpinn.config import Config, ConfigError, identity
 from granpinn.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
@@ -29,7 +27,7 @@ class Run:
     """One run; `folder` is None for a run that leaves nothing on disk.
 
     Attributes:
-        seconds: what the time limit leaves for training, None without one.
+        deadline: value of time.monotonic() when training has to end, None without a time limit.
         wall_s: time spent in training, over all resumptions.
         stopped: what set the number of steps, "steps" or "max_time".
     """
@@ -40,12 +38,12 @@ class Run:
         config: Config,
         folder: Path | None,
         progress: Progress,
-        seconds: float | None,
+        deadline: float | None,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
         self.progress = progress
-        self.seconds = seconds
+        self.deadline = deadline
         self.stopped = "steps"
         self.checkpoints = None if folder is None else folder / "checkpoint"
         self.history = History(None if folder is None else folder / "history.csv")
@@ -57,11 +55,11 @@ class Run:
 
     def train(self) -> None:
         """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
-        if not (self.config.resume and self._resume()):
-            self._begin()
         training = self.training
-        self.progress.start(training.schedule.total, training.step)
         try:
+            if not (self.config.resume and self._resume()):
+                self._begin()
+            self.progress.start(training.schedule.total, training.step)
             with signals() as caught:
                 self._loop(caught)
         finally:
@@ -69,8 +67,8 @@ class Run:
             self.history.close()
 
     def _begin(self) -> None:
-        if self.seconds is not None:
-            plan = clock.plan(self.training, self.seconds, self.at_most)
+        if self.deadline is not None:
+            plan = clock.plan(self.training, self.deadline, self.at_most)
             self.training.schedule = plan
             self.stopped = "steps" if plan.total == self.at_most else "max_time"
         self.history.open(0)
@@ -89,7 +87,7 @@ class Run:
         checkpoint.restore(found, self.training.tensors())
         self.training.set_plain_state(found.state["training"])
         self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
-        self.seconds = None  # the plan of the checkpoint stands
+        self.deadline = None  # the plan of the checkpoint stands
         self.history.open(found.state["history_bytes"])
         self._mark()
         return True
@@ -124,18 +122,16 @@ class Run:
         self.history.append(row)
         self.training.remember()
         self.progress.show(row)
-        if self.seconds is not None:
-            self._correct_plan(now)
+        if self.deadline is not None:
+            self._correct_plan(now, self.deadline)
 
-    def _correct_plan(self, now: float) -> None:
-        assert self.seconds is not None
+    def _correct_plan(self, now: float, deadline: float) -> None:
         training = self.training
         if training.schedule.velocity_alone(training.step):
             self.corrected, self.corrected_step = now, training.step
-        elif now - self.corrected > CORRECT_EVERY * self.seconds:
-            left = self.seconds - (now - self.started)
+        elif now - self.corrected > CORRECT_EVERY * (deadline - self.started):
             since = (self.corrected_step, self.corrected)
-            training.schedule = clock.corrected(training, since, left, self.at_most)
+            training.schedule = clock.corrected(training, since, deadline, self.at_most)
             training.remember()
             self.corrected, self.corrected_step = now, training.step
             self.progress.total(training.schedule.total)
@@ -159,16 +155,10 @@ class Run:
         if self.checkpoints is None:
             return
         self.wall_s = self.before + time.monotonic() - self.started
-        try:
-            written = self.history.flush()
-        except OSError as error:
-            raise checkpoint.CheckpointError(
-                f"{self.history.path} could not be written ({error.strerror}): make room"
-            ) from error
         settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
         state = {
             "training": self.training.plain_state(),
-            "history_bytes": written,
+            "history_bytes": self.history.flush(),
             "wall_s": self.wall_s,
             "stopped": self.stopped,
             "settings": settings,
@@ -191,5 +181,5 @@ def _digest(objective: Objective) -> str:
     """SHA-256 of all that the network is fitted to."""
     sha = hashlib.sha256()
     for tensor in objective.tensors().values():
-        sha.update(tensor.cpu().contiguous().view(torch.uint8).numpy().data)
+        sha.update(tensor.cpu().numpy().tobytes())
     return sha.hexdigest()

@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _train(parse(sys.argv[1:] if argv is None else argv))
     except (ConfigError, FlowFileError) as error:
         return _fail(2, str(error))
-    except (CheckpointError, NonFiniteError) as error:
+    except (CheckpointError, NonFiniteError, OSError) as error:
         return _fail(1, str(error))
     except Interrupted as error:
         return _fail(128 + error.signum, str(error))

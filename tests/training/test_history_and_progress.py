@@ -1,0 +1,194 @@
+"""history.csv, and what a run shows."""
+
+from __future__ import annotations
+
+import builtins
+import dataclasses
+import io
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from granpinn import progress
+from granpinn.config import ConfigError
+from granpinn.data import Flow
+from granpinn.history import COLUMNS, History, Row
+from granpinn.progress import Bar, Lines, Silent, TensorBoard, describe, duration
+from tests.training.conftest import make_run, tiny
+
+NAN = math.nan
+
+
+def row(step: int, **changes: float) -> Row:
+    values = dict.fromkeys(COLUMNS[1:], 0.1 + 1e-17 * step) | {"mu_s": 0.4, "mu_2": 0.6} | changes
+    return Row(step=step, **values)
+
+
+def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    history = History(path)
+    history.open(0)
+    rows = [row(1, loss=1 / 3), row(2, loss=1e-300, momentum=NAN), row(3)]
+    for r in rows:
+        history.append(r)
+    size = history.flush()
+    history.close()
+    assert size == path.stat().st_size
+    again = History(path)
+    again.open(size)
+    assert [repr(r) for r in again.rows] == [repr(r) for r in rows]
+    again.append(row(4))
+    again.close()
+    lines = path.read_text().splitlines()
+    assert lines[0] == ",".join(COLUMNS)
+    assert len(lines) == 5
+    assert ",," in lines[2]
+    assert "nan" not in path.read_text()
+
+
+def test_rows_after_the_offset_are_dropped(tmp_path: Path) -> None:
+    history = History(tmp_path / "history.csv")
+    history.open(0)
+    history.append(row(1))
+    offset = history.flush()
+    history.append(row(2))
+    history.close()
+    history.open(offset)
+    assert [r.step for r in history.rows] == [1]
+    history.close()
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize("on_disk", [True, False])
+def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
+    path = tmp_path / "history.csv" if on_disk else None
+    history = History(path)
+    history.open(0)
+    for step in (1, 2, 3):
+        history.append(row(step))
+    history.forget_after(2)
+    history.append(row(3, loss=7.0))
+    assert [(r.step, r.loss) for r in history.rows][1:] == [(2, history.rows[1].loss), (3, 7.0)]
+    history.flush()
+    history.close()
+    if path is not None:
+        assert [line.split(",")[0] for line in path.read_text().splitlines()[1:]] == list("123")
+
+
+def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> None:
+    run = make_run(tiny(), flow, tmp_path / "run")
+    run.train()
+    prefit, whole = run.history.rows[0], run.history.rows[-1]
+    assert math.isnan(prefit.momentum)
+    assert math.isfinite(prefit.velocity)
+    assert all(math.isfinite(value) for value in vars(whole).values())
+    assert whole.loss == pytest.approx(
+        sum(
+            weight * getattr(whole, name)
+            for weight, name in zip(
+                run.training.objective.problem.term_weights, COLUMNS[3:8], strict=True
+            )
+        ),
+        rel=1e-5,
+    )
+
+
+def test_lines_say_what_a_log_needs() -> None:
+    stream = io.StringIO()
+    lines = Lines(stream, every=0.0)
+    lines.start(100, 50)
+    lines.total(200)
+    lines.show(row(60, momentum=NAN))
+    lines.message("something happened")
+    first, second = stream.getvalue().splitlines()
+    assert first.startswith("step 60/200  mu_s 0.4000  mu_2 0.6000  loss 0.1")
+    assert "vel 1.0e-01" in first
+    assert "mom" not in first
+    assert first.endswith("left")
+    assert second == "something happened"
+
+
+def test_lines_are_few_but_the_last_is_shown() -> None:
+    stream = io.StringIO()
+    lines = Lines(stream, every=1e9)
+    lines.start(30, 0)
+    for step in (10, 20, 30):
+        lines.show(row(step))
+    lines.stop()
+    assert [line.split()[1] for line in stream.getvalue().splitlines()] == ["10/30", "30/30"]
+
+
+def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = Bar()
+    bar.start(10, 0)
+    bar.show(row(4))
+    bar.total(8)
+    bar.message("a [bracket] is no markup")
+    bar.show(row(8))
+    bar.stop()
+    text = capsys.readouterr().err
+    assert "8/8" in text
+    assert "a [bracket] is no markup" in text
+
+
+def test_the_terminal_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert isinstance(progress.automatic(), Bar)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
+    assert isinstance(progress.automatic(), Lines)
+
+
+class Writer:
+    def __init__(self, folder: str) -> None:
+        self.folder, self.values, self.closed = folder, [], False  # type: ignore[var-annotated]
+
+    def add_scalar(self, name: str, value: float, step: int) -> None:
+        self.values.append((name, value, step))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_tensorboard_gets_every_finite_value(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    module: Any = type(sys)("torch.utils.tensorboard")
+    module.SummaryWriter = Writer
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", module)
+    stream = io.StringIO()
+    board = TensorBoard(tmp_path, Lines(stream, every=0.0))
+    board.start(10, 0)
+    board.total(20)
+    board.show(row(5, surface=NAN))
+    board.message("text")
+    board.stop()
+    names = {name for name, _, _ in board.writer.values}
+    assert names == set(COLUMNS) - {"step", "surface"}
+    assert board.writer.closed
+    assert "step 5/20" in stream.getvalue()
+
+
+def test_tensorboard_that_is_missing_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *args: Any) -> Any:
+        if name.startswith("torch.utils.tensorboard"):
+            raise ImportError(name)
+        return real(name, *args)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(ConfigError, match=r"pip install granpinn\[tensorboard\]"):
+        TensorBoard(tmp_path, Silent())
+
+
+def test_text_of_durations_and_rows() -> None:
+    assert [duration(s) for s in (4, 65, 3723)] == ["0:04", "1:05", "1:02:03"]
+    unused = dataclasses.replace(row(1), surface=NAN, continuity=NAN)
+    assert "surf" not in describe(unused)
+    assert "div" not in describe(unused)
+    assert "law" in describe(unused)

@@ -1,0 +1,178 @@
+"""`granpinn.identify`: the whole chain in memory and on disk, blind to what it must not see."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import granpinn
+from granpinn import identification, recipes, results
+from granpinn.arguments import read_toml
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow, FlowFileError, Truth
+from granpinn.identification import choose_device, identify
+from granpinn.run import Run
+from tests.training.conftest import tiny
+
+
+def test_the_public_name_is_this_function() -> None:
+    assert granpinn.identify is identify
+    assert granpinn.Config is Config
+
+
+def test_a_notebook_needs_no_folder(flow: Flow, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = identify(flow, tiny())
+    assert 0 < result.parameters.mu_s.value < result.parameters.mu_2.value
+    assert results.Parameter(0.3, fixed=True) == result.parameters.I0
+    assert result.parameters.mu_s.std is None
+    assert result.timing.steps == 40
+    assert result.stopped == "steps"
+    assert result.error_percent.velocity is not None
+    assert result.error_percent.mu_s is not None
+    assert result.data.noise == 0
+    assert (result.level, result.form, result.recipe) == ("V1", "mixed", "default")
+    assert result.device == "cpu"
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    config = tiny(seed=2)
+    result = identify(flow_file, config, run_dir=folder)
+    names = {"results.json", "fields.h5", "history.csv", "config.toml", "checkpoint"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert results.read_results(folder / "results.json").parameters == result.parameters
+    assert result.input.name == "heap.h5"
+    assert len(result.input.sha256) == 64
+    assert recipes.build(read_toml(folder / "config.toml")) == config
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+@pytest.mark.parametrize("level", ["V0", "V1", "V2"])
+def test_every_form_at_every_level(form: str, level: str, flow: Flow) -> None:
+    result = identify(flow, tiny(form=form, level=level, steps=3, optimizer__prefit=0.0))
+    assert (result.form, result.level) == (form, level)
+    assert (result.data.n_surface > 0) is (level != "V0")
+
+
+def test_the_paper_recipe_runs(flow: Flow) -> None:
+    result = identify(flow, recipes.make("paper", steps=3, network__widths=(9, 7)))
+    assert (result.recipe, result.form, result.level) == ("paper", "strong", "V2")
+
+
+def test_epochs_are_passes_over_the_points(flow: Flow) -> None:
+    config = tiny(steps=None, epochs=2)
+    result = identify(flow, config)
+    assert result.timing.steps == 2 * -(-result.data.n_points // config.batch.interior)
+
+
+@pytest.mark.parametrize(
+    "blind",
+    [
+        {"truth": None},
+        {"truth": Truth(mu_s=0.1, mu_2=0.9, I0=0.5)},
+        {"p": None},
+    ],
+    ids=["no truth", "other truth", "no reference pressure"],
+)
+def test_training_sees_no_truth_and_no_reference_pressure(
+    blind: dict[str, Any], flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[Run] = []
+    real = Run.train
+
+    def train(run: Run) -> None:
+        runs.append(run)
+        real(run)
+
+    monkeypatch.setattr(Run, "train", train)
+    identify(flow, tiny())
+    identify(dataclasses.replace(flow, **blind), tiny())
+    one, other = runs
+    assert one.data_sha256 == other.data_sha256
+    for name, tensor in one.training.tensors().items():
+        assert torch.equal(tensor, other.training.tensors()[name])
+
+
+def test_noise_is_seen_by_the_training_and_not_by_the_scores(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Flow] = []
+    real = identification.training_set
+
+    def training_set(flow: Flow, *args: Any) -> Any:
+        seen.append(flow)
+        return real(flow, *args)
+
+    monkeypatch.setattr(identification, "training_set", training_set)
+    references: list[Any] = []
+    real_predict = identification.predict
+
+    def predict(flow: Flow, model: identification.Model) -> Any:
+        references.append(flow)
+        return real_predict(flow, model)
+
+    monkeypatch.setattr(identification, "predict", predict)
+    result = identify(flow, tiny(noise=0.2, seed=5))
+    assert result.data.noise == 0.2
+    assert not np.array_equal(seen[0].u[flow.valid], flow.u[flow.valid])
+    assert references == [flow]
+
+
+def test_two_runs_never_mix(flow: Flow, tmp_path: Path) -> None:
+    identify(flow, tiny(), run_dir=tmp_path)
+    with pytest.raises(ConfigError, match=r"already holds a run \(results.json\): add --resume"):
+        identify(flow, tiny(), run_dir=tmp_path)
+    before = (tmp_path / "config.toml").read_text()
+    identify(flow, tiny(resume=True), run_dir=tmp_path)
+    assert (tmp_path / "config.toml").read_text() == before
+
+
+def test_resuming_needs_a_folder(flow: Flow) -> None:
+    with pytest.raises(ConfigError, match="resume needs a run folder"):
+        identify(flow, tiny(resume=True))
+
+
+def test_bad_data_leaves_no_folder(flow: Flow, tmp_path: Path) -> None:
+    with pytest.raises(FlowFileError, match="V1"):
+        identify(dataclasses.replace(flow, surface=None), tiny(), run_dir=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_flow_that_breaks_a_rule_is_refused(flow: Flow) -> None:
+    with pytest.raises(FlowFileError, match="density"):
+        identify(dataclasses.replace(flow, density=-1.0), tiny())
+
+
+def test_a_folder_that_is_a_file_is_refused(flow: Flow, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written to"):
+        identify(flow, tiny(), run_dir=tmp_path / "file")
+
+
+def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    def kernels(there: bool) -> None:
+        name = "_dispatch_has_kernel_for_dispatch_key"
+        monkeypatch.setattr(torch._C, name, lambda op, key: there)
+
+    def gpu(there: bool) -> None:
+        monkeypatch.setattr(torch.cuda, "is_available", lambda: there)
+
+    kernels(False)
+    gpu(True)
+    assert choose_device("auto").type == choose_device("cpu").type == "cpu"
+    with pytest.raises(ConfigError, match="--device cuda needs the CUDA kernels"):
+        choose_device("cuda")
+    kernels(True)
+    assert choose_device("auto").type == choose_device("cuda").type == "cuda"
+    assert choose_device("cpu").type == "cpu"
+    gpu(False)
+    assert choose_device("auto").type == "cpu"
+    with pytest.raises(ConfigError, match="--device cuda needs a GPU"):
+        choose_device("cuda")

@@ -1,0 +1,220 @@
+"""The command: exit codes, one sentence for bad input, and what is left when something fails."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn import checkpoint, results, train
+from granpinn.data import Flow, write_flow
+from granpinn.guard import Interrupted, NonFiniteError
+from tests.flows import make_flow
+
+FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
+
+
+@pytest.fixture
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The figures have their own tests and take seconds."""
+    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+
+
+def run(*argv: object) -> int:
+    return train.main([*map(str, argv), *FLAGS])
+
+
+def refused(capsys: pytest.CaptureFixture[str], code: int, *argv: object) -> str:
+    """The one sentence on stderr with which the command ends."""
+    capsys.readouterr()
+    assert train.main([*map(str, argv)]) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("granpinn.train: ")
+    assert err.endswith("\n")
+    assert err.count("\n") == 1
+    return err
+
+
+@pytest.mark.usefixtures("no_report")
+def test_it_prints_the_result_and_where_the_report_is(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(flow_file, "--out", tmp_path / "run", "--seed", 3) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^mu_s +0\.\d{4}", out, re.MULTILINE)
+    assert f"report: {tmp_path / 'run' / 'report.html'}" in out
+    assert results.read_results(tmp_path / "run" / "results.json").seed == 3
+
+
+@pytest.mark.usefixtures("no_report")
+def test_resume_needs_nothing_but_the_folder(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    first = capsys.readouterr().out
+    (tmp_path / "run" / "results.json").unlink()
+    assert train.main(["--out", str(tmp_path / "run"), "--resume"]) == 0
+    assert capsys.readouterr().out == first
+
+
+def test_results_are_written_before_the_figures(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(folder: Path) -> None:
+        raise RuntimeError("no figure today")
+
+    monkeypatch.setattr(train.report, "build", crash)
+    with pytest.raises(RuntimeError, match="no figure today"):
+        run(flow_file, "--out", tmp_path / "run")
+    assert results.read_results(tmp_path / "run" / "results.json").timing.steps == 6
+    assert (tmp_path / "run" / "fields.h5").exists()
+
+
+def text_file(path: Path, flow: Flow) -> None:
+    path.write_text("t, x, y\n")
+
+
+def without_u(path: Path, flow: Flow) -> None:
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        del file["u"]
+
+
+def transposed(path: Path, flow: Flow) -> None:
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        u = file["u"][:]
+        del file["u"]
+        file["u"] = np.ascontiguousarray(u.T)
+
+
+def rewritten(name: str, value: float, frames: slice = slice(None)) -> Any:
+    def write(path: Path, flow: Flow) -> None:
+        write_flow(flow, path)
+        with h5py.File(path, "r+") as file:
+            file[name][frames] = value
+
+    return write
+
+
+def negative_density(path: Path, flow: Flow) -> None:
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["density"] = -1.0
+
+
+def without_surface(path: Path, flow: Flow) -> None:
+    write_flow(make_flow(surface=None), path)
+
+
+def without_surface_p(path: Path, flow: Flow) -> None:
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        del file["surface_p"]
+
+
+def missing(path: Path, flow: Flow) -> None:
+    """No file at all."""
+
+
+BAD_FILES: dict[str, tuple[Any, list[str], str]] = {
+    "missing": (missing, [], "flow.h5"),
+    "text": (text_file, [], "HDF5"),
+    "without u": (without_u, [], r"\bu\b"),
+    "transposed": (transposed, [], r"\bu must be .*\[T, Y, X\]"),
+    "frames of NaN": (rewritten("u", np.nan), [], "valid|NaN|finite"),
+    "no material": (rewritten("c", 0.0), [], "c = 1|c == 1|grains"),
+    "density": (negative_density, [], "density"),
+    "no surface at V1": (without_surface, [], "V1"),
+    "no surface_p at V2": (without_surface_p, ["--level", "V2"], "V2"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_FILES)
+def test_a_bad_flow_file_is_refused_in_one_sentence(
+    case: str, flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write, flags, expected = BAD_FILES[case]
+    path = tmp_path / "flow.h5"
+    write(path, flow)
+    err = refused(capsys, 2, path, "--out", tmp_path / "run", *flags)
+    assert re.search(expected, err)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_missing_argument_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "FLOW" in refused(capsys, 2)
+    assert "--out" in refused(capsys, 2, "flow.h5")
+
+
+def test_cuda_that_is_not_there_is_refused(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(train.identify.__globals__["torch"].cuda, "is_available", lambda: False)
+    err = refused(capsys, 2, flow_file, "--out", tmp_path / "run", "--device", "cuda")
+    assert "--device cuda needs" in err
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_checkpoint_that_cannot_be_written_ends_the_run(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint, "_write", full)
+    err = refused(capsys, 1, flow_file, "--out", tmp_path / "run", *FLAGS)
+    assert str(tmp_path / "run" / "checkpoint" / "step-000000000") in err
+    assert "No space left on device" in err
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (Interrupted(15, "stopped at step 7"), 143),
+        (Interrupted(2, "stopped at step 7"), 130),
+        (KeyboardInterrupt(), 130),
+        (NonFiniteError("the loss became NaN"), 1),
+    ],
+)
+def test_exit_codes(
+    error: BaseException, code: int, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    def fail(*args: object, **kwargs: object) -> None:
+        raise error
+
+    monkeypatch.setattr(train, "identify", fail)
+    refused(capsys, code, "flow.h5", "--out", "run")
+
+
+@pytest.mark.usefixtures("no_report")
+def test_tensorboard_listens_too(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Any] = []
+
+    class Board(train.progress.Silent):
+        def __init__(self, folder: Path, inner: Any) -> None:
+            made.append(folder)
+
+    monkeypatch.setattr(train.progress, "TensorBoard", Board)
+    assert run(flow_file, "--out", tmp_path / "run", "--tensorboard") == 0
+    assert made == [tmp_path / "run"]
+
+
+def test_python_m_granpinn_train_is_this_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["granpinn.train"])
+    monkeypatch.delitem(sys.modules, "granpinn.train")
+    with pytest.raises(SystemExit) as stop:
+        runpy.run_module("granpinn.train", run_name="__main__")
+    assert stop.value.code == 2
+    assert "FLOW" in capsys.readouterr().err
