@@ -78,14 +78,15 @@ def training_set(
         )
     indices = _indices(used)
     points = _points(flow, scales, indices)
-    velocity = scales.to_dimensionless(np.stack([flow.u[used], flow.v[used]], -1), "velocity")
+    measured = np.stack([flow.u[used], flow.v[used]], -1, dtype=np.float64)
+    velocity = scales.to_dimensionless(measured, "velocity")
     weights = np.stack([_velocity_weights(flow, used), np.ones(len(points))], -1)
     surface_points, surface_pressure = _surface(flow, scales, level)
 
     def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
 
-    return TrainingSet(
+    training = TrainingSet(
         tensor(points),
         tensor(velocity),
         tensor(weights),
@@ -94,6 +95,13 @@ def training_set(
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
     )
+    for name, values in vars(training).items():
+        if not torch.isfinite(values).all():
+            raise FlowFileError(
+                f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
+                "an overflow: check the units and the values of the flow"
+            )
+    return training
 
 
 def test_grid(flow: Flow, scales: Scales) -> TestGrid:

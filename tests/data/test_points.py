@@ -115,6 +115,14 @@ def test_unknown_level() -> None:
         training_set(FLOW, SCALES, "V3")
 
 
+def test_numbers_that_overflow_are_refused() -> None:
+    u = FLOW.u.copy()
+    u[FLOW.valid] = 3e38
+    tiny = Scales(1e-3, 1e-3, 1.0, 1.0)
+    with pytest.raises(FlowFileError, match=r"velocity must be finite as torch\.float32"):
+        training_set(replace(FLOW, u=u), tiny)
+
+
 def test_training_never_sees_truth_or_reference_pressure() -> None:
     blind = replace(FLOW, truth=None, p=None)
     for a, b in zip(
