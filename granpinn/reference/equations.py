@@ -2,9 +2,9 @@ r"""The equations as residuals, by nested automatic differentiation.
 
 The raw outputs z [N, K] of a network become fields by
 
-    form "strong" (K = 3, the paper):   u = U z_0, v = U z_1, p = P z_2
-    form "mixed"  (K = 5):              u = U z_0, v = U z_1, p = P softplus(z_2),
-                                        tau_1 = p z_3, tau_2 = p z_4
+    strong form, K = 3 (the paper):   u = U z_0, v = U z_1, p = P z_2
+    mixed form, K = 5:                u = U z_0, v = U z_1, p = P softplus(z_2),
+                                      tau_1 = p z_3, tau_2 = p z_4
 
 with tau = [[tau_1, tau_2], [tau_2, -tau_1]]. The mixed form is a deviation from the paper, which
 has no stress unknowns: it needs no second derivatives, no viscosity and no clamp, and the stress
@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from granpinn import rheology
-from granpinn.reference.network import RawNetwork, gradient, member, network
+from granpinn.reference.network import RawNetwork, gradient, network
 
 # gamma_dot = sqrt(... + SMOOTHING): the shear rate keeps a finite derivative in material at rest.
 SMOOTHING = 1e-12
@@ -41,9 +41,10 @@ class Physics(NamedTuple):
     p_floor: float  # pressure below which I no longer grows
 
 
-def pressure(z_2: Tensor, P: float, form: str) -> Tensor:
-    """p from the third raw output: P z_2 (strong, the paper) or P softplus(z_2) >= 0 (mixed)."""
-    return P * z_2 if form == "strong" else -P * torch.nn.functional.logsigmoid(-z_2)
+def pressure(z: Tensor, P: float) -> Tensor:
+    """p from raw outputs z [..., K]: P z_2 (K = 3, the paper) or P softplus(z_2) >= 0 (K = 5)."""
+    z_2 = z[..., 2]
+    return P * z_2 if z.shape[-1] == 3 else -P * torch.nn.functional.logsigmoid(-z_2)
 
 
 def constitutive(D_1: Tensor, D_2: Tensor, s_1: Tensor, s_2: Tensor, mu: Tensor) -> list[Tensor]:
@@ -71,23 +72,22 @@ def residuals(
     points = points.detach().requires_grad_()
     z = raw(points)
     if form == "strong":
-        return _strong_form(z, points, theta, Physics(*physics), pressure_form="strong")
+        return _strong_form(z, points, theta, Physics(*physics))
     if form == "mixed":
         return _mixed_form(z, points, theta, Physics(*physics))
     raise ValueError(f'form must be "strong" or "mixed", got "{form}"')
 
 
-def _strong_form(
-    z: Tensor, points: Tensor, theta: Tensor, physics: Physics, pressure_form: str
-) -> Tensor:
+def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> Tensor:
     r"""(e_u, e_v, div v) [N, 3] of equations (3a) and (3b):
 
     $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g. $$
 
-    The divergence differentiates the stress 2 eta D itself, with eta in it.
+    The divergence differentiates the stress 2 eta D itself, with eta in it. A network of the mixed
+    form has a strong residual too: that of its first three fields.
     """
     u, v = physics.U * z[:, 0], physics.U * z[:, 1]
-    p = pressure(z[:, 2], physics.P, pressure_form)
+    p = pressure(z, physics.P)
     u_x, u_y, u_t = gradient(u, points).unbind(1)
     v_x, v_y, v_t = gradient(v, points).unbind(1)
     p_x, p_y, _ = gradient(p, points).unbind(1)
@@ -114,7 +114,7 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> T
     and of the friction law as `constitutive` writes it.
     """
     u, v = physics.U * z[:, 0], physics.U * z[:, 1]
-    p = pressure(z[:, 2], physics.P, "mixed")
+    p = pressure(z, physics.P)
     s_1, s_2 = z[:, 3], z[:, 4]
     u_x, u_y, u_t = gradient(u, points).unbind(1)
     v_x, v_y, v_t = gradient(v, points).unbind(1)
@@ -166,28 +166,7 @@ def strong_residual(
     input_shift: Sequence[float],
     input_scale: Sequence[float],
     physics: Sequence[float],
-    form: str,
 ) -> Tensor:
-    """(e_u, e_v, div v) [N, 3] (or [E, N, 3]) of the first three fields of either form's network.
-
-    `form` says how the network was trained, hence how its third output maps to the pressure.
-    """
-    if params.ndim == 2:
-        return torch.stack(
-            [
-                strong_residual(
-                    member(points, e, 2),
-                    w,
-                    member(theta, e, 1),
-                    widths,
-                    input_shift,
-                    input_scale,
-                    physics,
-                    form,
-                )
-                for e, w in enumerate(params)
-            ]
-        )
-    points = points.detach().requires_grad_()
-    z = network(params, widths, input_shift, input_scale)(points)
-    return _strong_form(z, points, theta, Physics(*physics), pressure_form=form)
+    """(e_u, e_v, div v) [N, 3] of the strong form, for a network of either form."""
+    raw = network(params, widths, input_shift, input_scale)
+    return residuals(raw, points, theta, physics, "strong").detach()

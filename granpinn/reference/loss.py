@@ -25,7 +25,7 @@ def loss_terms(
     physics: Sequence[float],
     form: str,
 ) -> Tensor:
-    r"""The five terms [5] of one network, differentiable in params and theta; 0 over no points.
+    r"""The five terms [5] of one network, differentiable in params and theta.
 
     With N points (weights w_v for the velocity, w_f for the equations) and M surface points:
 
@@ -33,7 +33,9 @@ def loss_terms(
         surface       1/(2M) sum (p - p_surface)^2                        equation (14)
         momentum      1/(2N) sum w_f (e_u^2 + e_v^2)                      equation (11)
         continuity    1/(2N) sum w_f (div v)^2                            equation (11)
-        constitutive  1/(2N) sum w_f (r_1^2 + r_2^2)                      mixed form only
+        constitutive  1/(2N) sum w_f (r_1^2 + r_2^2)                      mixed form
+
+    A term over no points, or of equations that `form` does not have, is 0; form "data" has none.
 
     Args:
         points, velocity, point_weights: [N, 3], (u, v) [N, 2], (w_v, w_f) [N, 2].
@@ -44,23 +46,25 @@ def loss_terms(
     w_v, w_f = point_weights.unbind(1)
 
     misfit = U * raw(points)[:, :2] - velocity
-    misfit_surface = pressure(raw(surface_points)[:, 2], P, form) - surface_pressure
-    e_u, e_v, div_v, *r = residuals(raw, points, theta, physics, form).unbind(1)
-    constitutive = torch.stack([torch.zeros_like(div_v), *(r_i**2 for r_i in r)]).sum(0)
+    misfit_surface = pressure(raw(surface_points), P) - surface_pressure
+    none = misfit.new_zeros(len(points), 0)
+    e = none if form == "data" else residuals(raw, points, theta, physics, form)
+    momentum, continuity, constitutive = e[:, :2], e[:, 2:3], e[:, 3:]
 
     return torch.stack(
         [
-            _half_mean(w_v * (misfit**2).sum(1)),
-            _half_mean(misfit_surface**2),
-            _half_mean(w_f * (e_u**2 + e_v**2)),
-            _half_mean(w_f * div_v**2),
-            _half_mean(w_f * constitutive),
+            _half_mean(w_v, misfit),
+            _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
+            _half_mean(w_f, momentum),
+            _half_mean(w_f, continuity),
+            _half_mean(w_f, constitutive),
         ]
     )
 
 
-def _half_mean(squares: Tensor) -> Tensor:
-    return squares.sum() / (2 * max(len(squares), 1))
+def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
+    """1/(2N) sum of weights [N] times |vectors [N, .]|^2."""
+    return (weights * (vectors**2).sum(1)).sum() / (2 * max(len(vectors), 1))
 
 
 def residual_loss(

@@ -1,0 +1,212 @@
+"""The one table that drives the kernel tests: random problems, a pure function of their index.
+
+All numbers are drawn in float32 and held in float64, so that casting a problem to float32 loses
+nothing: every difference between two precisions is then an error of the computation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+Form = Literal["strong", "mixed"]
+
+POINTS = (1, 31, 33, 65_537)
+# Points times parameters of one oracle evaluation; keeps a configuration near a second.
+BUDGET = 1e7
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One row of the table. `members` is the ensemble size, None for no ensemble axis."""
+
+    index: int
+    form: Form
+    points: int
+    surface_points: int
+    hidden: tuple[int, ...]
+    regime: Literal["flowing", "low pressure", "slow"]
+    members: int | None
+    threads: int
+
+    @property
+    def widths(self) -> list[int]:
+        return [3, *self.hidden, 3 if self.form == "strong" else 5]
+
+    def __str__(self) -> str:
+        hidden = "x".join(map(str, self.hidden))
+        ensemble = "" if self.members is None else f"-E{self.members}"
+        regime = self.regime.replace(" ", "_")
+        return (
+            f"{self.index}-{self.form}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
+        )
+
+
+def parameter_count(widths: list[int]) -> int:
+    return sum(n_out * (n_in + 1) for n_in, n_out in pairwise(widths))
+
+
+def configuration(index: int) -> Configuration:
+    """Row `index` of the table, any non-negative integer."""
+    rng = np.random.default_rng(index)
+    points = POINTS[3] if index % 20 == 19 or index % 40 == 10 else int(rng.choice(POINTS[:3]))
+    members = None if rng.random() < 0.6 else int(rng.integers(1, 4))
+    row = Configuration(
+        index=index,
+        form="strong" if index % 2 else "mixed",
+        points=points,
+        surface_points=int(rng.choice([0, 1, 17, 64])),
+        hidden=(),
+        regime=("flowing", "low pressure", "slow")[index % 3],
+        members=members,
+        threads=int(rng.integers(1, 3)),
+    )
+    while True:
+        depth = int(rng.integers(1, 9))
+        widest = int(rng.choice([1, 8, 33, 64, 256]))
+        hidden = tuple(int(width) for width in rng.integers(1, widest + 1, depth))
+        if rng.random() < 0.5:
+            hidden = (widest,) * depth
+        row = replace(row, hidden=hidden)
+        if points * parameter_count(row.widths) * (members or 1) <= BUDGET:
+            return row
+
+
+def small(form: Form, **changes: Any) -> Configuration:
+    """A small, well-conditioned row outside the table, for tests of one property."""
+    row = Configuration(
+        index=1000,
+        form=form,
+        points=33,
+        surface_points=5,
+        hidden=(17, 8),
+        regime="flowing",
+        members=None,
+        threads=1,
+    )
+    return replace(row, **changes)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that the ops take, for one configuration and one draw of points."""
+
+    params: Tensor
+    theta: Tensor
+    points: Tensor
+    velocity: Tensor
+    point_weights: Tensor
+    surface_points: Tensor
+    surface_pressure: Tensor
+    term_weights: Tensor
+    widths: list[int]
+    input_shift: list[float]
+    input_scale: list[float]
+    physics: list[float]
+    form: Form
+
+    def to(self, dtype: torch.dtype) -> Problem:
+        cast: dict[str, Any] = {
+            f.name: getattr(self, f.name).to(dtype)
+            for f in fields(self)
+            if isinstance(getattr(self, f.name), Tensor)
+        }
+        return replace(self, **cast)
+
+    def part(self, start: int, stop: int, surface_start: int = 0, surface_stop: int = 0) -> Problem:
+        """The same networks with a range of the points and of the surface points."""
+        points, surface = slice(start, stop), slice(surface_start, surface_stop)
+        return replace(
+            self,
+            points=self.points[..., points, :],
+            velocity=self.velocity[..., points, :],
+            point_weights=self.point_weights[..., points, :],
+            surface_points=self.surface_points[..., surface, :],
+            surface_pressure=self.surface_pressure[..., surface],
+        )
+
+    def member(self, e: int) -> Problem:
+        """Member e of an ensemble as a problem of its own."""
+        ranks = {"params": 1, "theta": 1, "surface_pressure": 1, "term_weights": 1}
+        tensors = {f.name: getattr(self, f.name) for f in fields(self)}
+        own: dict[str, Any] = {
+            name: x[e]
+            for name, x in tensors.items()
+            if isinstance(x, Tensor) and x.ndim > ranks.get(name, 2)
+        }
+        return replace(self, **own)
+
+    @property
+    def network(self) -> tuple[Tensor, Tensor, list[int], list[float], list[float]]:
+        """Arguments of network_value, and of network_jet up to the order."""
+        return (self.points, self.params, self.widths, self.input_shift, self.input_scale)
+
+    @property
+    def strong(self) -> tuple[Any, ...]:
+        """Arguments of strong_residual."""
+        scaling = (self.widths, self.input_shift, self.input_scale)
+        return (self.points, self.params, self.theta, *scaling, self.physics)
+
+    @property
+    def loss(self) -> tuple[Any, ...]:
+        """Arguments of residual_loss."""
+        return tuple(getattr(self, f.name) for f in fields(self))
+
+
+def problem(row: Configuration, draw: int = 0) -> Problem:
+    """The network of `row`, always the same, with points and data number `draw`."""
+    weights, data = (
+        np.random.default_rng([row.index, 0]),
+        np.random.default_rng([row.index, 1, draw]),
+    )
+    E = () if row.members is None else (row.members,)
+    shared = E and row.index % 4 == 0  # an ensemble whose members see the same data
+    E_data = () if shared else E
+    N, M = row.points, row.surface_points
+
+    eta_min, eta_max = 1e-3, 1e4
+    U, P, p_shift = {
+        "flowing": (1.0, 1.0, 1.0),
+        "low pressure": (1.0, 1e-3, 0.0 if row.form == "strong" else -6.0),
+        "slow": (1e-4, 1.0, 1.0),
+    }[row.regime]
+    return Problem(
+        params=_params(row, weights, E, p_shift),
+        theta=_tensor(weights.uniform((0.2, 0.5, 0.2), (0.5, 0.9, 0.4), (*E, 3))),
+        points=_tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, N, 3))),
+        velocity=_tensor(U * data.normal(size=(*E_data, N, 2))),
+        point_weights=_tensor(data.uniform(0.1, 1, (*E_data, N, 2))),
+        surface_points=_tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, M, 3))),
+        surface_pressure=_tensor(P * data.uniform(0, 1, (*E_data, M))),
+        term_weights=_tensor(weights.uniform(0.2, 2, 5)),
+        widths=row.widths,
+        input_shift=_floats(weights.uniform(-0.5, 0.5, 3)),
+        input_scale=_floats(weights.uniform(0.3, 1.5, 3)),
+        physics=_floats([0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P]),
+        form=row.form,
+    )
+
+
+def _params(
+    row: Configuration, rng: np.random.Generator, E: tuple[int, ...], p_shift: float
+) -> Tensor:
+    """Weights of variance 2/fan_in and biases of 0.3: outputs of order one at every depth."""
+    layers = []
+    for n_in, n_out in pairwise(row.widths):
+        layers.append(rng.normal(scale=np.sqrt(2 / n_in), size=(*E, n_out * n_in)))
+        layers.append(rng.normal(scale=0.3, size=(*E, n_out)))
+    layers[-1][..., 2] += p_shift
+    return _tensor(np.concatenate(layers, axis=-1))
+
+
+def _tensor(values: np.ndarray) -> Tensor:
+    return torch.from_numpy(values.astype(np.float32)).double()
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(np.float32(value)) for value in values]

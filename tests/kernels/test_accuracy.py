@@ -1,0 +1,40 @@
+"""K-1: every fused output and derivative, no worse than plain float32 autograd. See accuracy.py.
+
+60 rows of the table run always; the others, up to 500, with `-m long`. `python -m
+bench.kernel_accuracy` publishes medians and worst ratios.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import pytest
+
+from .accuracy import compare
+from .configurations import Configuration, configuration
+
+ROWS = [configuration(index) for index in range(500)]
+
+
+@pytest.mark.parametrize(
+    "row",
+    [*ROWS[:60], *(pytest.param(row, marks=pytest.mark.long) for row in ROWS[60:])],
+    ids=str,
+)
+def test_no_worse_than_float32_autograd(row: Configuration, ops: ModuleType) -> None:
+    comparisons = compare(row, ops)
+    failed = [comparison for comparison in comparisons if not comparison.passed]
+    assert not failed
+    # grad theta vanishes where a limit of the viscosity holds at every point
+    assert {c.name for c in comparisons if c.norm == 0} <= {"grad theta"}
+
+
+def test_the_table_covers_what_it_promises() -> None:
+    rows = ROWS[:60]
+    assert {row.points for row in rows} == {1, 31, 33, 65_537}
+    assert {len(row.hidden) for row in rows} == set(range(1, 9))
+    assert {1, 256} <= {width for row in rows for width in row.hidden}
+    assert {row.regime for row in rows} == {"flowing", "low pressure", "slow"}
+    assert {row.members for row in rows} == {None, 1, 2, 3}
+    assert {row.threads for row in rows} == {1, 2}
+    assert {row.form for row in rows if row.points == 65_537} == {"strong", "mixed"}

@@ -1,0 +1,90 @@
+"""V-1 for the kernels' equations, and the fused loss against them: two roads, one number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from types import ModuleType
+
+import pytest
+import torch
+
+from granpinn import reference
+
+from .configurations import Problem, configuration, problem, small
+from .manufactured import FIELDS, PHYSICS, THETA, manufactured
+from .test_oracle import FORMS, POINTS, worst_relative_error
+
+
+@pytest.mark.parametrize(("name", "form"), list(product(FIELDS, FORMS)))
+def test_residuals_of_manufactured_fields(name: str, form: str, ops: ModuleType) -> None:
+    case = manufactured(name, form)
+    points = case.points(POINTS)
+    theta = torch.tensor(THETA, dtype=torch.float64)
+    got = ops.pointwise_residuals(case.raw_jets(points), theta, PHYSICS, form)
+    assert worst_relative_error(got, case.residuals(points)) <= 1e-12
+
+
+def single(index: int) -> Problem:
+    """A row of the table with 33 points, its first network only."""
+    case = problem(replace(configuration(index), points=33))
+    return case.member(0) if case.params.ndim == 2 else case
+
+
+@pytest.mark.parametrize("index", range(0, 40, 4))
+def test_the_fused_loss_is_that_of_its_jets(index: int, ops: ModuleType) -> None:
+    """Network, jets and equations in separate ops give the terms of the fused loss."""
+    case = single(index)
+    jets = ops.network_jet(*case.network, 2 if case.form == "strong" else 1)
+    e = ops.pointwise_residuals(jets, case.theta, case.physics, case.form)
+    w_f = case.point_weights[:, 1:]
+    N = len(case.points)
+    _, terms, _, _ = ops.residual_loss(*case.loss)
+    expected = torch.stack([(w_f * part**2).sum() for part in (e[:, :2], e[:, 2:3], e[:, 3:])])
+    torch.testing.assert_close(terms[2:], expected / (2 * N), rtol=1e-11, atol=0)
+
+
+@pytest.mark.parametrize("index", range(1, 40, 6))
+def test_strong_residual_of_either_network(index: int, ops: ModuleType) -> None:
+    case = single(index)
+    got, exact = ops.strong_residual(*case.strong), reference.strong_residual(*case.strong)
+    torch.testing.assert_close(got, exact, rtol=1e-8, atol=1e-10 * float(exact.abs().max()))
+    assert not got.requires_grad
+
+
+@pytest.mark.parametrize("members", [None, 1, 3])
+@pytest.mark.parametrize("form", [*FORMS, "data"])
+def test_loss_and_gradient_in_float64(form: str, members: int | None, ops: ModuleType) -> None:
+    """Every output of the fused loss, to the last digits; "data" leaves the equations out."""
+    case = problem(small("strong" if form == "strong" else "mixed", members=members))
+    arguments = (*case.loss[:-1], form)
+    names = ("loss", "terms", "grad_params", "grad_theta")
+    exact = dict(zip(names, reference.residual_loss(*arguments), strict=True))
+    got = dict(zip(names, ops.residual_loss(*arguments), strict=True))
+    for name in names:
+        torch.testing.assert_close(
+            got[name], exact[name], rtol=1e-9, atol=1e-11 * float(exact[name].abs().max())
+        )
+    if form == "data":
+        assert not got["terms"][..., 2:].any()
+        assert not got["grad_theta"].any()
+
+
+def test_members_of_an_ensemble_are_independent(ops: ModuleType) -> None:
+    """An ensemble gives, bit for bit, what its members give alone."""
+    case = problem(small("mixed", members=3)).to(torch.float32)
+    together = ops.residual_loss(*case.loss)
+    for e in range(3):
+        for one, all_ in zip(ops.residual_loss(*case.member(e).loss), together, strict=True):
+            assert torch.equal(one, all_[e])
+
+
+def test_first_and_second_order_jets_agree(ops: ModuleType) -> None:
+    case = problem(small("strong"))
+    value, first, second = (
+        ops.network_value(*case.network),
+        ops.network_jet(*case.network, 1),
+        ops.network_jet(*case.network, 2),
+    )
+    torch.testing.assert_close(first[0], value, rtol=1e-13, atol=1e-14)
+    torch.testing.assert_close(second[:4], first, rtol=1e-13, atol=1e-14)
