@@ -126,10 +126,13 @@ class TensorBoard(Silent):
             raise ConfigError(
                 "--tensorboard needs the package tensorboard: pip install granpinn[tensorboard]"
             ) from None
-        self.writer: Any = SummaryWriter(str(folder / "tensorboard"))
+        self.make_writer: Any = SummaryWriter
+        self.writer: Any = None
+        self.folder = folder / "tensorboard"
         self.inner = inner
 
     def start(self, total: int, done: int) -> None:
+        self.writer = self.make_writer(str(self.folder))
         self.inner.start(total, done)
 
     def total(self, steps: int) -> None:
@@ -145,7 +148,8 @@ class TensorBoard(Silent):
         self.inner.message(text)
 
     def stop(self) -> None:
-        self.writer.close()
+        if self.writer is not None:
+            self.writer.close()
         self.inner.stop()
 
 

@@ -62,6 +62,22 @@ def test_rows_after_the_offset_are_dropped(tmp_path: Path) -> None:
     assert len((tmp_path / "history.csv").read_text().splitlines()) == 2
 
 
+def test_a_disk_that_fails_is_reported_with_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "history.csv"
+    history = History(path)
+    history.open(0)
+
+    def fail(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fail)
+    with pytest.raises(OSError, match="No space left on device.*history.csv"):
+        history.flush()
+    history.close()
+
+
 @pytest.mark.parametrize("on_disk", [True, False])
 def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
     path = tmp_path / "history.csv" if on_disk else None
@@ -160,6 +176,8 @@ def test_tensorboard_gets_every_finite_value(
     monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", module)
     stream = io.StringIO()
     board = TensorBoard(tmp_path, Lines(stream, every=0.0))
+    board.stop()
+    assert board.writer is None
     board.start(10, 0)
     board.total(20)
     board.show(row(5, surface=NAN))

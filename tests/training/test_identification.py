@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.identification import choose_device, identify
 from granpinn.run import Run
-from tests.training.conftest import tiny
+from tests.training.conftest import make_training, tiny
 
 
 def test_the_public_name_is_this_function() -> None:
@@ -176,3 +177,33 @@ def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     assert choose_device("auto").type == "cpu"
     with pytest.raises(ConfigError, match="--device cuda needs a GPU"):
         choose_device("cuda")
+
+
+def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
+    training = make_training(tiny(optimizer__average=0.25), flow)
+    states = []
+    while not training.finished:
+        training.advance()
+        states.append((training.params.clone(), training.scalars.values.clone()))
+    params, theta = training.solution()
+    expected = [torch.stack(values).mean(0) for values in zip(*states[30:], strict=True)]
+    torch.testing.assert_close(params, expected[0])
+    torch.testing.assert_close(theta, training.scalars.theta(expected[1]))
+
+
+def test_a_time_limit_leaves_time_for_the_report(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deadlines: list[float] = []
+    real = Run.train
+
+    def train(run: Run) -> None:
+        assert run.deadline is not None
+        deadlines.append(run.deadline - time.monotonic())
+        run.deadline = None
+        real(run)
+
+    monkeypatch.setattr(Run, "train", train)
+    for max_time in (40.0, 600.0):
+        identify(flow, tiny(max_time=max_time))
+    assert deadlines == pytest.approx([30, 570], abs=5)

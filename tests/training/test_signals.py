@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -106,3 +107,18 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
 
 def test_the_limit_of_this_process_is_untouched() -> None:
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
+
+
+def test_outside_the_main_thread_nothing_is_caught() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    received: list[int | None] = []
+
+    def work() -> None:
+        with signals() as caught:
+            assert signal.getsignal(signal.SIGINT) is before
+            received.append(caught.received)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert received == [None]
