@@ -1,0 +1,114 @@
+"""What a wrong argument is told: what was expected, what was given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import pytest
+import torch
+
+from .configurations import Problem, problem, small
+
+N, M = 33, 5  # of the mixed problem below; its network has P parameters
+CASE = problem(small("mixed"))
+P = len(CASE.params)
+
+WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
+    "half precision": (
+        {"params": CASE.params.half()}, TypeError, r"params.*float32 or float64.*Half"),
+    "other precision": (
+        {"points": CASE.points.float()}, TypeError, r"points.*params.*Float"),
+    "integers": ({"velocity": torch.zeros(N, 2, dtype=torch.int64)}, TypeError, "velocity.*Long"),
+    "too few parameters": (
+        {"params": CASE.params[:-1]}, ValueError, rf"params.*\[{P}\].*\[{P - 1}\]"),
+    "widths of another network": (
+        {"widths": [3, 7, 5]}, ValueError, rf"params.*\[{3 * 7 + 7 + 7 * 5 + 5}\].*\[{P}\]"),
+    "two inputs": ({"widths": [2, 17, 8, 5]}, ValueError, r"widths.*3.*\[2, 17, 8, 5\]"),
+    "an empty layer": ({"widths": [3, 0, 5]}, ValueError, r"widths.*\[3, 0, 5\]"),
+    "no layer": ({"widths": [3]}, ValueError, r"widths.*\[3\]"),
+    "two shifts": ({"input_shift": [0.0, 0.0]}, ValueError, r"input_shift.*3.*2"),
+    "points of a plane": (
+        {"points": CASE.points[:, :2]}, ValueError, rf"points.*\[N, 3\].*\[{N}, 2\]"),
+    "ensemble of points": (
+        {"points": CASE.points.expand(2, N, 3)}, ValueError, rf"points.*\[2, {N}, 3\]"),
+    "theta without I_0": ({"theta": CASE.theta[:2]}, ValueError, r"theta.*\[3\].*\[2\]"),
+    "velocity of other points": (
+        {"velocity": CASE.velocity[1:]}, ValueError, rf"velocity.*\[{N}, 2\].*\[{N - 1}, 2\]"),
+    "one weight a point": (
+        {"point_weights": CASE.point_weights[:, 0]}, ValueError, rf"point_weights.*\[{N}, 2\]"),
+    "surface points of a plane": (
+        {"surface_points": CASE.surface_points[:, :2]}, ValueError, r"surface_points.*\[N, 3\]"),
+    "pressure elsewhere": (
+        {"surface_pressure": CASE.surface_pressure[1:]}, ValueError,
+        rf"surface_pressure.*\[{M}\].*\[{M - 1}\]"),
+    "four terms": ({"term_weights": CASE.term_weights[:4]}, ValueError, r"\[5\].*\[4\]"),
+    "seven numbers": ({"physics": CASE.physics[:7]}, ValueError, r"physics.*p_floor.*7"),
+    "another form": ({"form": "weak"}, ValueError, "'mixed', 'strong' or 'data', got 'weak'"),
+    "five fields in the strong form": ({"form": "strong"}, ValueError, "strong.*3.*5"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_argument_of_the_loss(name: str, ops: ModuleType) -> None:
+    change, error, message = WRONG[name]
+    with pytest.raises(error, match=f"(?s){message}"):
+        ops.residual_loss(*replace(CASE, **change).loss)
+
+
+@pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "term_weights"])
+def test_data_have_no_gradient(name: str, ops: ModuleType) -> None:
+    learning = replace(CASE, **{name: getattr(CASE, name).clone().requires_grad_()})
+    with pytest.raises(ValueError, match=f"{name} must not require a gradient"):
+        ops.residual_loss(*learning.loss)
+
+
+def test_points_of_a_jet_have_no_gradient(ops: ModuleType) -> None:
+    points = CASE.points.clone().requires_grad_()
+    with pytest.raises(ValueError, match=r"points must not require a gradient.*detach"):
+        ops.network_jet(points, *CASE.network[1:], 1)
+
+
+@pytest.mark.parametrize("order", [-1, 3])
+def test_order_of_a_jet(order: int, ops: ModuleType) -> None:
+    with pytest.raises(ValueError, match=f"order must be .*got {order}"):
+        ops.network_jet(*CASE.network, order)
+
+
+def test_ensemble_of_another_size(ops: ModuleType) -> None:
+    case: Problem = problem(small("mixed", members=2))
+    with pytest.raises(ValueError, match=r"(?s)theta.*E = 2.*\[3, 3\]"):
+        ops.residual_loss(*replace(case, theta=torch.ones(3, 3, dtype=torch.float64)).loss)
+
+
+@pytest.mark.parametrize(
+    ("shape", "form", "message"),
+    [
+        ((4, 6, 4), "mixed", r"\[4, N, 5\].*\[4, 6, 4\]"),
+        ((4, 6, 3), "strong", r"\[7, N, 3 or 5\].*\[4, 6, 3\]"),
+        ((7, 6), "strong", r"\[7, N, 3 or 5\].*\[7, 6\]"),
+        ((4, 6, 5), "data", "'mixed' or 'strong', got 'data'"),
+    ],
+)
+def test_raw_jets(shape: tuple[int, ...], form: str, message: str, ops: ModuleType) -> None:
+    jets = torch.zeros(shape, dtype=torch.float64)
+    with pytest.raises(ValueError, match=message):
+        ops.pointwise_residuals(jets, CASE.theta, CASE.physics, form)
+
+
+def test_viscosity_of_unlike_fields(ops: ModuleType) -> None:
+    gamma_dot, p, theta = torch.ones(4), torch.ones(3), torch.ones(3)
+    with pytest.raises(ValueError, match=r"p must be \[4\].*\[3\]"):
+        ops.viscosity(gamma_dot, p, theta, 0.02, 0, 1, 1e-4)
+    with pytest.raises(TypeError, match=r"gamma_dot.*float32 or float64.*Long"):
+        ops.viscosity(gamma_dot.long(), p, theta, 0.02, 0, 1, 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("count", "population", "message"),
+    [(-1, 10, "count.*-1"), (3, 0, "population.*0"), (3, 2**32, "population.*4294967296")],
+)
+def test_indices_of_nothing(count: int, population: int, message: str, ops: ModuleType) -> None:
+    with pytest.raises(ValueError, match=message):
+        ops.sample_indices(0, 0, 0, count, population)

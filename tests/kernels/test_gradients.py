@@ -1,0 +1,183 @@
+"""K-2, gradcheck of every differentiable input, and V-2, derivatives against differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from .configurations import Form, Problem, problem, small
+
+LAW = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
+FORMS = ("strong", "mixed")
+
+
+def tiny(form: Form, members: int | None = None) -> Problem:
+    return problem(small(form, points=5, hidden=(6, 4), members=members))
+
+
+def flow(n: int) -> list[Tensor]:
+    """gamma_dot, p [n] and theta [3] in flowing material."""
+    rng = torch.Generator().manual_seed(0)
+    gamma_dot, p = (0.5 + torch.rand(2, n, generator=rng, dtype=torch.float64)).unbind(0)
+    return [gamma_dot, p, torch.tensor([0.4, 0.65, 0.3], dtype=torch.float64)]
+
+
+def differentiable(*tensors: Tensor) -> tuple[Tensor, ...]:
+    return tuple(tensor.clone().requires_grad_() for tensor in tensors)
+
+
+def gradcheck(function: Callable[..., Any], *inputs: Tensor) -> None:
+    assert torch.autograd.gradcheck(
+        function, differentiable(*inputs), rtol=1e-5, atol=1e-7, nondet_tol=0
+    )
+
+
+@pytest.mark.parametrize("members", [None, 2])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_gradcheck_of_the_network(order: int, members: int | None, ops: ModuleType) -> None:
+    case = tiny("mixed", members)
+
+    def jet(params: Tensor) -> Any:
+        arguments = (case.points, params, *case.network[2:])
+        return ops.network_jet(*arguments, order) if order else ops.network_value(*arguments)
+
+    gradcheck(jet, case.params)
+
+
+@pytest.mark.parametrize("form", [*FORMS, "data"])
+@pytest.mark.parametrize("members", [None, 2])
+def test_gradcheck_of_the_loss(form: str, members: int | None, ops: ModuleType) -> None:
+    case = tiny("strong" if form == "strong" else "mixed", members)
+
+    def loss(params: Tensor, theta: Tensor) -> Any:
+        return ops.residual_loss(params, theta, *case.loss[2:-1], form)[0]
+
+    gradcheck(loss, case.params, case.theta)
+
+
+def test_gradcheck_of_the_viscosity(ops: ModuleType) -> None:
+    gradcheck(lambda *inputs: ops.viscosity(*inputs, *LAW), *flow(20))
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_backward_hands_out_the_returned_gradients(form: Form, ops: ModuleType) -> None:
+    case = tiny(form, 2)
+    params, theta = differentiable(case.params, case.theta)
+    loss, terms, grad_params, grad_theta = ops.residual_loss(params, theta, *case.loss[2:])
+    assert not any(x.requires_grad for x in (terms, grad_params, grad_theta))
+    weights = torch.tensor([2.0, -3.0], dtype=torch.float64)
+    by_params, by_theta = torch.autograd.grad(loss, (params, theta), weights)
+    assert by_params.any()
+    assert by_theta.any()
+    assert torch.equal(by_params, weights.unsqueeze(1) * grad_params)
+    assert torch.equal(by_theta, weights.unsqueeze(1) * grad_theta)
+
+
+def test_second_derivatives_are_refused(ops: ModuleType) -> None:
+    """A gradient of a gradient must raise: without its second-order part it would be wrong."""
+    case = tiny("mixed")
+    params, theta = differentiable(case.params, case.theta)
+    gamma_dot, p, law = differentiable(*flow(4))
+    outputs: list[tuple[Tensor, Tensor]] = [
+        (ops.network_value(case.points, params, *case.network[2:]).square().sum(), params),
+        (ops.network_jet(case.points, params, *case.network[2:], 1).square().sum(), params),
+        (ops.residual_loss(params, theta, *case.loss[2:])[0].square(), params),
+        (ops.viscosity(gamma_dot, p, law, *LAW).square().sum(), gamma_dot),
+    ]
+    for output, leaf in outputs:
+        (first,) = torch.autograd.grad(output, leaf, create_graph=True)
+        with pytest.raises(RuntimeError):
+            torch.autograd.grad(first.sum(), leaf)
+
+
+def slope(
+    function: Callable[[Tensor], Tensor], at: Tensor, direction: Tensor, derivative: Tensor
+) -> float:
+    """Order of convergence of central differences of `function` to `derivative`.
+
+    A right derivative leaves the truncation error h^2; a wrong one a constant, slope 0.
+    """
+    steps = np.geomspace(1e-3, 1e-2, 6)
+    errors = []
+    for h in steps:
+        difference = (function(at + h * direction) - function(at - h * direction)) / (2 * h)
+        errors.append(float((difference - derivative).norm()))
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def unit(like: Tensor) -> Tensor:
+    rng = torch.Generator().manual_seed(3)
+    direction = torch.randn(like.shape, generator=rng, dtype=like.dtype)
+    unit_vector: Tensor = direction / direction.norm()
+    return unit_vector
+
+
+@pytest.mark.parametrize(
+    ("channel", "of", "axis"),
+    [(1, 0, 0), (2, 0, 1), (3, 0, 2), (4, 1, 0), (5, 1, 1), (5, 2, 0), (6, 2, 1)],
+    ids=["z_x", "z_y", "z_t", "z_xx", "z_xy as (z_x)_y", "z_xy as (z_y)_x", "z_yy"],
+)
+def test_slope_of_jet_channels(channel: int, of: int, axis: int, ops: ModuleType) -> None:
+    case = problem(small("mixed"))
+
+    def jet(points: Tensor, order: int) -> Any:
+        return ops.network_jet(points, *case.network[1:], order)
+
+    direction = torch.zeros(3, dtype=torch.float64)
+    direction[axis] = 1
+    derivative = jet(case.points, 2)[channel]
+    order = slope(lambda points: jet(points, 1)[of], case.points, direction, derivative)
+    assert order == pytest.approx(2, abs=0.05)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_slope_of_the_jet_in_the_weights(order: int, ops: ModuleType) -> None:
+    case = problem(small("strong"))
+    direction = unit(case.params)
+
+    def jet(params: Tensor) -> Any:
+        arguments = (case.points, params, *case.network[2:])
+        jet: Tensor = ops.network_jet(*arguments, order) if order else ops.network_value(*arguments)
+        return jet.square().sum()
+
+    (params,) = differentiable(case.params)
+    (gradient,) = torch.autograd.grad(jet(params), params)
+    assert slope(jet, case.params, direction, gradient @ direction) == pytest.approx(2, abs=0.05)
+
+
+@pytest.mark.parametrize("variable", ["params", "theta"])
+@pytest.mark.parametrize("form", FORMS)
+def test_slope_of_the_loss(form: Form, variable: str, ops: ModuleType) -> None:
+    case = problem(small(form))
+    at = getattr(case, variable)
+    # along mu_s or mu_2 alone the strong loss is a parabola, exact at every step: go along I_0 too
+    direction = unit(at)
+    _, _, grad_params, grad_theta = ops.residual_loss(*case.loss)
+    gradient = grad_params if variable == "params" else grad_theta
+
+    def loss(moved: Tensor) -> Any:
+        params, theta = (moved, case.theta) if variable == "params" else (case.params, moved)
+        return ops.residual_loss(params, theta, *case.loss[2:])[0]
+
+    assert slope(loss, at, direction, gradient @ direction) == pytest.approx(2, abs=0.05)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2], ids=["gamma_dot", "p", "theta"])
+def test_slope_of_the_viscosity(index: int, ops: ModuleType) -> None:
+    inputs = flow(50)
+    leaves = differentiable(*inputs)
+    gradient = torch.autograd.grad(ops.viscosity(*leaves, *LAW).sum(), leaves)[index]
+    direction = unit(inputs[index])
+
+    def total(moved: Tensor) -> Any:
+        arguments = [moved if i == index else x for i, x in enumerate(inputs)]
+        return ops.viscosity(*arguments, *LAW).sum()
+
+    order = slope(total, inputs[index], direction, gradient @ direction)
+    assert order == pytest.approx(2, abs=0.05)
