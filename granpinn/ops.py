@@ -12,8 +12,15 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
-from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
+try:
+    from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
+except ImportError as error:
+    raise ImportError(
+        "granpinn's kernels are not built for this Python and torch: build them from a clone with "
+        "pip install --no-build-isolation -e . (python -m granpinn.doctor says more)"
+    ) from error
 
 TERMS = ("velocity", "surface", "momentum", "continuity", "constitutive")
 """The loss terms, in the order of ``residual_loss``."""
@@ -167,7 +174,7 @@ def sample_indices(
     return indices
 
 
-# ---- shapes for tracing, and gradients -----------------------------------------------------------
+# ---- shapes for tracing, and first gradients (a second derivative is refused) ------------------
 
 
 def _leading(params: Tensor) -> list[int]:
@@ -230,6 +237,7 @@ def _jet_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     ctx.network = network
 
 
+@once_differentiable
 def _jet_backward(ctx, grad):  # type: ignore[no-untyped-def]
     points, params = ctx.saved_tensors
     return (
@@ -267,6 +275,7 @@ def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     ctx.save_for_backward(grad_params, grad_theta)
 
 
+@once_differentiable
 def _loss_backward(ctx, grad, *_others):  # type: ignore[no-untyped-def]
     grad_params, grad_theta = ctx.saved_tensors
     scale = grad.unsqueeze(-1)
@@ -283,6 +292,7 @@ def _viscosity_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     ctx.constants = inputs[3:]
 
 
+@once_differentiable
 def _viscosity_backward(ctx, grad):  # type: ignore[no-untyped-def]
     return (*_ops.viscosity_backward(grad, *ctx.saved_tensors, *ctx.constants), *([None] * 4))
 

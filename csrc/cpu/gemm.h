@@ -35,14 +35,8 @@ __attribute__((noinline)) void product_rows(const Product<T>& g, int row, int co
   using V = Vec<T>;
   constexpr int NV = 2;
   V acc[M][NV];
-  T* out = g.out + row * g.out_row + column;
   for (int m = 0; m < M; ++m)
-    for (int n = 0; n < NV; ++n) {
-      V start(T(0));
-      if (g.bias) start = V(g.bias[row + m]);
-      if (g.accumulate) start = V::load(out + m * g.out_row + n * kLanes<T>);
-      acc[m][n] = start;
-    }
+    for (int n = 0; n < NV; ++n) acc[m][n] = V(T(0));
   const std::ptrdiff_t p_row = g.p_row, p_k = g.p_k;
   for (int o = 0; o < g.outer; ++o) {
     const T* P = g.P + row * p_row + o * g.p_outer;
@@ -59,8 +53,15 @@ __attribute__((noinline)) void product_rows(const Product<T>& g, int row, int co
       Q += kTile;
     }
   }
+  // bias and old sum come last: a large one would round every partial sum
+  T* out = g.out + row * g.out_row + column;
   for (int m = 0; m < M; ++m)
-    for (int n = 0; n < NV; ++n) acc[m][n].store(out + m * g.out_row + n * kLanes<T>);
+    for (int n = 0; n < NV; ++n) {
+      T* to = out + m * g.out_row + n * kLanes<T>;
+      if (g.bias) acc[m][n] += V(g.bias[row + m]);
+      if (g.accumulate) acc[m][n] += V::load(to);
+      acc[m][n].store(to);
+    }
 }
 
 template <class T, int M>

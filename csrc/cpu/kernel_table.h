@@ -31,12 +31,35 @@ GRANPINN_HD std::int64_t workspace_size(const Network<T>& net, int channels) {
   return panels * channels * kTilePoints + 3 * kTilePoints;
 }
 
-// What one thread adds up.
+// The gradient that one thread adds up. Blocks of tiles are summed in T, the blocks in double: the
+// rounding error does not grow with the number of points.
+template <class T>
+struct GradientSum {
+  static constexpr int kBlock = 32;  // tiles
+
+  T* block;           // padded layout, zero at the start
+  double* total;      // likewise
+  std::int64_t size;  // of either
+  int tiles = 0;      // in the block
+
+  GRANPINN_HD void tile_done() {
+    if (++tiles == kBlock) flush();
+  }
+  GRANPINN_HD void flush() {
+    for (std::int64_t i = 0; i < size; ++i) {
+      total[i] += static_cast<double>(block[i]);
+      block[i] = T(0);
+    }
+    tiles = 0;
+  }
+};
+
+// What one thread adds up of the loss.
 template <class T>
 struct LossSums {
-  T* gradient;             // padded layout
-  double squares[kTerms];  // sums of weighted squared residuals
-  double theta[3];
+  GradientSum<T> gradient;
+  double squares[kTerms] = {};  // sums of weighted squared residuals
+  double theta[3] = {};
 };
 
 template <class T>
@@ -45,9 +68,9 @@ struct KernelTable {
   // Points [begin, end) through the network: out [channels, n, outputs].
   void (*jet)(const Network<T>&, int channels, const T* points, std::int64_t begin,
               std::int64_t end, std::int64_t n, T* out, T* workspace);
-  // Adds the parameters' gradient of sum(grad_out * jet) to `gradient` (padded layout).
+  // Adds the parameters' gradient of sum(grad_out * jet).
   void (*jet_adjoint)(const Network<T>&, int channels, const T* points, std::int64_t begin,
-                      std::int64_t end, std::int64_t n, const T* grad_out, T* gradient,
+                      std::int64_t end, std::int64_t n, const T* grad_out, GradientSum<T>* gradient,
                       T* workspace);
   // Tiles [begin, end) of the loss; interior tiles first, then those of the surface.
   void (*loss)(const LossArguments<T>&, std::int64_t begin, std::int64_t end, LossSums<T>* sums,

@@ -28,7 +28,7 @@ void jet(const Network<T>& net, const T* points, std::int64_t begin, std::int64_
 
 template <int C, class T>
 void jet_adjoint(const Network<T>& net, const T* points, std::int64_t begin, std::int64_t end,
-                 std::int64_t n, const T* grad_out, T* gradient, T* workspace) {
+                 std::int64_t n, const T* grad_out, GradientSum<T>* gradient, T* workspace) {
   const TileBuffers<T> tile(net, C, workspace);
   const std::int64_t K = net.outputs();
   for (std::int64_t at = begin; at < end; at += kTile) {
@@ -39,7 +39,8 @@ void jet_adjoint(const Network<T>& net, const T* points, std::int64_t begin, std
       for (std::int64_t k = 0; k < K; ++k)
         for (std::int64_t p = 0; p < kTile; ++p)
           tile.g[(c * K + k) * kTile + p] = p < count ? grad_out[(c * n + at + p) * K + k] : T(0);
-    backward<C>(net, tile, tile.g, gradient);
+    backward<C>(net, tile, tile.g, gradient->block);
+    gradient->tile_done();
   }
 }
 
@@ -111,7 +112,7 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
     for (int i = 0; i < 3; ++i) sums->theta[i] += static_cast<double>(g_law[i].sum());
   }
   velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[0]);
-  backward<F::channels>(a.net, tile, tile.g, sums->gradient);
+  backward<F::channels>(a.net, tile, tile.g, sums->gradient.block);
 }
 
 template <class T>
@@ -124,7 +125,7 @@ void data_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::int64
   load_column(a.point_weights + 2 * at, 2, count, w_velocity);
   for (std::int64_t i = 0; i < K * kTile; ++i) tile.g[i] = T(0);
   velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[0]);
-  backward<1>(a.net, tile, tile.g, sums->gradient);
+  backward<1>(a.net, tile, tile.g, sums->gradient.block);
 }
 
 // A surface tile: the pressure there.
@@ -147,7 +148,7 @@ void surface_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::in
     (V(factor) * weight * e * pressure_slope<map>(z, a.physics.pressure_scale))
         .store(tile.g + 2 * kTile + p);
   }
-  backward<1>(a.net, tile, tile.g, sums->gradient);
+  backward<1>(a.net, tile, tile.g, sums->gradient.block);
 }
 
 template <class T>
@@ -169,6 +170,7 @@ void loss(const LossArguments<T>& a, std::int64_t begin, std::int64_t end, LossS
       interior_tile<StrongForm<PressureMap::linear>>(a, tile, at, sums);
     else
       data_tile(a, tile, at, sums);
+    sums->gradient.tile_done();
   }
 }
 
@@ -232,7 +234,7 @@ void any_jet(const Network<T>& net, int channels, const T* points, std::int64_t 
 
 template <class T>
 void any_jet_adjoint(const Network<T>& net, int channels, const T* points, std::int64_t begin,
-                     std::int64_t end, std::int64_t n, const T* grad_out, T* gradient,
+                     std::int64_t end, std::int64_t n, const T* grad_out, GradientSum<T>* gradient,
                      T* workspace) {
   if (channels == 1) jet_adjoint<1>(net, points, begin, end, n, grad_out, gradient, workspace);
   if (channels == 4) jet_adjoint<4>(net, points, begin, end, n, grad_out, gradient, workspace);

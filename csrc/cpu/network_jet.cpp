@@ -46,17 +46,17 @@ at::Tensor network_jet_backward_cpu(const at::Tensor& grad, const at::Tensor& po
     for (std::int64_t e = 0; e < members; ++e) {
       const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
       const std::int64_t tiles = tiles_of(N), team = team_size(tiles);
-      const std::int64_t scratch = workspace_size(net, C), size = gradient_offset(net, net.layers);
+      const std::int64_t scratch = workspace_size(net, C);
       const at::Tensor workspace = at::empty({team, scratch}, params.options());
-      const at::Tensor partial = at::zeros({team, size}, params.options());
+      const TeamGradient<scalar_t> gradient(net, team);
       split(team, tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
-        kernels<scalar_t>().jet_adjoint(net, C, x.member<scalar_t>(e), begin * kTilePoints,
-                                        std::min(end * kTilePoints, N), N, g.member<scalar_t>(e),
-                                        partial.mutable_data_ptr<scalar_t>() + i * size,
-                                        workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+        GradientSum<scalar_t> mine = gradient.of_thread(i);
+        kernels<scalar_t>().jet_adjoint(
+            net, C, x.member<scalar_t>(e), begin * kTilePoints, std::min(end * kTilePoints, N), N,
+            g.member<scalar_t>(e), &mine, workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+        mine.flush();
       });
-      sum_gradients(net, partial.const_data_ptr<scalar_t>(), team, size,
-                    out.mutable_data_ptr<scalar_t>() + e * count);
+      gradient.sum(out.mutable_data_ptr<scalar_t>() + e * count);
     }
   });
   return out;

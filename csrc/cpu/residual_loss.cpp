@@ -35,22 +35,22 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
   const int C = a.form == Form::data ? 1 : a.form == Form::mixed ? 4 : 7;
   const std::int64_t tiles = tiles_of(a.n) + tiles_of(a.m), team = team_size(tiles);
   const std::int64_t scratch = workspace_size(a.net, C);
-  const std::int64_t size = gradient_offset(a.net, a.net.layers);
-  const auto options = at::TensorOptions().dtype(c10::CppTypeToScalarType<T>::value);
+  const auto options = at::TensorOptions().dtype(c10::CppTypeToScalarType<T>());
   const at::Tensor workspace = at::empty({team, scratch}, options);
-  const at::Tensor partial = at::zeros({team, size}, options);
+  const TeamGradient<T> gradient(a.net, team);
   std::vector<LossSums<T>> sums(team);
   // tiles of the surface are cheaper than those of the interior: each kind is split by itself
   const std::int64_t interior = tiles_of(a.n);
   split(team, team, [&](std::int64_t i, std::int64_t, std::int64_t) {
-    sums[i].gradient = partial.mutable_data_ptr<T>() + i * size;
+    sums[i].gradient = gradient.of_thread(i);
     T* memory = workspace.mutable_data_ptr<T>() + i * scratch;
     const auto share = [&](std::int64_t count, std::int64_t k) { return k * count / team; };
     kernels<T>().loss(a, share(interior, i), share(interior, i + 1), &sums[i], memory);
     kernels<T>().loss(a, interior + share(tiles - interior, i),
                       interior + share(tiles - interior, i + 1), &sums[i], memory);
+    sums[i].gradient.flush();
   });
-  sum_gradients(a.net, partial.const_data_ptr<T>(), team, size, grad_params);
+  gradient.sum(grad_params);
   double loss = 0;
   for (int k = 0; k < kTerms; ++k) {
     double square = 0;

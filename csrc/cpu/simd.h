@@ -1,8 +1,8 @@
 // A fixed-width vector of scalars built on the compiler's vector extension (GCC, Clang).
 //
 // `Vec<T>` has the arithmetic of a scalar, so the templates of csrc/math run on a register full of
-// points at once. The instruction set is whatever the translation unit is compiled for: kernels.cpp is
-// compiled once per instruction set inside its own namespace, and dispatch.cpp picks one at run
+// points at once. The instruction set is whatever the translation unit is compiled for:
+// kernels.cpp is compiled once per instruction set inside its own namespace, and dispatch.cpp picks one at run
 // time.
 #pragma once
 
@@ -92,8 +92,8 @@ struct Vec {
     return a;
   }
 
-  // exp: x = n log 2 + r, |r| <= log(2)/2, Taylor's series of exp(r), times 2^n through the exponent
-  // bits. Below 1 ulp; beyond the range of T it saturates instead of overflowing.
+  // exp: x = n log 2 + r, |r| <= log(2)/2, Taylor's series of exp(r), times 2^n through the
+  // exponent bits. Below 1 ulp; beyond the range of T it saturates instead of overflowing.
   friend GRANPINN_INLINE Vec exponential(Vec x) {
     constexpr bool single = sizeof(T) == 4;
     constexpr T limit = single ? T(87) : T(708);

@@ -26,26 +26,47 @@ void split(std::int64_t team, std::int64_t count, const Work& work) {
   });
 }
 
-// Sums the threads' gradients (padded layout, [team, size]) in order into `out` (flat layout).
+// The gradients of all threads of one network.
 template <class T>
-void sum_gradients(const Network<T>& net, const T* partial, std::int64_t team, std::int64_t size,
-                   T* out) {
-  for (int l = 0; l < net.layers; ++l) {
-    const std::int64_t in = net.in(l), rows = net.out(l), ld = padded(in);
-    const T* from = partial + gradient_offset(net, l);
-    T* to = out + net.offset(l);
-    // one more row for the bias
-    at::parallel_for(0, rows + 1, 64, [&](std::int64_t first, std::int64_t last) {
-      for (std::int64_t row = first; row < last; ++row) {
-        const std::int64_t length = row < rows ? in : rows;
-        for (std::int64_t i = 0; i < length; ++i) {
-          T sum = from[row * ld + i];
-          for (std::int64_t t = 1; t < team; ++t) sum += from[t * size + row * ld + i];
-          to[row * in + i] = sum;
-        }
-      }
-    });
+class TeamGradient {
+ public:
+  TeamGradient(const Network<T>& net, std::int64_t team)
+      : net_(net),
+        team_(team),
+        size_(gradient_offset(net, net.layers)),
+        blocks_(at::zeros({team, size_}, at::TensorOptions().dtype(c10::CppTypeToScalarType<T>()))),
+        totals_(at::zeros({team, size_}, at::kDouble)) {}
+
+  GradientSum<T> of_thread(std::int64_t i) const {
+    return {blocks_.mutable_data_ptr<T>() + i * size_,
+            totals_.mutable_data_ptr<double>() + i * size_, size_};
   }
-}
+
+  // The sum over threads, in order, into `out` (flat layout).
+  void sum(T* out) const {
+    const double* totals = totals_.const_data_ptr<double>();
+    for (int l = 0; l < net_.layers; ++l) {
+      const std::int64_t in = net_.in(l), rows = net_.out(l), ld = padded(in);
+      const double* from = totals + gradient_offset(net_, l);
+      T* to = out + net_.offset(l);
+      // one more row for the bias
+      at::parallel_for(0, rows + 1, 64, [&](std::int64_t first, std::int64_t last) {
+        for (std::int64_t row = first; row < last; ++row) {
+          const std::int64_t length = row < rows ? in : rows;
+          for (std::int64_t i = 0; i < length; ++i) {
+            double sum = 0;
+            for (std::int64_t t = 0; t < team_; ++t) sum += from[t * size_ + row * ld + i];
+            to[row * in + i] = static_cast<T>(sum);
+          }
+        }
+      });
+    }
+  }
+
+ private:
+  const Network<T>& net_;
+  std::int64_t team_, size_;
+  at::Tensor blocks_, totals_;
+};
 
 }  // namespace granpinn

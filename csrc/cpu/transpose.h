@@ -8,7 +8,7 @@
 namespace granpinn {
 namespace GRANPINN_SIMD_NAMESPACE {
 
-// One butterfly: of rows a and b (apart by `Distance`), exchange the lanes whose index has that bit.
+// One butterfly: rows a and b, apart by `Distance`, exchange the lanes whose index has that bit.
 template <int Distance, class V, std::size_t... i>
 GRANPINN_INLINE void exchange(V& a, V& b, std::index_sequence<i...>) {
   constexpr int N = sizeof...(i);

@@ -24,8 +24,8 @@ GRANPINN_HD void activation_jet(const R (&z)[C], R (&a)[C]) {
   }
 }
 
-// The adjoint of activation_jet: from z and g = dL/da, in one go, the activation itself (`a`, needed
-// for the weights' gradient) and dL/dz (`g`, overwritten).
+// The adjoint of activation_jet: from z and g = dL/da, in one go, the activation itself (`a`,
+// needed for the weights' gradient) and dL/dz (`g`, overwritten).
 template <int C, class R>
 GRANPINN_HD void activation_jet_adjoint(const R (&z)[C], R (&a)[C], R (&g)[C]) {
   using T = scalar_t<R>;

@@ -1,4 +1,4 @@
-// The mixed form: the stress is an unknown of its own, tau = p s with s = [[s_1, s_2], [s_2, -s_1]].
+// The mixed form: the stress is an unknown of its own, tau = p s, s = [[s_1, s_2], [s_2, -s_1]].
 //   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - g_x
 //   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - g_y
 //   e_c = u_x + v_y

@@ -39,8 +39,11 @@ GRANPINN_HD R friction(const R& I, const FrictionLaw<R>& law) {
 template <class R, class T>
 GRANPINN_HD R viscosity(const R& gamma_dot, const R& p, const FrictionLaw<R>& law,
                         const Physics<T>& c) {
+  const R zero(T(0)), lowest(c.eta_min), highest(c.eta_max);
   const R eta = friction(inertial_number(gamma_dot, p, c), law) * p / gamma_dot;
-  return minimum(maximum(eta, R(c.eta_min)), R(c.eta_max));
+  // at rest the quotient has no value; its limit is the clamp
+  const R at_rest = select(less(zero, p), highest, lowest);
+  return select(less(zero, gamma_dot), minimum(maximum(eta, lowest), highest), at_rest);
 }
 
 // The viscosity with its partial derivatives, zero where the clamp acts.
