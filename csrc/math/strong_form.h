@@ -1,9 +1,9 @@
 // The strong form of the paper: momentum with the full divergence of 2 eta D, and continuity.
 //   e_u = u_t + u u_x + v u_y + p_x - g_x
-//         - [eta (2 u_xx + u_yy + v_xy) + 2 eta_x u_x + eta_y (u_y + v_x)]                                                                (paper, eq. mom)
+//         - [eta (2 u_xx + u_yy + v_xy) + 2 eta_x u_x + eta_y (u_y + v_x)]         (paper, eq. mom)
 //   e_v = v_t + u v_x + v v_y + p_y - g_y
 //         - [eta (v_xx + u_xy + 2 v_yy) + eta_x (u_y + v_x) + 2 eta_y v_y]
-//   e_c = u_x + v_y                                                             (paper, eq. cont)
+//   e_c = u_x + v_y                                                   (paper, eq. cont)
 // with gamma_dot^2 = 2 D:D = 2 (u_x^2 + v_y^2) + (u_y + v_x)^2 and
 // eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x.
 #pragma once
