@@ -4,6 +4,9 @@
 #include <pybind11/pybind11.h>
 #include <torch/library.h>
 
+#include <algorithm>
+#include <chrono>
+
 #include "build_info.h"
 #include "cpu/kernel_table.h"
 #include "cpu/ops.h"
@@ -53,5 +56,23 @@ PYBIND11_MODULE(_C, m) {
     info["simd"] = build::simd;
     return info;
   });
+  m.def(
+      "fma_peak",
+      [](double seconds) {
+        using clock = std::chrono::steady_clock;
+        float sink[] = {0.999f, 1e-3f};
+        double best = 0;
+        const auto begin = clock::now();
+        do {
+          const auto start = clock::now();
+          const double flop = granpinn::kernels<float>().multiply_add(1 << 17, sink);
+          const std::chrono::duration<double> time = clock::now() - start;
+          best = std::max(best, flop / time.count() * 1e-9);
+          sink[0] = 0.999f;
+        } while (std::chrono::duration<double>(clock::now() - begin).count() < seconds);
+        return best;
+      },
+      pybind11::arg("seconds") = 0.2,
+      "Multiply-add peak of one core in GFLOP/s, float32, in the active instruction set.");
   m.def("cpu_capability", [] { return granpinn::kernels<float>().name; });
 }

@@ -81,6 +81,8 @@ struct KernelTable {
   // eta [n] and its derivatives [n, 5] by gamma_dot, p, mu_s, mu_2, I0 (where not null).
   void (*viscosity)(const Physics<T>&, const T* theta, const T* gamma_dot, const T* p,
                     std::int64_t n, T* eta, T* derivatives);
+  // Multiply-adds in registers, for the benchmarks; returns how many operations they were.
+  double (*multiply_add)(std::int64_t rounds, T* sink);
 };
 
 // The table for this processor; GRANPINN_CPU=generic|avx2|avx512 in the environment lowers it.

@@ -4,6 +4,7 @@
 // linker may share between objects would carry one processor's instructions to another.
 #include "kernel_table.h"
 
+#include "fma_peak.h"
 #include "form_gradient.h"
 #include "mlp_tile.h"
 
@@ -250,7 +251,8 @@ constexpr KernelTable<T> kTable = {GRANPINN_STRING(GRANPINN_SIMD_NAMESPACE),
                                    any_jet_adjoint<T>,
                                    loss<T>,
                                    residuals<T>,
-                                   viscosity_values<T>};
+                                   viscosity_values<T>,
+                                   multiply_add<T>};
 
 const KernelTable<float>& table_float() { return kTable<float>; }
 const KernelTable<double>& table_double() { return kTable<double>; }
