@@ -89,7 +89,7 @@ class Optimizer:
     decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
     final_fraction: float = setting(0.0, "every learning rate at the end, relative to its peak")
     warm_up: float = setting(0.02, "part of each stage in which learning rates rise from 0")
-    prefit: float = setting(0.3, "part of the run that fits the velocity alone, first")
+    prefit: float = setting(0.25, "part of the run that fits the velocity alone, first")
     prefit_final_fraction: float = setting(0.1, "the same as final_fraction for the pre-fit")
     average: float = setting(0.0, "part of the run, at its end, whose parameters are averaged")
     beta_2: float = setting(0.99, "decay of the second moment of adam")
@@ -124,7 +124,7 @@ class Config:
     max_time: float | None = setting(
         None, "seconds that the command may take; the run is planned to end within them"
     )
-    steps: int | None = setting(35000, "optimization steps; none: --epochs or --max-time decide")
+    steps: int | None = setting(40000, "optimization steps; none: --epochs or --max-time decide")
     epochs: int | None = setting(None, "passes over the points, where --steps is none")
     log_every: int = setting(100, "steps between the rows of history.csv")
     checkpoint_every: float = setting(30.0, "seconds between checkpoints")

@@ -16,6 +16,7 @@ from torch import Tensor
 from granpinn.config import Rheology
 
 _DRAW = (0.05, 0.95)  # range of a start that is drawn at random
+_LOG_BOUNDS = (math.log(0.01), math.log(3))  # of mu_s and of mu_2 - mu_s
 
 
 class Scalars:
@@ -41,6 +42,11 @@ class Scalars:
         if self.variables == "log":
             return torch.cat([q.exp().cumsum(0), self.I0])
         return torch.cat([q.sigmoid(), self.I0])
+
+    def confine(self) -> None:
+        """Keep the logarithms where a friction law can be: a wild early step is not final."""
+        if self.variables == "log":
+            self.values.clamp_(*_LOG_BOUNDS)
 
     def pull_back(self, grad_theta: Tensor) -> Tensor:
         """d loss / d q [2] from d loss / d theta [3]."""

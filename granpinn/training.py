@@ -90,6 +90,7 @@ class Training:
         self._require_finite(
             {"network parameters": self.params, "rheology scalars": self.scalars.values}
         )
+        self.scalars.confine()
         if self.schedule.averages(self.step):
             self.averaged += 1
             average_into(self.average_params, self.params, self.averaged)

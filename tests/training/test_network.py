@@ -90,6 +90,14 @@ def test_every_q_is_a_friction_law() -> None:
         assert ((sigmoid.theta(q)[:2] >= 0) & (sigmoid.theta(q)[:2] <= 1)).all()
 
 
+def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
+    scalars = Scalars(Rheology(), 0.3, 0, torch.zeros(0, dtype=torch.float64))
+    scalars.values.copy_(torch.tensor([-50.0, 50.0]))
+    scalars.confine()
+    expected = torch.tensor([0.01, 3.01, 0.3], dtype=torch.float64)
+    torch.testing.assert_close(scalars.theta(), expected)
+
+
 def test_a_random_start_is_a_function_of_the_seed() -> None:
     start = Rheology(variables="sigmoid", mu_s=None, mu_2=None)
     like = torch.zeros(0)
