@@ -1,0 +1,107 @@
+// The viscosity of the mixture at cell centers and corners, from velocity, pressure and fraction.
+//
+//   gamma_dot = sqrt(2 D:D),  eta_g = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]
+//   1 / eta = c / eta_g + (1 - c) / eta_air                       (paper, equations means and eta)
+// The paper prints max(eta_g, eta_max) for the clamp; that is a slip for min.
+#pragma once
+
+#include <cmath>
+
+#include "../math/rheology.h"
+#include "field.h"
+
+namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
+
+inline double grain_viscosity(double gamma_dot_squared, double p, const Parameters& s) {
+  if (s.newtonian) return s.eta_max;
+  const double positive = std::max(p, 0.0);
+  const double gamma_dot = std::sqrt(gamma_dot_squared) + 1e-300;
+  const FrictionLaw<double> law{s.mu_s, s.mu_2, s.I0};
+  const double I = s.grain_diameter * gamma_dot / std::sqrt(std::max(positive / s.density, 1e-30));
+  const double stress = s.cohesion + friction(I, law) * positive;
+  return std::min(std::max(stress / gamma_dot, s.eta_min), s.eta_max);
+}
+
+inline double mixture_viscosity(double c, double eta_grains, double eta_air) {
+  return 1 / (c / eta_grains + (1 - c) / eta_air);
+}
+
+// Ghost pressures: linear towards walls, even at a free-slip side, 0 on open sides.
+inline void fill_pressure_ghosts(Field<double>& p, const Grid& grid) {
+  const auto ghost = [](Side side, double first, double second) {
+    return side == Side::open ? -first : side == Side::no_slip ? 2 * first - second : first;
+  };
+  const int nx = grid.nx, ny = grid.ny;
+  for (int j = 0; j < ny; ++j) {
+    double* a = p.row(j);
+    a[-1] = grid.periodic() ? a[nx - 1] : ghost(grid.left, a[0], a[1]);
+    a[nx] = grid.periodic() ? a[0] : ghost(grid.right, a[nx - 1], a[nx - 2]);
+  }
+  for (int i = -1; i <= nx; ++i) {
+    p(i, -1) = ghost(grid.bottom, p(i, 0), p(i, 1));
+    p(i, ny) = ghost(grid.top, p(i, ny - 1), p(i, ny - 2));
+  }
+}
+
+// All fields with their ghost values. cell = eta at centers, corner = eta at corners.
+inline void mixture_viscosity(const Field<double>& u, const Field<double>& v,
+                              const Field<double>& p, const Field<double>& c, Field<double>& cell,
+                              Field<double>& corner, const Grid& grid, double h,
+                              const Parameters& s, Team& team) {
+  const auto shear = [&](int i, int j) { return u(i, j) - u(i, j - 1) + v(i, j) - v(i - 1, j); };
+  const auto u_x = [&](int i, int j) { return u(i + 1, j) - u(i, j); };
+  const auto v_y = [&](int i, int j) { return v(i, j + 1) - v(i, j); };
+  const double scale = 1 / (h * h);
+  team.rows(0, grid.ny + 1, grid.nx * 4, [&](int j0, int j1) {
+    for (int j = j0; j < j1; ++j) {
+      for (int i = 0; i < grid.nx && j < grid.ny; ++i) {
+        double eta = s.air_viscosity;
+        if (c(i, j) > 0) {
+          const double xy =
+              0.25 * (shear(i, j) + shear(i + 1, j) + shear(i, j + 1) + shear(i + 1, j + 1));
+          const double xx = u_x(i, j), yy = v_y(i, j);
+          const double squared = (2 * (xx * xx + yy * yy) + xy * xy) * scale;
+          eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), s), eta);
+        }
+        cell(i, j) = eta;
+      }
+      for (int i = 0; i <= grid.nx; ++i) {
+        const double fraction = 0.25 * (c(i, j) + c(i - 1, j) + c(i, j - 1) + c(i - 1, j - 1));
+        double eta = s.air_viscosity;
+        if (fraction > 0) {
+          const double xx = 0.25 * (u_x(i, j) + u_x(i - 1, j) + u_x(i, j - 1) + u_x(i - 1, j - 1));
+          const double yy = 0.25 * (v_y(i, j) + v_y(i - 1, j) + v_y(i, j - 1) + v_y(i - 1, j - 1));
+          const double xy = shear(i, j);
+          const double squared = (2 * (xx * xx + yy * yy) + xy * xy) * scale;
+          const double here = 0.25 * (p(i, j) + p(i - 1, j) + p(i, j - 1) + p(i - 1, j - 1));
+          eta = mixture_viscosity(fraction, grain_viscosity(squared, here, s), eta);
+        }
+        corner(i, j) = eta;
+      }
+    }
+  });
+}
+
+// The lowest viscosity around a center, 0 unless all nine cells hold nothing but grains.
+inline void plug_viscosity(const Field<double>& c, const Field<double>& cell,
+                           const Field<double>& corner, Field<double>& plug, const Grid& grid,
+                           Team& team) {
+  team.rows(0, grid.ny, grid.nx * 4, [&](int j0, int j1) {
+    for (int j = j0; j < j1; ++j) {
+      for (int i = 0; i < grid.nx; ++i) {
+        double least_c = 1;
+        double least = std::min(std::min(corner(i, j), corner(i + 1, j)),
+                                std::min(corner(i, j + 1), corner(i + 1, j + 1)));
+        for (int n = std::max(j - 1, 0); n <= std::min(j + 1, grid.ny - 1); ++n) {
+          for (int m = std::max(i - 1, 0); m <= std::min(i + 1, grid.nx - 1); ++m) {
+            least_c = std::min(least_c, c(m, n));
+            least = std::min(least, cell(m, n));
+          }
+        }
+        plug(i, j) = least_c < 1 ? 0 : least;
+      }
+    }
+  });
+}
+
+}  // namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE
