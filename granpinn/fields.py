@@ -1,0 +1,192 @@
+"""The predicted fields on the input grid, in the units of the flow file, and their file fields.h5.
+
+fields.h5 has the layout of a flow file (dimension scales t, y, x; variables [T, Y, X]) with NaN
+where there are no grains, and opens in xarray.  It holds the values of the flow file beside the
+predicted ones, so that a run folder can be read and drawn without its input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.atomic import atomic_path
+
+FORMAT_NAME = "granpinn-fields"
+FORMAT_VERSION = 1
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+# name -> (kind of quantity, what it is); `Units.of` turns the kind into a unit.
+VARIABLES = {
+    "u": ("velocity", "predicted velocity along x"),
+    "v": ("velocity", "predicted velocity along y"),
+    "p": ("pressure", "predicted pressure"),
+    "tau_xx": ("pressure", "predicted deviatoric stress, xx = -yy"),
+    "tau_xy": ("pressure", "predicted deviatoric stress, xy"),
+    "D2": ("rate", "predicted strain rate sqrt(D:D)"),
+    "I": ("number", "predicted inertial number"),
+    "eta": ("viscosity", "predicted effective viscosity"),
+    "momentum_residual_x": ("number", "strong-form momentum residual along x / (rho |g|)"),
+    "momentum_residual_y": ("number", "strong-form momentum residual along y / (rho |g|)"),
+    "divergence": ("rate", "divergence of the predicted velocity"),
+    "u_reference": ("velocity", "velocity along x in the flow file"),
+    "v_reference": ("velocity", "velocity along y in the flow file"),
+    "p_reference": ("pressure", "reference pressure in the flow file"),
+}
+
+
+class FieldsFileError(ValueError):
+    """fields.h5 is missing or cannot be read."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of length and of time of the flow file; "1" means dimensionless."""
+
+    length: str
+    time: str
+
+    def of(self, kind: str) -> str | None:
+        """Unit of a kind of quantity; None for pressure and viscosity of a file with units.
+
+        A flow file does not say in which unit its density is, hence not the unit of pressure.
+        """
+        if kind == "number" or self.length == self.time == "1":
+            return "1"
+        return {
+            "length": self.length,
+            "time": self.time,
+            "velocity": f"{self.length}/{self.time}",
+            "rate": f"1/{self.time}",
+        }.get(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Values at the K points inside the grains (c = 1) of a grid, in the units of the flow file.
+
+    Attributes:
+        t, y, x: coordinates [T], [Y], [X].
+        c: volume fraction of grains [T, Y, X].
+        values: name (see `VARIABLES`) -> values at the points [K], in the order of `index`.
+        units: units of length and time.
+        length, time, pressure: the scales H0, sqrt(H0 / |g|) and rho |g| H0.
+    """
+
+    t: Float64
+    y: Float64
+    x: Float64
+    c: Float32
+    values: dict[str, Float32]
+    units: Units
+    length: float
+    time: float
+    pressure: float
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return self.t.size, self.y.size, self.x.size
+
+    @cached_property
+    def index(self) -> Int64:
+        """Positions of the points in the flattened grid [K], ascending."""
+        return np.flatnonzero(np.equal(self.c, 1.0))
+
+    def time_of_points(self) -> Float64:
+        """Time of every point [K]."""
+        return self.t[self.index // (self.y.size * self.x.size)]
+
+    def frame(self, name: str, k: int) -> Float32:
+        """One variable at frame k [Y, X], NaN outside the grains."""
+        size = self.y.size * self.x.size
+        first, last = np.searchsorted(self.index, (k * size, (k + 1) * size))
+        grid = np.full(size, np.nan, np.float32)
+        grid[self.index[first:last] - k * size] = self.values[name][first:last]
+        return grid.reshape(self.y.size, self.x.size)
+
+
+def write_fields(fields: Fields, path: str | Path) -> None:
+    """Write fields.h5 frame by frame: the full grid of a variable is never in memory."""
+    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+        _write_attributes(fields, file.attrs)
+        axes = []
+        for name, kind in (("t", "time"), ("y", "length"), ("x", "length")):
+            axes.append(file.create_dataset(name, data=getattr(fields, name)))
+            _describe(axes[-1], fields.units.of(kind), None)
+            axes[-1].make_scale(name)
+        for name in ("c", *(name for name in VARIABLES if name in fields.values)):
+            kind, long_name = VARIABLES.get(name, ("number", "volume fraction of grains"))
+            dataset = file.create_dataset(
+                name,
+                shape=fields.shape,
+                dtype=np.float32,
+                chunks=(1, fields.y.size, fields.x.size),
+                compression="gzip",
+                shuffle=True,
+            )
+            _describe(dataset, fields.units.of(kind), long_name)
+            for dimension, axis in zip(dataset.dims, axes, strict=True):
+                dimension.attach_scale(axis)
+            for k in range(fields.t.size):
+                dataset[k] = fields.c[k] if name == "c" else fields.frame(name, k)
+
+
+def _describe(dataset: h5py.Dataset, unit: str | None, long_name: str | None) -> None:
+    for name, text in (("units", unit), ("long_name", long_name)):
+        if text is not None:
+            dataset.attrs[name] = np.bytes_(text.encode())
+
+
+def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None:
+    attributes["format_name"] = np.bytes_(FORMAT_NAME)
+    attributes["format_version"] = FORMAT_VERSION
+    attributes["length_unit"] = np.bytes_(fields.units.length.encode())
+    attributes["time_unit"] = np.bytes_(fields.units.time.encode())
+    attributes["length_scale"] = fields.length
+    attributes["time_scale"] = fields.time
+    attributes["pressure_scale"] = fields.pressure
+
+
+def read_fields(path: str | Path) -> Fields:
+    """Read fields.h5; FieldsFileError says in one sentence what is wrong."""
+    path = Path(path)
+    if not path.is_file():
+        raise FieldsFileError(f"{path} does not exist")
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file)
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
+
+
+def _read(file: h5py.File) -> Fields:
+    attributes = file.attrs
+    found = (bytes(attributes["format_name"]).decode(), int(attributes["format_version"]))
+    if found != (FORMAT_NAME, FORMAT_VERSION):
+        raise ValueError(f"expected version {FORMAT_VERSION}, got {found[0]} version {found[1]}")
+    t, y, x, c = (file[name][:] for name in "tyxc")
+    inside = np.equal(c, 1.0)
+    values = {}
+    for name in VARIABLES:
+        if name in file:
+            frames = [file[name][k][inside[k]] for k in range(t.size)]
+            values[name] = np.concatenate(frames)
+    return Fields(
+        t=t,
+        y=y,
+        x=x,
+        c=c,
+        values=values,
+        units=Units(*(bytes(attributes[f"{name}_unit"]).decode() for name in ("length", "time"))),
+        length=float(attributes["length_scale"]),
+        time=float(attributes["time_scale"]),
+        pressure=float(attributes["pressure_scale"]),
+    )

@@ -1,0 +1,88 @@
+"""One look for all figures: sizes, colours, labels, and how a figure becomes a file.
+
+The colours are those of Okabe and Ito and the maps are perceptually uniform, so that figures stay
+readable for colour-blind readers and in grey print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import NamedTuple, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from granpinn.atomic import atomic_path
+
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "savefig.dpi": 150,
+    "figure.facecolor": "white",
+}
+WIDTH = 6.6  # inches; one column of the report
+
+BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+SKY, YELLOW, GREY, BLACK = "#56B4E9", "#E69F00", "#8a8a8a", "#111111"
+HEIGHT_COLORS = (BLUE, ORANGE, GREEN)
+
+VALUE_MAP, DIFFERENCE_MAP = "viridis", "RdBu_r"
+
+
+class Drawing(NamedTuple):
+    """A figure and the sentence below it."""
+
+    figure: Figure
+    caption: str
+
+
+class NothingToDraw(ValueError):
+    """The run folder lacks what a figure needs; the message says what."""
+
+
+P = ParamSpec("P")
+
+
+def styled(draw: Callable[P, Drawing]) -> Callable[P, Drawing]:
+    """Run a drawing function under `STYLE`, without touching the caller's settings."""
+
+    @wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Drawing:
+        with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):  # type: ignore[dict-item]
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure, without pyplot and its global state; sizes in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def label(symbol: str, unit: str | None) -> str:
+    """Axis label: "$v$ [m/s]"; the symbol alone where the unit is "1"."""
+    if unit == "1":
+        return symbol
+    return f"{symbol} [{unit or 'units of the file'}]"
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG whose bytes depend on the figure only: no date, no version."""
+    with mpl.rc_context(STYLE), atomic_path(path) as temporary:  # type: ignore[arg-type]
+        figure.savefig(temporary, format="png", metadata={"Software": None})
