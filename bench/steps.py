@@ -1,0 +1,228 @@
+"""One optimization step, loss + all gradients + Adam update, as three kinds of user write it.
+
+All train the paper's network, 3x250 swish, on the same points with the same loss (terms 0, 2, 3
+and, in the mixed form, 4 of `granpinn.reference.loss`, unit weights, no surface points).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import logsigmoid, silu
+
+from granpinn.rheology import inertial_number, mu_of_I, viscosity
+
+HIDDEN = [250, 250, 250]
+D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = PHYSICS = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
+THETA = (0.4, 0.64, 0.3)
+SMOOTHING = 1e-12
+
+Network = Callable[[Tensor], Tensor]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Parameters and one minibatch of B points, float32."""
+
+    form: str
+    params: Tensor  # [P]
+    theta: Tensor  # [3]
+    points: Tensor  # [B, 3]
+    velocity: Tensor  # [B, 2]
+
+    @property
+    def widths(self) -> list[int]:
+        return [3, *HIDDEN, 3 if self.form == "strong" else 5]
+
+    @property
+    def flop(self) -> float:
+        """Of the matrix products: forward and twice that backward, channels x 2 x weights each."""
+        weights = sum(n_in * n_out for n_in, n_out in pairwise(self.widths))
+        channels = 7 if self.form == "strong" else 4
+        return 3.0 * channels * 2 * weights * len(self.points)
+
+
+def make_task(form: str, points: int, dtype: torch.dtype = torch.float32) -> Task:
+    rng = torch.Generator().manual_seed(0)
+    widths = [3, *HIDDEN, 3 if form == "strong" else 5]
+    layers = []
+    for n_in, n_out in pairwise(widths):
+        layers.append(torch.randn(n_out * n_in, generator=rng) * (2 / n_in) ** 0.5)
+        layers.append(torch.randn(n_out, generator=rng) * 0.1)
+    return Task(
+        form=form,
+        params=torch.cat(layers).to(dtype),
+        theta=torch.tensor(THETA, dtype=dtype),
+        points=(2 * torch.rand(points, 3, generator=rng) - 1).to(dtype),
+        velocity=torch.randn(points, 2, generator=rng).to(dtype),
+    )
+
+
+def _optimizer(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
+    params, theta = task.params.clone().requires_grad_(), task.theta.clone().requires_grad_()
+    return params, theta, torch.optim.Adam([params, theta], lr=5e-4)
+
+
+def _network(params: Tensor, widths: list[int]) -> Network:
+    def network(x: Tensor) -> Tensor:
+        start = 0
+        for layer, (n_in, n_out) in enumerate(pairwise(widths)):
+            W = params[start : start + n_out * n_in].view(n_out, n_in)
+            b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
+            start += n_out * (n_in + 1)
+            x = torch.nn.functional.linear(silu(x) if layer else x, W, b)
+        return x
+
+    return network
+
+
+# ---------------------------------------------------------------- fused
+
+
+def fused_step(task: Task) -> Callable[[], Tensor]:
+    """granpinn: the loss and its gradient from one op."""
+    from granpinn import ops
+
+    params, theta, optimizer = _optimizer(task)
+    none = task.points.new_zeros(0, 3)
+    arguments: tuple[Any, ...] = (
+        task.points,
+        task.velocity,
+        torch.ones_like(task.velocity),
+        none,
+        none[:, 0],
+        task.points.new_ones(5),
+        task.widths,
+        [0.0, 0.0, 0.0],
+        [1.0, 1.0, 1.0],
+        PHYSICS,
+        task.form,
+    )
+
+    def step() -> Tensor:
+        with torch.no_grad():
+            loss, _, params.grad, theta.grad = ops.residual_loss(params, theta, *arguments)
+        optimizer.step()
+        return loss
+
+    return step
+
+
+# ---------------------------------------------------------------- eager
+
+
+def _gradient(f: Tensor, points: Tensor) -> tuple[Tensor, ...]:
+    (g,) = torch.autograd.grad(f, points, torch.ones_like(f), create_graph=True)
+    return g.unbind(1)
+
+
+def eager_step(task: Task) -> Callable[[], Tensor]:
+    """Nested torch.autograd.grad, as PINNs are usually written."""
+    params, theta, optimizer = _optimizer(task)
+    points = task.points.clone().requires_grad_()
+    network = _network(params, task.widths)
+
+    def step() -> Tensor:
+        optimizer.zero_grad()
+        z = network(points)
+        u, v, p = _fields(z)
+        first = [_gradient(f, points) for f in (u, v, p)]
+        stress = _stress(task.form, z, p, first, theta)
+        xx, xy, yy = (_gradient(tau, points) for tau in stress)
+        divergence = (xx[0] + xy[1], xy[0] + yy[1])
+        loss = _loss(task, z, first, divergence, theta)
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        return loss.detach()
+
+    return step
+
+
+# ---------------------------------------------------------------- torch.func
+
+
+def functional_step(task: Task) -> Callable[[], Tensor]:
+    """torch.func: forward-mode jvp for the derivatives by x, y, t, nested for the stress."""
+    params, theta, optimizer = _optimizer(task)
+    axes = torch.eye(3, dtype=task.points.dtype).unsqueeze(1).expand(3, len(task.points), 3)
+
+    def objective(params: Tensor, theta: Tensor) -> Tensor:
+        network = _network(params, task.widths)
+
+        def along(function: Callable[[Tensor], Any], points: Tensor, axis: int) -> Any:
+            return torch.func.jvp(function, (points,), (axes[axis],))
+
+        def stress(points: Tensor) -> tuple[Tensor, ...]:
+            z, z_x = along(network, points, 0)
+            _, z_y = along(network, points, 1)
+            first = [(U * z_x[:, k], U * z_y[:, k]) for k in (0, 1)]
+            return _stress(task.form, z, _fields(z)[2], first, theta)
+
+        def fields(points: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
+            z = network(points)
+            return _fields(z), z
+
+        jets = [along(fields, task.points, axis) for axis in (0, 1, 2)]
+        z = jets[0][0][1]
+        first = [tuple(tangent[0][k] for _, tangent in jets) for k in (0, 1, 2)]
+        _, (xx_x, xy_x, _) = along(stress, task.points, 0)
+        _, (_, xy_y, yy_y) = along(stress, task.points, 1)
+        return _loss(task, z, first, (xx_x + xy_y, xy_x + yy_y), theta)
+
+    gradient = torch.func.grad_and_value(objective, argnums=(0, 1))
+
+    def step() -> Tensor:
+        (params.grad, theta.grad), loss = gradient(params.detach(), theta.detach())
+        optimizer.step()
+        value: Tensor = loss
+        return value
+
+    return step
+
+
+# ---------------------------------------------------------------- the equations, once
+
+
+def _fields(z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    p = P * z[:, 2] if z.shape[1] == 3 else -P * logsigmoid(-z[:, 2])
+    return U * z[:, 0], U * z[:, 1], p
+
+
+def _stress(form: str, z: Tensor, p: Tensor, first: list[Any], theta: Tensor) -> tuple[Tensor, ...]:
+    """(tau_xx, tau_xy, tau_yy) from the outputs and (u, v)'s first derivatives."""
+    if form == "mixed":
+        return p * z[:, 3], p * z[:, 4], -p * z[:, 3]
+    (u_x, u_y), (v_x, v_y) = (derivatives[:2] for derivatives in first[:2])
+    shear = u_y + v_x
+    gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + shear**2 + SMOOTHING)
+    eta = viscosity(gamma_dot, p, theta, D, ETA_MIN, ETA_MAX, P_FLOOR)
+    return 2 * eta * u_x, eta * shear, 2 * eta * v_y
+
+
+def _loss(
+    task: Task, z: Tensor, first: list[Any], divergence: tuple[Tensor, Tensor], theta: Tensor
+) -> Tensor:
+    u, v, p = _fields(z)
+    (u_x, u_y, u_t), (v_x, v_y, v_t), (p_x, p_y, _) = first
+    squares = [
+        u - task.velocity[:, 0],
+        v - task.velocity[:, 1],
+        u_t + u * u_x + v * u_y + p_x - divergence[0] - G_X,
+        v_t + u * v_x + v * v_y + p_y - divergence[1] - G_Y,
+        u_x + v_y,
+    ]
+    if task.form == "mixed":
+        two_D_1, two_D_2 = u_x - v_y, u_y + v_x
+        gamma_dot = torch.sqrt(two_D_1**2 + two_D_2**2 + SMOOTHING)
+        mu_s, mu_2, I_0 = theta.unbind()
+        mu = mu_of_I(inertial_number(gamma_dot, p, D, P_FLOOR), mu_s, mu_2, I_0)
+        squares += [gamma_dot * z[:, 3] / mu - two_D_1, gamma_dot * z[:, 4] / mu - two_D_2]
+    return torch.stack([(e**2).mean() for e in squares]).sum() / 2
+
+
+STEPS = {"fused": fused_step, "eager autograd": eager_step, "torch.func": functional_step}

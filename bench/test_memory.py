@@ -1,0 +1,35 @@
+"""Memory of one step on the CPU.
+
+Claim: fused, the peak beyond the inputs does not grow with the number of points (points go through
+in tiles, nothing is stored for the backward pass); eager autograd needs gigabytes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from bench.memory import peak_in_subprocess
+
+FUSED = [4096, 16_384, 65_536]
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_fused_memory_is_flat(benchmark: Any, form: str) -> None:
+    def measure() -> dict[int, float]:
+        return {points: peak_in_subprocess(form, "fused", points) for points in FUSED}
+
+    megabytes = benchmark.pedantic(measure, rounds=1)
+    benchmark.extra_info.update(form=form, step="fused", peak_megabytes=megabytes)
+    # one page of noise per thread and allocator, not the 24 bytes a point of one more copy of x
+    assert megabytes[65_536] <= megabytes[4096] + 1
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_eager_memory(benchmark: Any, form: str) -> None:
+    def measure() -> dict[int, float]:
+        return {points: peak_in_subprocess(form, "eager autograd", points) for points in FUSED[:1]}
+
+    megabytes = benchmark.pedantic(measure, rounds=1)
+    benchmark.extra_info.update(form=form, step="eager autograd", peak_megabytes=megabytes)
