@@ -8,6 +8,7 @@ import torch
 
 from granpinn import reference
 
+from .configurations import Form, problem, small
 from .manufactured import FIELDS, PHYSICS, THETA, manufactured
 
 POINTS = 10_000
@@ -38,3 +39,68 @@ def test_residuals_from_raw_jets_of_manufactured_fields(name: str, form: str) ->
     theta = torch.tensor(THETA, dtype=torch.float64)
     got = reference.pointwise_residuals(case.raw_jets(points), theta, PHYSICS, form)
     assert worst_relative_error(got, case.residuals(points)) <= 1e-12
+
+
+def test_jet_of_an_affine_network_by_hand() -> None:
+    """Without a hidden layer the network is affine: constant slopes, no curvature."""
+    params = torch.arange(12, dtype=torch.float64)  # W [3, 3] = 0..8, b = 9, 10, 11
+    points = torch.tensor([[1.0, 2.0, 3.0]], dtype=torch.float64)
+    shift, scale = [0.5, 0.0, 1.0], [2.0, 1.0, 0.5]
+    jet = reference.network_jet(points, params, [3, 3], shift, scale, 2)
+    z = [[9 + 0 * 1 + 1 * 2 + 2 * 1, 10 + 3 * 1 + 4 * 2 + 5 * 1, 11 + 6 * 1 + 7 * 2 + 8 * 1]]
+    slopes = [[[0.0, 6.0, 12.0]], [[1.0, 4.0, 7.0]], [[1.0, 2.5, 4.0]]]
+    expected = torch.zeros(7, 1, 3, dtype=torch.float64)
+    expected[0], expected[1:4] = torch.tensor(z), torch.tensor(slopes)
+    torch.testing.assert_close(jet, expected)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_gradient_of_the_loss_against_differences(form: Form) -> None:
+    case = problem(small(form))
+    _, _, *gradients = reference.residual_loss(*case.loss)
+    rng = torch.Generator().manual_seed(1)
+    for i, gradient in enumerate(gradients):
+        direction = torch.randn(gradient.shape, generator=rng, dtype=torch.float64)
+        h = 1e-6
+
+        def loss(step: float, i: int = i, direction: torch.Tensor = direction) -> torch.Tensor:
+            arguments = list(case.loss)
+            arguments[i] = arguments[i] + step * direction
+            return reference.residual_loss(*arguments)[0]
+
+        difference = (loss(h) - loss(-h)) / (2 * h)
+        torch.testing.assert_close(gradient @ direction, difference, rtol=1e-6, atol=1e-8)
+
+
+def test_terms_by_hand() -> None:
+    """A network of zero weights: fields are its biases, and every term can be written down."""
+    b = torch.tensor([0.3, -0.2, 0.0, 0.5, 0.1], dtype=torch.float64)
+    params = torch.cat([torch.zeros(15, dtype=torch.float64), b])
+    U, P, g_x, g_y = 2.0, 0.5, 0.6, -0.8
+    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4]
+    p = P * np.log(2)  # softplus(0)
+    one = torch.ones(2, dtype=torch.float64)
+    terms = reference.loss_terms(
+        params,
+        torch.tensor(THETA, dtype=torch.float64),
+        torch.zeros(2, 3, dtype=torch.float64),
+        torch.tensor([[0.6, -0.4], [0.0, 0.0]], dtype=torch.float64),
+        torch.tensor([[1.0, 1.0], [0.5, 3.0]], dtype=torch.float64),
+        torch.zeros(2, 3, dtype=torch.float64),
+        0 * one,
+        [3, 5],
+        [0.0, 0.0, 0.0],
+        [1.0, 1.0, 1.0],
+        physics,
+        "mixed",
+    )
+    velocity = 0.5 * (0.6**2 + 0.4**2) / 4
+    momentum = (1 + 3) * (g_x**2 + g_y**2) / 4
+    expected = torch.tensor([velocity, p**2 / 2, momentum, 0.0, 0.0], dtype=torch.float64)
+    torch.testing.assert_close(terms, expected, rtol=1e-12, atol=1e-11)
+
+
+def test_unknown_form_is_refused() -> None:
+    points = torch.zeros(1, 3)
+    with pytest.raises(ValueError, match='must be "strong" or "mixed", got "weak"'):
+        reference.residuals(lambda x: x, points, torch.ones(3), PHYSICS, "weak")
