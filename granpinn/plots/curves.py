@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
-import torch
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
@@ -24,8 +23,8 @@ from granpinn.plots.style import (
     styled,
 )
 from granpinn.results import Covariance, Parameters, Result
-from granpinn.rheology import mu_of_I
 from granpinn.scoring import after_start, flowing
+from granpinn.summary import friction
 
 Array = npt.NDArray[np.floating]
 
@@ -70,11 +69,6 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
     return Drawing(figure, f"{caption}. {_share_below(fields)}")
-
-
-def friction(I: Array, mu_s: float, mu_2: float, I_0: float) -> Array:  # noqa: E741
-    """mu(I) [n]."""
-    return mu_of_I(torch.from_numpy(I), mu_s, mu_2, I_0).numpy()
 
 
 def friction_sd(

@@ -25,7 +25,6 @@ from granpinn.plots.style import (
     new_figure,
     styled,
 )
-from granpinn.results import Result
 from granpinn.scoring import after_start
 
 Array = npt.NDArray[np.floating]
@@ -55,9 +54,10 @@ class Quantity(NamedTuple):
     known_name: str
 
 
-def default_frame(fields: Fields) -> int:
-    """The frame nearest to 0.7 of the last time."""
-    return int(np.argmin(np.abs(fields.t - TIME_SHARE * fields.t[-1])))
+def frame_at(fields: Fields, time: float | None) -> int:
+    """The frame nearest to a time, by default to 0.7 of the last one."""
+    wanted = TIME_SHARE * fields.t[-1] if time is None else time
+    return int(np.argmin(np.abs(fields.t - wanted)))
 
 
 def grain_window(fields: Fields, k: int) -> Window:
@@ -74,9 +74,8 @@ def grain_window(fields: Fields, k: int) -> Window:
 
 
 @styled
-def pressure_fields(result: Result, fields: Fields) -> Drawing:
+def pressure_fields(fields: Fields, k: int) -> Drawing:
     """Predicted pressure, the reference and their difference, where there is a reference."""
-    k = default_frame(fields)
     has_reference = "p_reference" in fields.values
     quantity = Quantity(
         "Pressure",
@@ -93,9 +92,8 @@ def pressure_fields(result: Result, fields: Fields) -> Drawing:
 
 
 @styled
-def velocity_fields(result: Result, fields: Fields) -> Drawing:
+def velocity_fields(fields: Fields, k: int) -> Drawing:
     """Predicted speed, the speed in the flow file and their difference."""
-    k = default_frame(fields)
     quantity = Quantity(
         "Speed",
         "$|v|$",
@@ -191,9 +189,8 @@ def _quantile(values: Array, share: float) -> float:
 
 
 @styled
-def momentum_residual(result: Result, fields: Fields) -> Drawing:
+def momentum_residual(fields: Fields, k: int) -> Drawing:
     """Map at one time and histogram over all times of |e| / (rho |g|), strong form."""
-    k = default_frame(fields)
     window = grain_window(fields, k)
     aspect = aspect_of(fields, window)
     if aspect < WIDE:

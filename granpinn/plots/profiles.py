@@ -7,9 +7,8 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from granpinn.fields import Fields
-from granpinn.plots.maps import Window, default_frame, draw_surface, grain_window
+from granpinn.plots.maps import Window, draw_surface, grain_window
 from granpinn.plots.style import BLACK, HEIGHT_COLORS, Drawing, label, new_figure, styled
-from granpinn.results import Result
 
 Array = npt.NDArray[np.floating]
 
@@ -18,9 +17,8 @@ MARKS = 25  # reference values drawn per profile
 
 
 @styled
-def profiles(result: Result, fields: Fields) -> Drawing:
+def profiles(fields: Fields, k: int) -> Drawing:
     """Speed and pressure along three rows of the grid; lines predicted, dots the flow file."""
-    k = default_frame(fields)
     window = grain_window(fields, k)
     rows = profile_rows(fields, k)
     speed = np.hypot(fields.frame("u", k), fields.frame("v", k))

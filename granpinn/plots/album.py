@@ -1,0 +1,88 @@
+"""All figures of a run: which there are, in which order, and what each of them needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.fields import Fields
+from granpinn.plots import curves, maps, profiles
+from granpinn.plots.style import Drawing, NothingToDraw, save
+from granpinn.results import Result
+
+History = Mapping[str, npt.NDArray[np.floating]]
+
+
+class Source(NamedTuple):
+    """What a run folder holds; `frame` is the index of the time that maps and profiles show."""
+
+    result: Result
+    fields: Fields | None
+    history: History | None
+    frame: int
+
+
+class Picture(NamedTuple):
+    """A figure that was drawn: its file, title and caption."""
+
+    path: Path
+    title: str
+    caption: str
+
+
+class Missing(NamedTuple):
+    """A figure that could not be drawn, and why."""
+
+    title: str
+    reason: str
+
+
+def _fields(source: Source) -> Fields:
+    if source.fields is None:
+        raise NothingToDraw("there is no fields.h5 that can be read")
+    return source.fields
+
+
+def _history(source: Source) -> History:
+    if source.history is None:
+        raise NothingToDraw("there is no history.csv that can be read")
+    return source.history
+
+
+# file name -> (title, drawing function)
+FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
+    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, _fields(s))),
+    "pressure": ("Pressure", lambda s: maps.pressure_fields(_fields(s), s.frame)),
+    "profiles": ("Profiles", lambda s: profiles.profiles(_fields(s), s.frame)),
+    "velocity": ("Velocity", lambda s: maps.velocity_fields(_fields(s), s.frame)),
+    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
+    "momentum_residual": (
+        "Momentum residual",
+        lambda s: maps.momentum_residual(_fields(s), s.frame),
+    ),
+    "inertial_number": (
+        "Inertial number",
+        lambda s: curves.inertial_number(s.result, _fields(s)),
+    ),
+}
+
+
+def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
+    """Write every figure that can be drawn to `folder`; remove old files of those that cannot."""
+    folder.mkdir(exist_ok=True)
+    pictures, missing = [], []
+    for name, (title, draw) in FIGURES.items():
+        path = folder / f"{name}.png"
+        try:
+            drawing = draw(source)
+        except NothingToDraw as reason:
+            path.unlink(missing_ok=True)
+            missing.append(Missing(title, str(reason)))
+            continue
+        save(drawing.figure, path)
+        pictures.append(Picture(path, title, drawing.caption))
+    return pictures, missing

@@ -1,0 +1,173 @@
+"""The report of a run: `python -m granpinn.report DIR`.
+
+Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there) and
+writes figures/*.png and report.html, one page that needs no other file and no network.  What is
+missing is said on the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import csv
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.atomic import atomic_path
+from granpinn.fields import Fields, FieldsFileError, read_fields
+from granpinn.history import COLUMNS
+from granpinn.plots import album, maps
+from granpinn.results import Result, ResultsFileError, number, read_results
+from granpinn.summary import summarize
+
+TEMPLATES = Path(__file__).parent / "templates"
+OWN_PLACE = ("flow", "out")  # settings that name folders of one machine: no matter for readers
+
+
+class HistoryFileError(ValueError):
+    """history.csv is missing or not a table of numbers."""
+
+
+def build(run_dir: str | Path, time: float | None = None) -> Path:
+    """Draw the figures of a run and write its page; the path of report.html.
+
+    Args:
+        run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
+        time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
+
+    Raises:
+        ResultsFileError: there is no valid results.json.
+    """
+    folder = Path(run_dir)
+    result = read_results(folder / "results.json")
+    problems = []
+    fields: Fields | None = None
+    history: album.History | None = None
+    try:
+        fields = read_fields(folder / "fields.h5")
+    except FieldsFileError as error:
+        problems.append(str(error))
+    try:
+        history = read_history(folder / "history.csv")
+    except HistoryFileError as error:
+        problems.append(str(error))
+    frame = maps.frame_at(fields, time) if fields else 0
+    source = album.Source(result, fields, history, frame)
+    pictures, missing = album.draw_all(source, folder / "figures")
+    page = folder / "report.html"
+    with atomic_path(page) as temporary:
+        text = render(result, history, pictures, missing, problems)
+        temporary.write_text(text, encoding="utf-8")
+    return page
+
+
+def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    """The columns of history.csv; an empty cell is NaN, a last line cut short is left out."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+    except FileNotFoundError:
+        raise HistoryFileError(f"{path.name} does not exist") from None
+    except (OSError, ValueError, csv.Error) as error:
+        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
+    if not rows or tuple(rows[0]) != COLUMNS:
+        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(COLUMNS)}")
+    body = rows[1:]
+    if body and len(body[-1]) != len(COLUMNS):
+        body.pop()
+    try:
+        table = np.array([[float(cell or "nan") for cell in row] for row in body])
+        table = table.reshape(-1, len(COLUMNS))
+    except ValueError as error:
+        raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
+    return dict(zip(COLUMNS, table.T, strict=True))
+
+
+def render(
+    result: Result,
+    history: album.History | None,
+    pictures: Sequence[album.Picture],
+    missing: Sequence[album.Missing],
+    problems: Sequence[str],
+) -> str:
+    """The page, with every figure inside."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "duration": duration, "base64": encoded}
+    settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
+    return environment.get_template("report.html").render(
+        r=result,
+        s=summarize(result, history),
+        pictures=pictures,
+        missing=missing,
+        problems=problems,
+        settings=settings,
+    )
+
+
+def encoded(path: Path) -> str:
+    """The bytes of a file in base64."""
+    return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def duration(seconds: float) -> str:
+    """35 s, 4 min 10 s, 2 h 5 min."""
+    whole = math.floor(seconds + 0.5)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def flatten(settings: dict[str, Any], prefix: str = "") -> dict[str, str]:
+    """{"network.widths": "128, 128", ...}: nested settings as text under dotted names."""
+    flat: dict[str, str] = {}
+    for key, value in settings.items():
+        if isinstance(value, dict):
+            flat |= flatten(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            flat[prefix + key] = ", ".join(map(str, value))
+        else:
+            flat[prefix + key] = "none" if value is None else str(value)
+    return flat
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; 0 done, 2 the folder holds no valid run, 1 it cannot be written to."""
+    parser = argparse.ArgumentParser(
+        prog="python -m granpinn.report",
+        description="Draw the figures of a finished run and write its report.html.",
+    )
+    parser.add_argument("folder", help="the run folder, --out of granpinn.train")
+    parser.add_argument(
+        "--time",
+        type=float,
+        help="time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
+    )
+    arguments = parser.parse_args(argv)
+    try:
+        print(build(arguments.folder, arguments.time))
+    except ResultsFileError as error:
+        print(f"granpinn.report: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"granpinn.report: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
