@@ -62,6 +62,10 @@ class Weights:
         "dimensionless", "units of the sigmas: those of scales.py, or those of the flow file"
     )
     sigma_velocity: float = setting(0.00316, "velocity that the network cannot resolve")
+    noise_part: float = setting(
+        0.045, "sigma_velocity rises to at least this part of the misfit left by the pre-fit"
+    )
+    noise_rise: float = setting(0.6, "part of the stage after the pre-fit in which it rises")
     sigma_surface: float = setting(0.002, "pressure on the free surface")
     sigma_momentum: float = setting(0.05, "momentum residual")
     sigma_continuity: float = setting(0.158, "divergence of the velocity")
@@ -88,7 +92,7 @@ class Optimizer:
     scalars_learning_rate: float = setting(5e-3, "learning rate of the rheology scalars")
     decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
     final_fraction: float = setting(0.0, "every learning rate at the end, relative to its peak")
-    warm_up: float = setting(0.02, "part of each stage in which learning rates rise from 0")
+    warm_up: float = setting(0.017, "part of each stage in which learning rates rise from 0")
     prefit: float = setting(0.25, "part of the run that fits the velocity alone, first")
     prefit_final_fraction: float = setting(0.1, "the same as final_fraction for the pre-fit")
     average: float = setting(0.0, "part of the run, at its end, whose parameters are averaged")
@@ -183,6 +187,8 @@ _RANGES: tuple[tuple[str, float, float], ...] = (
     ("rheology.p_floor", TINY, 1e3),
     ("network.pressure_scale", TINY, 1e6),
     ("weights.sigma_velocity", 1e-9, math.inf),
+    ("weights.noise_part", 0, 1),
+    ("weights.noise_rise", 1e-6, 1),
     ("weights.sigma_surface", 1e-9, math.inf),
     ("weights.sigma_momentum", 1e-9, math.inf),
     ("weights.sigma_continuity", 1e-9, math.inf),

@@ -12,7 +12,9 @@ from granpinn import ops
 from granpinn.config import Batch
 from granpinn.data import TrainingSet
 from granpinn.problem import TERMS, Problem
-from granpinn.sampling import INTERIOR, SURFACE, draw
+from granpinn.sampling import INTERIOR, MISFIT, SURFACE, draw
+
+MISFIT_POINTS = 32768
 
 
 @dataclass(frozen=True)
@@ -55,32 +57,38 @@ class Objective:
             "surface pressures": self.surface_pressure,
         }
 
-    def everything(self, step: int, params: Tensor, theta: Tensor) -> Evaluation:
-        """All terms and their gradients at params [P], theta [3]."""
+    def everything(
+        self, step: int, params: Tensor, theta: Tensor, relaxation: float = 1.0
+    ) -> Evaluation:
+        """All terms and their gradients at params [P], theta [3].
+
+        Args:
+            relaxation: factor on the weight of the velocity term.
+        """
+        i = draw(self.seed, step, INTERIOR, self.batch.interior, self.points)
         j = draw(self.seed, step, SURFACE, self.batch.surface, self.surface_points)
-        spec = self.problem.spec
-        return Evaluation(
-            *self._loss(
-                step, params, theta, self.surface_points[j], self.surface_pressure[j], spec.form
-            )
-        )
+        weights = self.term_weights
+        if relaxation != 1:
+            weights = weights * weights.new_tensor([relaxation, 1, 1, 1, 1])
+        form = self.problem.spec.form
+        return Evaluation(*self._loss(i, j, params, theta, weights, form))
 
     def velocity_alone(self, step: int, params: Tensor, theta: Tensor) -> Evaluation:
         """The velocity term and its gradient: no derivative of the network is needed."""
-        nowhere = self.surface_points[:0], self.surface_pressure[:0]
-        loss, terms, grad_params, _ = self._loss(step, params, theta, *nowhere, "data")
+        i = draw(self.seed, step, INTERIOR, self.batch.interior, self.points)
+        loss, terms, grad_params, _ = self._loss(i, i[:0], params, theta, self.term_weights, "data")
         return Evaluation(loss, torch.cat([terms[:1], self.absent]), grad_params, None)
 
+    def misfit(self, step: int, params: Tensor, theta: Tensor) -> float:
+        """Root mean square of what one velocity component is off, over many points."""
+        count = min(MISFIT_POINTS, len(self.points))
+        i = draw(self.seed, step, MISFIT, count, self.points)
+        _, terms, _, _ = self._loss(i, i[:0], params, theta, self.term_weights, "data")
+        return math.sqrt(float(terms[0]))
+
     def _loss(
-        self,
-        step: int,
-        params: Tensor,
-        theta: Tensor,
-        surface_points: Tensor,
-        surface_pressure: Tensor,
-        form: str,
+        self, i: Tensor, j: Tensor, params: Tensor, theta: Tensor, weights: Tensor, form: str
     ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        i = draw(self.seed, step, INTERIOR, self.batch.interior, self.points)
         spec = self.problem.spec
         return ops.residual_loss(
             params,
@@ -88,9 +96,9 @@ class Objective:
             self.points[i],
             self.velocity[i],
             self.point_weights[i],
-            surface_points,
-            surface_pressure,
-            self.term_weights,
+            self.surface_points[j],
+            self.surface_pressure[j],
+            weights,
             spec.widths,
             spec.input_shift,
             spec.input_scale,

@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from granpinn.config import Config
+from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.network import OUTPUTS, NetworkSpec
 from granpinn.scales import Scales
@@ -58,37 +56,31 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     ]
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
-    return Problem(spec, physics, _term_weights(config, flow, scales))
+    return Problem(spec, physics, _term_weights(config, scales))
 
 
-def _term_weights(config: Config, flow: Flow, scales: Scales) -> list[float]:
-    """1/sigma^2 of every term, dimensionless.
-
-    Sigmas in units of the file are taken as they are; the others have the measurement error of
-    the velocity added in quadrature.
-    """
+def _term_weights(config: Config, scales: Scales) -> list[float]:
+    """1/sigma^2 of every term, dimensionless."""
     sigmas = [getattr(config.weights, f"sigma_{name}") for name in TERMS]
     if config.weights.units == "file":
         force = scales.pressure / scales.length
         units = (scales.velocity, scales.pressure, force, 1 / scales.time, 1 / scales.time)
         sigmas = [sigma / unit for sigma, unit in zip(sigmas, units, strict=True)]
-    else:
-        measured = scales.to_dimensionless(_measurement_error(flow), "velocity")
-        sigmas[0] = math.hypot(sigmas[0], measured)
     return [sigma**-2 for sigma in sigmas]
 
 
-def _measurement_error(flow: Flow) -> float:
-    """Standard deviation of the velocity in the units of the file, 0 where none is given.
+def velocity_relaxation(settings: Weights, weight: float, misfit: float, done: float) -> float:
+    """Factor on the weight of the velocity term of noisy data, 1 for clean data.
 
-    Where it varies from point to point, the one whose inverse square is the mean over the points:
-    TrainingSet.point_weights are relative to it.
+    sigma_velocity is what the network cannot resolve, and it is too strict for noisy data: the
+    network then bends its strain rate to the noise. It rises geometrically, over the first part
+    `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself would be far
+    too much: the friction law would bend the velocity instead (docs/method.md).
+
+    Args:
+        weight: 1/sigma_velocity^2.
+        misfit: rms misfit of one velocity component after the pre-fit, dimensionless.
+        done: how much of the stage after the pre-fit is over, in [0, 1].
     """
-    variances = []
-    for sigma in (flow.sigma_u, flow.sigma_v):
-        if isinstance(sigma, np.ndarray):
-            inverse = 1 / np.square(sigma[flow.valid], dtype=np.float64)
-            variances.append(1 / float(inverse.mean()))
-        elif sigma is not None:
-            variances.append(sigma**2)
-    return math.sqrt(sum(variances) / len(variances)) if variances else 0.0
+    ratio = settings.noise_part * misfit * math.sqrt(weight)
+    return float(max(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise)))

@@ -41,6 +41,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "rheology.mu_2": None,
         "weights.units": "file",
         "weights.sigma_velocity": 1.0,
+        "weights.noise_part": 0.0,
         "weights.sigma_surface": 1.0,
         "weights.sigma_momentum": 1.0,
         "weights.sigma_continuity": 1.0,

@@ -48,14 +48,18 @@ class Schedule:
         """Whether step `step` is the first with the whole loss after a pre-fit."""
         return step > 0 and self.velocity_alone(step - 1) and not self.velocity_alone(step)
 
+    def stage(self, step: int) -> tuple[float, float]:
+        """How much of its stage is done before and after step `step`, each in [0, 1]."""
+        prefit = self.settings.prefit
+        begin, end = (0.0, prefit) if self.velocity_alone(step) else (prefit, 1.0)
+        before, after = ((self.progress(i) - begin) / (end - begin) for i in (step, step + 1))
+        return before, min(1.0, after)
+
     def learning_rate(self, step: int) -> float:
         """Factor in [0, 1] on every learning rate: in each stage a warm-up from 0 and a decay."""
         s = self.settings
-        if self.velocity_alone(step):
-            begin, end, final = 0.0, s.prefit, s.prefit_final_fraction
-        else:
-            begin, end, final = s.prefit, 1.0, s.final_fraction
-        done, after = ((self.progress(i) - begin) / (end - begin) for i in (step, step + 1))
+        final = s.prefit_final_fraction if self.velocity_alone(step) else s.final_fraction
+        done, after = self.stage(step)
         if done < s.warm_up:
             return min(1.0, after / s.warm_up)
         decayed = (done - s.warm_up) / (1 - s.warm_up)

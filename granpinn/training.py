@@ -18,6 +18,7 @@ from granpinn.history import Row
 from granpinn.network import initial_parameters
 from granpinn.objective import Evaluation, Objective
 from granpinn.optimise import FlatOptimizer, average_into
+from granpinn.problem import velocity_relaxation
 from granpinn.scalars import Scalars
 from granpinn.schedule import Schedule
 
@@ -41,6 +42,8 @@ class Training:
         self.average_params = self.params.clone()
         self.average_scalars = self.scalars.values.clone()
         self.averaged = 0
+        self.weights = config.weights
+        self.misfit = 0.0
         self.step = 0
         self.slower = 1.0
         self.last: Evaluation | None = None
@@ -65,6 +68,7 @@ class Training:
             "step": self.step,
             "averaged": self.averaged,
             "slower": self.slower,
+            "misfit": self.misfit,
             "total": self.schedule.total,
             "from_step": self.schedule.from_step,
             "from_progress": self.schedule.from_progress,
@@ -73,7 +77,7 @@ class Training:
     def set_plain_state(self, state: dict[str, Any]) -> None:
         """The inverse of `plain_state`; the tensors are copied into `tensors` by the caller."""
         self.step, self.averaged = state["step"], state["averaged"]
-        self.slower = state["slower"]
+        self.slower, self.misfit = state["slower"], state["misfit"]
         names = ("total", "from_step", "from_progress")
         self.schedule = dataclasses.replace(self.schedule, **{k: state[k] for k in names})
         self._good = self._copy()
@@ -83,6 +87,7 @@ class Training:
         """One step. NonFiniteError: a tensor is not finite, the state is not to be kept."""
         if self.schedule.changes(self.step):
             self.optimizer.reset()
+            self.misfit = self.objective.misfit(self.step, self.params, self.scalars.theta())
         e = self._evaluate()
         self._require_finite(_gradients(e))
         grad_scalars = None if e.grad_theta is None else self.scalars.pull_back(e.grad_theta)
@@ -99,9 +104,13 @@ class Training:
         self.step += 1
 
     def _evaluate(self) -> Evaluation:
-        o = self.objective
-        evaluate = o.velocity_alone if self.schedule.velocity_alone(self.step) else o.everything
-        return evaluate(self.step, self.params, self.scalars.theta())
+        step, o, theta = self.step, self.objective, self.scalars.theta()
+        if self.schedule.velocity_alone(step):
+            return o.velocity_alone(step, self.params, theta)
+        done, _ = self.schedule.stage(step)
+        weight = o.problem.term_weights[0]
+        relaxation = velocity_relaxation(self.weights, weight, self.misfit, done)
+        return o.everything(step, self.params, theta, relaxation)
 
     def _require_finite(self, tensors: dict[str, Tensor]) -> None:
         if name := first_nonfinite(tensors):

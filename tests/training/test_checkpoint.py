@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import pathlib
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -52,10 +51,11 @@ def test_an_empty_folder_has_no_checkpoint(tmp_path: Path) -> None:
 
 # What `save` asks of the operating system, each of which may fail at any of its calls.
 CALLS: list[tuple[Any, str]] = [
-    (tempfile, "mkstemp"),
-    (pathlib.Path, "write_bytes"),
+    (os, "open"),
+    (os, "close"),
     (os, "fsync"),
-    (os, "replace"),
+    (pathlib.Path, "write_bytes"),
+    (pathlib.Path, "replace"),
     (pathlib.Path, "unlink"),
     (pathlib.Path, "mkdir"),
 ]

@@ -28,8 +28,10 @@ def poison(run: Run, target: str, value: float, times: int) -> list[int]:
     real = objective.everything
     poisoned: list[int] = []
 
-    def everything(step: int, params: torch.Tensor, theta: torch.Tensor) -> Evaluation:
-        e = real(step, params, theta)
+    def everything(
+        step: int, params: torch.Tensor, theta: torch.Tensor, relaxation: float
+    ) -> Evaluation:
+        e = real(step, params, theta, relaxation)
         if step != BAD_STEP or len(poisoned) == times:
             return e
         poisoned.append(step)

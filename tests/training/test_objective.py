@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from granpinn import ops, problem, recipes, reference
-from granpinn.config import Config
+from granpinn.config import Config, Weights
 from granpinn.data import Flow, add_noise, training_set
+from granpinn.problem import velocity_relaxation
 from granpinn.sampling import INTERIOR, SURFACE, draw
 from granpinn.scales import Scales
 from tests.training.conftest import make_objective, make_training, tiny
@@ -137,13 +137,49 @@ def test_an_infinite_sigma_leaves_a_term_out(flow: Flow) -> None:
     assert found.term_weights[2] == pytest.approx(1 / 0.05**2)
 
 
-def test_measurement_error_is_added_to_the_sigma_of_the_velocity(flow: Flow) -> None:
-    clean = posed(flow, tiny()).term_weights[0]
-    noisy = add_noise(flow, 0.1, seed=0)
-    assert isinstance(noisy.sigma_u, float)
-    sigma = noisy.sigma_u / Scales.from_flow(flow).velocity
-    expected = 1 / (1 / clean + sigma**2)
-    assert posed(noisy, tiny()).term_weights[0] == pytest.approx(expected)
-    everywhere = np.full(flow.u.shape, noisy.sigma_u, np.float32)
-    varying = replace(flow, sigma_u=everywhere, sigma_v=everywhere)
-    assert posed(varying, tiny()).term_weights[0] == pytest.approx(expected, rel=1e-5)
+def test_the_misfit_is_that_of_the_velocity(flow: Flow) -> None:
+    config = tiny(dtype="float64")
+    objective, training = make_objective(config, flow), make_training(config, flow)
+    spec, physics = objective.problem.spec, objective.problem.physics
+    z = ops.network_value(
+        objective.points, training.params, spec.widths, spec.input_shift, spec.input_scale
+    )
+    expected = (physics[5] * z[:, :2] - objective.velocity).square().mean().sqrt()
+    found = objective.misfit(0, training.params, training.scalars.theta())
+    assert found == pytest.approx(float(expected), rel=0.1)
+
+
+def test_the_velocity_weighs_less_where_the_data_are_noisy() -> None:
+    settings = Weights(sigma_velocity=0.003, noise_part=0.05, noise_rise=0.5)
+    weight = 0.003**-2
+
+    def sigma(misfit: float, done: float) -> float:
+        return (weight * velocity_relaxation(settings, weight, misfit, done)) ** -0.5
+
+    assert [sigma(0.02, done) for done in (0, 0.3, 1)] == pytest.approx([0.003] * 3)
+    assert sigma(0.2, 0) == pytest.approx(0.003)
+    assert sigma(0.2, 0.25) == pytest.approx(math.sqrt(0.003 * 0.01))
+    assert sigma(0.2, 0.5) == sigma(0.2, 1.0) == pytest.approx(0.01)
+    assert velocity_relaxation(Weights(noise_part=0), weight, 0.2, 1.0) == 1
+
+
+def test_relaxation_scales_the_velocity_term_alone(flow: Flow) -> None:
+    config = tiny(dtype="float64")
+    objective, training = make_objective(config, flow), make_training(config, flow)
+    theta = training.scalars.theta()
+    one = objective.everything(0, training.params, theta)
+    half = objective.everything(0, training.params, theta, 0.5)
+    torch.testing.assert_close(one.terms, half.terms)
+    velocity = objective.term_weights[0] * one.terms[0]
+    torch.testing.assert_close(one.loss - half.loss, velocity / 2)
+
+
+def test_noisy_data_are_noticed_after_the_prefit(flow: Flow) -> None:
+    noisy = make_training(tiny(steps=20), add_noise(flow, 1.0, seed=0))
+    while not noisy.finished:
+        noisy.advance()
+    assert noisy.misfit > 0.1
+    row = noisy.row(0.0)
+    weights = noisy.objective.problem.term_weights
+    clean_loss = sum(w * t for w, t in zip(weights, noisy.last.terms.tolist(), strict=True))  # type: ignore[union-attr]
+    assert row.loss < 0.9 * clean_loss

@@ -93,7 +93,16 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"
     )
-    argv = [str(flow_file), "--out", str(folder), *ENDLESS, "--checkpoint-every", "0"]
+    argv = [
+        str(flow_file),
+        "--out",
+        str(folder),
+        *ENDLESS,
+        "--log-every",
+        "1",
+        "--checkpoint-every",
+        "0",
+    ]
     done = subprocess.run(
         [sys.executable, "-c", code, *argv], capture_output=True, text=True, timeout=60, check=False
     )
