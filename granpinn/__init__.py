@@ -17,15 +17,17 @@ if TYPE_CHECKING:
     from granpinn.data import read_flow, write_flow
     from granpinn.identification import identify
     from granpinn.results import Result
+    from granpinn.simulation import simulate
 
 __version__ = "0.1.0"
-__all__ = ["Config", "Result", "__version__", "identify", "read_flow", "write_flow"]
+__all__ = ["Config", "Result", "__version__", "identify", "read_flow", "simulate", "write_flow"]
 
 _HOMES = {
     "Config": "granpinn.config",
     "Result": "granpinn.results",
     "identify": "granpinn.identification",
     "read_flow": "granpinn.data",
+    "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",
 }
 

@@ -20,7 +20,7 @@ class Solver {
 
   // Fractions at centers [ny][nx], velocities on faces [ny][nx + 1] and [ny + 1][nx], of the box.
   virtual void set_state(const double* c, const double* u, const double* v) = 0;
-  // One time step, no longer than `largest`. Throws std::runtime_error if a solve does not converge.
+  // One time step of at most `largest`. Throws std::runtime_error if a solve does not converge.
   virtual StepReport step(double largest) = 0;
   // Moves the fraction alone with the present velocities.
   virtual void advect_fraction(double step) = 0;

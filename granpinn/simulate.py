@@ -1,0 +1,172 @@
+"""The command `python -m granpinn.simulate`: a collapse with a known friction law as a flow file.
+
+Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by SIGINT, SIGTERM,
+with the frames so far in the flow file.
+
+In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
+has the same name in the package, so it can be called like that function.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import signal
+import sys
+import types
+import typing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from granpinn.arguments import convert
+from granpinn.config import ConfigError
+from granpinn.data.flow import Flow
+from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate
+from granpinn.simulation.progress import automatic
+
+EXAMPLES = """examples:
+  python -m granpinn.simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5
+      the paper's column, 512 cells across the box
+  python -m granpinn.simulate --cells 128 --out quick.h5 --figures figures --animation quick.gif
+      a coarse one in a second, with figures and an animation
+  python -m granpinn.simulate --paper-cases cases
+      the six regimes of the paper and its figure 3
+  python -m granpinn.simulate --height 0.1 --aspect 2 --gravity 0,-9.81 --density 1550 --d 0.0008 \\
+      --length-unit m --time-unit s --out beads.h5
+      glass beads in SI units
+
+Ctrl-C stops and leaves a valid file with the frames so far."""
+OWN = ("out", "paper_cases", "figures", "animation")
+
+
+class _CallableModule(types.ModuleType):
+    """`import granpinn.simulate` puts this module where the function of that name was."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Flow:
+        return simulate(*args, **kwargs)
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        _run(parse(sys.argv[1:] if argv is None else argv))
+    except (ConfigError, OSError) as error:
+        return _fail(2, str(error))
+    except SimulationError as error:
+        return _fail(1, str(error))
+    except _Terminated:
+        return _fail(143, "stopped; the flow file holds the frames so far")
+    except KeyboardInterrupt:
+        return _fail(130, "stopped; the flow file holds the frames so far")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return 0
+
+
+def parse(argv: Sequence[str]) -> dict[str, Any]:
+    """The values that are given on the command line, converted to the types of their fields."""
+    parser = _Parser(
+        prog="python -m granpinn.simulate",
+        usage="%(prog)s --out FLOW.h5 [settings]",
+        description="Simulate the collapse of a column of grains that obey the friction law mu(I).",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        argument_default=argparse.SUPPRESS,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--out", metavar="FLOW.h5", help="the flow file to write")
+    parser.add_argument("--paper-cases", metavar="DIR", help="the paper's six regimes, to DIR")
+    parser.add_argument("--figures", metavar="DIR", help="profiles and snapshots as PNG, to DIR")
+    parser.add_argument("--animation", metavar="FILE.gif", help="the flow as an animated GIF")
+    for field in dataclasses.fields(Collapse):
+        text = f"{field.metadata['help']} (default {field.default})".replace("%", "%%")
+        flag = "--" + field.name.replace("_", "-")
+        parser.add_argument(flag, dest=field.name, metavar="VALUE", help=text)
+    given = vars(parser.parse_args(argv))
+    kinds = typing.get_type_hints(Collapse)
+    values = {
+        name: Path(value) if name in OWN else convert(value, kinds[name], f"--{name}")
+        for name, value in given.items()
+    }
+    _check(values)
+    return values
+
+
+def _check(values: dict[str, Any]) -> None:
+    """Refuses outputs that could not be written before anything is computed."""
+    if ("out" in values) == ("paper_cases" in values):
+        raise ConfigError("give either --out FLOW.h5 or --paper-cases DIR")
+    if "paper_cases" in values and {"mu_s", "mu_2", "animation"} & set(values):
+        raise ConfigError("--paper-cases has its own mu_s and mu_2 and makes no animation")
+    if "animation" in values and values["animation"].suffix != ".gif":
+        raise ConfigError(f"--animation must end in .gif, got {values['animation']}")
+    for name in ("out", "animation"):
+        if name not in values:
+            continue
+        if values[name].is_dir() or not values[name].resolve().parent.is_dir():
+            raise ConfigError(f"--{name} must be a file in an existing folder, got {values[name]}")
+    for name in ("figures", "paper_cases"):
+        if name in values and values[name].exists() and not values[name].is_dir():
+            raise ConfigError(f"--{name.replace('_', '-')} must be a folder, got {values[name]}")
+
+
+def _run(values: dict[str, Any]) -> None:
+    outputs = {name: values.pop(name) for name in OWN if name in values}
+    if "paper_cases" in outputs:
+        _paper_cases(outputs["paper_cases"], Collapse(**values), outputs.get("figures"))
+        return
+    flow = _one(Collapse(**values), outputs["out"], outputs.get("figures"))
+    if "animation" in outputs:
+        from granpinn.simulation.animation import animate
+
+        print(f"animation: {animate(flow, outputs['animation'])}")
+
+
+def _one(collapse: Collapse, out: Path, figures: Path | None) -> Flow:
+    """Simulates one collapse; its figures are named after the flow file."""
+    flow = simulate(collapse, out=out, listener=automatic())
+    print(f"flow file: {out}")
+    if figures is not None:
+        from granpinn.simulation.figures import save_figures
+
+        for path in save_figures(flow, figures, out.stem):
+            print(f"figure: {path}")
+    return flow
+
+
+def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None:
+    """The paper's six regimes and the figure of their final states."""
+    from granpinn.simulation.figures import save_final_states
+
+    folder.mkdir(parents=True, exist_ok=True)
+    flows = []
+    for mu_s, mu_2 in PAPER_CASES:
+        collapse = dataclasses.replace(settings, mu_s=mu_s, mu_2=mu_2)
+        flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5", figures))
+    print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
+
+
+def _terminate(signum: int, frame: types.FrameType | None) -> NoReturn:
+    raise _Terminated
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"granpinn.simulate: {message}", file=sys.stderr)
+    return code
+
+
+sys.modules[__name__].__class__ = _CallableModule
+
+if __name__ == "__main__":
+    sys.exit(main())

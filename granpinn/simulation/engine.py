@@ -1,0 +1,135 @@
+"""The compiled solver behind NumPy arrays: one object that is stepped through time.
+
+    engine = Engine(Collapse(mu_s=0.4, mu_2=0.64, cells=128))
+    while engine.time < 1:
+        engine.step(1 - engine.time)
+
+The numerical method is described where it is written: csrc/collapse/.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn import _collapse
+from granpinn.simulation.parameters import MARGIN, Collapse
+
+Array = npt.NDArray[np.float64]
+
+
+class SimulationError(RuntimeError):
+    """A solve did not converge; the message has its numbers."""
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What one time step did: time reached, its length, iterations and errors of both solves.
+
+    The errors are energy norms relative to what gravity does in one step; `largest_divergence` is
+    the largest volume error of a cell, and `window` the cells that were computed, (x, y).
+    """
+
+    time: float
+    step: float
+    viscous_iterations: int
+    pressure_iterations: int
+    viscous_error: float
+    pressure_error: float
+    largest_divergence: float
+    largest_speed: float
+    window: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Fields on the window [ny, nx], from the lower left corner of the box.
+
+    Attributes:
+        c, p: fraction of grains and pressure at cell centers [ny, nx].
+        u: velocity through the vertical faces [ny, nx + 1]; v: through the horizontal [ny + 1, nx].
+        eta_center, eta_corner: viscosity of the last step [ny, nx], [ny + 1, nx + 1].
+    """
+
+    c: Array
+    p: Array
+    u: Array
+    v: Array
+    eta_center: Array
+    eta_corner: Array
+
+    @property
+    def u_center(self) -> Array:
+        mean: Array = 0.5 * (self.u[:, 1:] + self.u[:, :-1])
+        return mean
+
+    @property
+    def v_center(self) -> Array:
+        mean: Array = 0.5 * (self.v[1:] + self.v[:-1])
+        return mean
+
+
+class Engine:
+    """A column of grains in air and its time."""
+
+    def __init__(self, collapse: Collapse, **overrides: Any) -> None:
+        """`overrides` are fields of the solver's own parameters, for tests (csrc/collapse)."""
+        self.collapse = collapse.resolved()
+        self.spacing = self.collapse.spacing
+        parameters = solver_parameters(self.collapse)
+        for name, value in overrides.items():
+            setattr(parameters, name, value)
+        self._solver = _collapse.Solver(parameters)
+        nx, ny = parameters.cells_x, parameters.cells_y
+        self._solver.set_state(
+            column_fraction(self.collapse, nx, ny), np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx))
+        )
+
+    @property
+    def time(self) -> float:
+        return float(self._solver.time)
+
+    def step(self, largest: float) -> StepReport:
+        """One time step of at most `largest`; the last ones before it is used up are equal."""
+        try:
+            return StepReport(**self._solver.step(largest))
+        except RuntimeError as error:
+            raise SimulationError(str(error)) from None
+
+    def state(self) -> State:
+        return State(**self._solver.state())
+
+
+def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
+    """The parameters of the compiled solver for a resolved collapse."""
+    parameters = _collapse.Parameters()
+    values = {
+        "cells_x": collapse.cells,
+        "cells_y": collapse.cells_y,
+        "spacing": collapse.spacing,
+        "grain_diameter": collapse.d,
+        "gravity_x": collapse.gravity[0],
+        "gravity_y": collapse.gravity[1],
+        "chunk": collapse.chunk,
+        "margin": MARGIN,
+        "largest_step": collapse.largest_step,
+    }
+    same = ("mu_s", "mu_2", "I0", "cohesion", "eta_min", "eta_max", "density", "air_density")
+    for name in (*same, "air_viscosity", "cfl", "threads"):
+        values[name] = getattr(collapse, name)
+    for name, value in values.items():
+        setattr(parameters, name, value)
+    return parameters
+
+
+def column_fraction(collapse: Collapse, nx: int, ny: int) -> Array:
+    """Fraction of grains at the start, [ny, nx]: a rectangle in the lower left corner."""
+    h = collapse.spacing
+
+    def filled(length: float, count: int) -> Array:
+        return np.clip((length - h * np.arange(count)) / h, 0.0, 1.0)
+
+    return np.outer(filled(collapse.height, ny), filled(collapse.width, nx))

@@ -1,0 +1,94 @@
+"""Frames of a simulation, and the flow file that they make.
+
+Velocities and pressure are given at every `stride`-th cell center, where the cell holds nothing but
+grains, and NaN elsewhere. The surface consists of all cells of the full grid with |c - 0.5| < 0.1,
+as in the paper.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+import granpinn
+from granpinn.data.flow import Flow, Surface, Truth
+from granpinn.simulation.engine import State
+from granpinn.simulation.parameters import Collapse
+
+SURFACE_HALF_WIDTH = 0.1
+Array = npt.NDArray[np.float64]
+
+
+class Recorder:
+    """Collects frames and turns them into a flow at any time."""
+
+    def __init__(self, collapse: Collapse) -> None:
+        self.collapse = collapse.resolved()
+        self.times: list[float] = []
+        self.frames: list[dict[str, Array]] = []
+        self.surface: list[Array] = []  # [n, 4]: t, x, y, p
+
+    def add(self, time: float, state: State) -> None:
+        """Keeps what a flow file needs of this state."""
+        step, h = self.collapse.stride, self.collapse.spacing
+        fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
+        self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
+        self.times.append(time)
+        j, i = np.nonzero(np.abs(state.c - 0.5) < SURFACE_HALF_WIDTH)
+        points = (np.full(len(i), time), (i + 0.5) * h, (j + 0.5) * h, state.p[j, i])
+        self.surface.append(np.stack(points, axis=1))
+
+    def flow(self) -> Flow:
+        """The frames so far, cut to the grains."""
+        occupied = [np.argwhere(frame["c"] > 0).max(axis=0) + 1 for frame in self.frames]
+        ny, nx = np.max(occupied, axis=0)
+        arrays = {name: self._stack(name, int(ny), int(nx)) for name in ("c", "u", "v", "p")}
+        for name in ("u", "v", "p"):
+            arrays[name][arrays["c"] != 1] = np.nan
+        s, points = self.collapse, np.concatenate(self.surface)
+        spacing, first = s.stride * s.spacing, 0.5 * s.spacing
+        t, x, y, p = points.T.copy()
+        return Flow(
+            t=np.array(self.times),
+            y=first + spacing * np.arange(ny),
+            x=first + spacing * np.arange(nx),
+            u=arrays["u"],
+            v=arrays["v"],
+            c=arrays["c"],
+            p=arrays["p"],
+            surface=Surface(t, x, y, p.astype(np.float32)) if len(points) else None,
+            gravity=s.gravity,
+            density=s.density,
+            grain_diameter=s.d,
+            length_unit=s.length_unit,
+            time_unit=s.time_unit,
+            eta_max=s.eta_max,
+            eta_min=s.eta_min,
+            truth=Truth(s.mu_s, s.mu_2, s.I0),
+            attributes=self._settings(),
+        )
+
+    def _stack(self, name: str, ny: int, nx: int) -> npt.NDArray[np.float32]:
+        """One quantity of all frames [T, ny, nx]; the window has no grains where it ended."""
+        out = np.zeros((len(self.frames), ny, nx), np.float32)
+        for k, frame in enumerate(self.frames):
+            part = frame[name][:ny, :nx]
+            out[k, : part.shape[0], : part.shape[1]] = part
+        return out
+
+    def _settings(self) -> dict[str, float | str | None]:
+        """How the flow was made, beyond what the format has places for."""
+        s = self.collapse
+        return {
+            "source": f"granpinn {granpinn.__version__} simulation",
+            "column_height": s.height,
+            "column_width": s.width,
+            "box_width": s.box_width,
+            "box_height": s.box_height,
+            "grid_spacing_of_solver": s.spacing,
+            "stride": s.stride,
+            "air_density": s.air_density,
+            "air_viscosity": s.air_viscosity,
+            "cohesion": s.cohesion,
+            "cfl": s.cfl,
+        }
