@@ -84,7 +84,12 @@ def identify(
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
         deadline = begin + config.max_time - kept
     folder = None if run_dir is None else _prepare(Path(run_dir), config)
-    run = Run(objective, config, folder, progress or Silent(), deadline)
+    progress = progress or Silent()
+    run = Run(objective, config, folder, progress, deadline)
+    progress.message(
+        f"{len(objective.points)} points, {len(objective.surface_points)} surface points, "
+        f"{posed.spec.n_params} network parameters, {config.dtype} on {device}"
+    )
     run.train()
 
     model = Model(posed, *run.training.solution(), scales)
