@@ -38,19 +38,21 @@ struct GradientSum {
   static constexpr int kBlock = 32;  // tiles
 
   T* block;           // padded layout, zero at the start
-  double* total;      // likewise
+  double* total;      // likewise; set by the first flush
   std::int64_t size;  // of either
   int tiles = 0;      // in the block
+  bool flushed = false;
 
   GRANPINN_HD void tile_done() {
     if (++tiles == kBlock) flush();
   }
   GRANPINN_HD void flush() {
     for (std::int64_t i = 0; i < size; ++i) {
-      total[i] += static_cast<double>(block[i]);
+      total[i] = (flushed ? total[i] : 0.0) + static_cast<double>(block[i]);
       block[i] = T(0);
     }
     tiles = 0;
+    flushed = true;
   }
 };
 

@@ -17,14 +17,12 @@ at::Tensor network_jet_cpu(const at::Tensor& points, const at::Tensor& params, I
   AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet", [&] {
     for (std::int64_t e = 0; e < members; ++e) {
       const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
-      const std::int64_t tiles = tiles_of(N), team = team_size(tiles);
-      const std::int64_t scratch = workspace_size(net, C);
-      const at::Tensor workspace = at::empty({team, scratch}, params.options());
+      const std::int64_t tiles = tiles_of(N);
+      const Team<scalar_t> team(net, C, tiles);
       scalar_t* to = out.mutable_data_ptr<scalar_t>() + e * C * N * K;
-      split(team, tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+      split(team.size(), tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
         kernels<scalar_t>().jet(net, C, x.member<scalar_t>(e), begin * kTilePoints,
-                                std::min(end * kTilePoints, N), N, to,
-                                workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+                                std::min(end * kTilePoints, N), N, to, team.workspace(i));
       });
     }
   });
@@ -45,18 +43,16 @@ at::Tensor network_jet_backward_cpu(const at::Tensor& grad, const at::Tensor& po
   AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet_backward", [&] {
     for (std::int64_t e = 0; e < members; ++e) {
       const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
-      const std::int64_t tiles = tiles_of(N), team = team_size(tiles);
-      const std::int64_t scratch = workspace_size(net, C);
-      const at::Tensor workspace = at::empty({team, scratch}, params.options());
-      const TeamGradient<scalar_t> gradient(net, team);
-      split(team, tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
-        GradientSum<scalar_t> mine = gradient.of_thread(i);
-        kernels<scalar_t>().jet_adjoint(
-            net, C, x.member<scalar_t>(e), begin * kTilePoints, std::min(end * kTilePoints, N), N,
-            g.member<scalar_t>(e), &mine, workspace.mutable_data_ptr<scalar_t>() + i * scratch);
+      const std::int64_t tiles = tiles_of(N);
+      const Team<scalar_t> team(net, C, tiles);
+      split(team.size(), tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+        GradientSum<scalar_t> mine = team.gradient(i);
+        kernels<scalar_t>().jet_adjoint(net, C, x.member<scalar_t>(e), begin * kTilePoints,
+                                        std::min(end * kTilePoints, N), N, g.member<scalar_t>(e),
+                                        &mine, team.workspace(i));
         mine.flush();
       });
-      gradient.sum(out.mutable_data_ptr<scalar_t>() + e * count);
+      team.sum(out.mutable_data_ptr<scalar_t>() + e * count);
     }
   });
   return out;

@@ -33,24 +33,19 @@ LossArguments<T> member_arguments(const Network<T>& net, Form form, const Physic
 template <class T>
 double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_theta) {
   const int C = a.form == Form::data ? 1 : a.form == Form::mixed ? 4 : 7;
-  const std::int64_t tiles = tiles_of(a.n) + tiles_of(a.m), team = team_size(tiles);
-  const std::int64_t scratch = workspace_size(a.net, C);
-  const auto options = at::TensorOptions().dtype(c10::CppTypeToScalarType<T>());
-  const at::Tensor workspace = at::empty({team, scratch}, options);
-  const TeamGradient<T> gradient(a.net, team);
-  std::vector<LossSums<T>> sums(team);
+  const std::int64_t interior = tiles_of(a.n), tiles = interior + tiles_of(a.m);
+  const Team<T> team(a.net, C, tiles);
+  std::vector<LossSums<T>> sums(team.size());
   // tiles of the surface are cheaper than those of the interior: each kind is split by itself
-  const std::int64_t interior = tiles_of(a.n);
-  split(team, team, [&](std::int64_t i, std::int64_t, std::int64_t) {
-    sums[i].gradient = gradient.of_thread(i);
-    T* memory = workspace.mutable_data_ptr<T>() + i * scratch;
-    const auto share = [&](std::int64_t count, std::int64_t k) { return k * count / team; };
-    kernels<T>().loss(a, share(interior, i), share(interior, i + 1), &sums[i], memory);
+  split(team.size(), team.size(), [&](std::int64_t i, std::int64_t, std::int64_t) {
+    sums[i].gradient = team.gradient(i);
+    const auto share = [&](std::int64_t count, std::int64_t k) { return k * count / team.size(); };
+    kernels<T>().loss(a, share(interior, i), share(interior, i + 1), &sums[i], team.workspace(i));
     kernels<T>().loss(a, interior + share(tiles - interior, i),
-                      interior + share(tiles - interior, i + 1), &sums[i], memory);
+                      interior + share(tiles - interior, i + 1), &sums[i], team.workspace(i));
     sums[i].gradient.flush();
   });
-  gradient.sum(grad_params);
+  team.sum(grad_params);
   double loss = 0;
   for (int k = 0; k < kTerms; ++k) {
     double square = 0;

@@ -26,47 +26,68 @@ void split(std::int64_t team, std::int64_t count, const Work& work) {
   });
 }
 
-// The gradients of all threads of one network.
+// The threads that work on one network, with scratch memory and gradient of each.
+//
+// The memory belongs to the calling thread and is kept for its next call: fresh pages of a few
+// megabytes in every step would cost as much as the arithmetic of a small batch.
 template <class T>
-class TeamGradient {
+class Team {
  public:
-  TeamGradient(const Network<T>& net, std::int64_t team)
+  Team(const Network<T>& net, int channels, std::int64_t tiles)
       : net_(net),
-        team_(team),
-        size_(gradient_offset(net, net.layers)),
-        blocks_(at::zeros({team, size_}, at::TensorOptions().dtype(c10::CppTypeToScalarType<T>()))),
-        totals_(at::zeros({team, size_}, at::kDouble)) {}
-
-  GradientSum<T> of_thread(std::int64_t i) const {
-    return {blocks_.mutable_data_ptr<T>() + i * size_,
-            totals_.mutable_data_ptr<double>() + i * size_, size_};
+        size_(team_size(tiles)),
+        workspace_bytes_(padded(workspace_size(net, channels)) * sizeof(T)),
+        gradient_(padded(gradient_offset(net, net.layers))),
+        share_(workspace_bytes_ + gradient_ * (sizeof(T) + sizeof(double))) {
+    thread_local at::Tensor kept;
+    if (!kept.defined() || kept.numel() < size_ * share_)
+      kept = at::empty({size_ * share_}, at::kByte);
+    memory_ = kept.mutable_data_ptr<std::uint8_t>();
   }
 
-  // The sum over threads, in order, into `out` (flat layout).
+  std::int64_t size() const { return size_; }
+
+  T* workspace(std::int64_t thread) const {
+    return reinterpret_cast<T*>(memory_ + thread * share_);
+  }
+
+  // An empty sum; call it in the thread itself, which then has the pages close by.
+  GradientSum<T> gradient(std::int64_t thread) const {
+    T* block = reinterpret_cast<T*>(memory_ + thread * share_ + workspace_bytes_);
+    for (std::int64_t i = 0; i < gradient_; ++i) block[i] = T(0);
+    return {block, total(thread), gradient_};
+  }
+
+  // The flushed gradients, summed over the threads in order, into `out` (flat layout).
   void sum(T* out) const {
-    const double* totals = totals_.const_data_ptr<double>();
-    for (int l = 0; l < net_.layers; ++l) {
-      const std::int64_t in = net_.in(l), rows = net_.out(l), ld = padded(in);
-      const double* from = totals + gradient_offset(net_, l);
-      T* to = out + net_.offset(l);
-      // one more row for the bias
-      at::parallel_for(0, rows + 1, 64, [&](std::int64_t first, std::int64_t last) {
-        for (std::int64_t row = first; row < last; ++row) {
-          const std::int64_t length = row < rows ? in : rows;
-          for (std::int64_t i = 0; i < length; ++i) {
-            double sum = 0;
-            for (std::int64_t t = 0; t < team_; ++t) sum += from[t * size_ + row * ld + i];
-            to[row * in + i] = static_cast<T>(sum);
-          }
-        }
-      });
-    }
+    at::parallel_for(0, net_.layers, 1, [&](std::int64_t first, std::int64_t last) {
+      for (std::int64_t l = first; l < last; ++l) sum_layer(static_cast<int>(l), out);
+    });
   }
 
  private:
+  double* total(std::int64_t thread) const {
+    return reinterpret_cast<double*>(memory_ + thread * share_ + workspace_bytes_ +
+                                     gradient_ * sizeof(T));
+  }
+
+  void sum_layer(int l, T* out) const {
+    const std::int64_t in = net_.in(l), rows = net_.out(l), ld = padded(in);
+    const std::int64_t from = gradient_offset(net_, l);
+    T* to = out + net_.offset(l);
+    for (std::int64_t row = 0; row <= rows; ++row) {  // the last row: the bias
+      const std::int64_t length = row < rows ? in : rows;
+      for (std::int64_t i = 0; i < length; ++i) {
+        double sum = 0;
+        for (std::int64_t t = 0; t < size_; ++t) sum += total(t)[from + row * ld + i];
+        to[row * in + i] = static_cast<T>(sum);
+      }
+    }
+  }
+
   const Network<T>& net_;
-  std::int64_t team_, size_;
-  at::Tensor blocks_, totals_;
+  std::int64_t size_, workspace_bytes_, gradient_, share_;
+  std::uint8_t* memory_;
 };
 
 }  // namespace granpinn
