@@ -55,6 +55,7 @@ void CollapseSolver::set_state(const double* c, const double* u, const double* v
   fill_fraction_ghosts(c_, grid_);
   before_ = velocity_;
   fit_window();
+  start_pressure();
 }
 
 void CollapseSolver::fit_window() {

@@ -29,7 +29,7 @@ StepReport CollapseSolver::step(double largest) {
   fill_coefficients(dt);
   build_cycles();
   solve_viscous(dt, report);
-  project(dt, report);
+  project(dt, report, true);
   last_step_ = dt;
   time_ += dt;
   ++step_count_;
@@ -39,6 +39,19 @@ StepReport CollapseSolver::step(double largest) {
   report.window_y = grid_.ny;
   fit_window();
   return report;
+}
+
+// The pressure of a flow without friction, as if gravity were switched on now. Without it, the
+// first viscous step would see a free fall that is stopped at the walls, and leave eddies behind.
+void CollapseSolver::start_pressure() {
+  if (s_.gravity_x == 0 && s_.gravity_y == 0) return;
+  StepReport report;
+  fill_coefficients(s_.largest_step);
+  build_cycles();
+  each_face(
+      [&](int k, int i, int j) { velocity_[k](i, j) = s_.largest_step * weight_at(k, i, j); });
+  project(s_.largest_step, report, false);
+  velocity_ = before_;
 }
 
 double CollapseSolver::choose_step(double largest) {
@@ -74,7 +87,11 @@ void CollapseSolver::extrapolate(double share) {
 void CollapseSolver::fill_coefficients(double step) {
   fill_velocity_ghosts(velocity_[0], velocity_[1], grid_);
   fill_pressure_ghosts(p_[0], grid_);
-  mixture_viscosity(velocity_[0], velocity_[1], p_[0], c_, eta_center_, eta_corner_, grid_,
+  // Grains that are released are not rigid: with the viscosity of rest in the first step, it would
+  // take a column many steps to find out that it cannot stand.
+  const Field<double> no_pressure(grid_.nx, grid_.ny);
+  const Field<double>& pressure = step_count_ == 0 ? no_pressure : p_[0];
+  mixture_viscosity(velocity_[0], velocity_[1], pressure, c_, eta_center_, eta_corner_, grid_,
                     s_.spacing, s_, team_);
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
   const double area = s_.spacing * s_.spacing;
@@ -119,10 +136,9 @@ void CollapseSolver::build_cycles() {
 }
 
 void CollapseSolver::solve_viscous(double step, StepReport& report) {
-  const double gravity[2] = {s_.gravity_x, s_.gravity_y};
   each_face([&](int k, int i, int j) {
-    const double weight = gravity[k] * (1 - s_.air_density / density_at(k, i, j));
-    const double v = before_[k](i, j) + step * (weight - pushed_[k](i, j) - advected_[k](i, j));
+    const double push = weight_at(k, i, j) - pushed_[k](i, j) - advected_[k](i, j);
+    const double v = before_[k](i, j) + step * push;
     right_[k](i, j) = viscous_.mass[k](i, j) * v;
   });
   // Ghost values of the solved velocity are 0 (viscous.h).
@@ -137,10 +153,10 @@ void CollapseSolver::solve_viscous(double step, StepReport& report) {
   check(solve, "viscous");
 }
 
-void CollapseSolver::project(double step, StepReport& report) {
+void CollapseSolver::project(double step, StepReport& report, bool with_relief) {
   const double h = s_.spacing;
   each_cell([&](int i, int j) {
-    relief_(i, j) = -kReliefShare * plug_eta_(i, j) * net_outflow(i, j) / h;
+    relief_(i, j) = with_relief ? -kReliefShare * plug_eta_(i, j) * net_outflow(i, j) / h : 0.0;
   });
   each_face([&](int k, int i, int j) { velocity_[k](i, j) += step * pushed_[k](i, j); });
   if (grid_.periodic()) velocity_[0].wrap();

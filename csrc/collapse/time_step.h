@@ -58,13 +58,18 @@ class CollapseSolver final : public Solver {
   void fill_coefficients(double step);
   void build_cycles();
   void solve_viscous(double step, StepReport& report);
-  void project(double step, StepReport& report);
+  void project(double step, StepReport& report, bool with_relief);
+  void start_pressure();
   void check(const SolveReport& solve, const char* name) const;
 
   // Arithmetic mean over the two cells beside a face; c has ghost values.
   double density_at(int k, int i, int j) const {
     const double c = 0.5 * (c_(i, j) + (k == 0 ? c_(i - 1, j) : c_(i, j - 1)));
     return c * s_.density + (1 - c) * s_.air_density;
+  }
+  // Gravity less the buoyancy in air, per unit of mass.
+  double weight_at(int k, int i, int j) const {
+    return (k == 0 ? s_.gravity_x : s_.gravity_y) * (1 - s_.air_density / density_at(k, i, j));
   }
   // h div v
   double net_outflow(int i, int j) const {

@@ -9,6 +9,8 @@ The numerical method is described where it is written: csrc/collapse/.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,9 +86,13 @@ class Engine:
             setattr(parameters, name, value)
         self._solver = _collapse.Solver(parameters)
         nx, ny = parameters.cells_x, parameters.cells_y
-        self._solver.set_state(
-            column_fraction(self.collapse, nx, ny), np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx))
+        start = (
+            column_fraction(self.collapse, nx, ny),
+            np.zeros((ny, nx + 1)),
+            np.zeros((ny + 1, nx)),
         )
+        with _named_errors():
+            self._solver.set_state(*start)
 
     @property
     def time(self) -> float:
@@ -94,13 +100,19 @@ class Engine:
 
     def step(self, largest: float) -> StepReport:
         """One time step of at most `largest`; the last ones before it is used up are equal."""
-        try:
+        with _named_errors():
             return StepReport(**self._solver.step(largest))
-        except RuntimeError as error:
-            raise SimulationError(str(error)) from None
 
     def state(self) -> State:
         return State(**self._solver.state())
+
+
+@contextmanager
+def _named_errors() -> Iterator[None]:
+    try:
+        yield
+    except RuntimeError as error:
+        raise SimulationError(str(error)) from None
 
 
 def solver_parameters(collapse: Collapse) -> _collapse.Parameters:

@@ -1,0 +1,82 @@
+"""Small problems for the bare solver: boxes of one fluid, and their exact solutions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn._collapse import Parameters, Side, Solver
+
+Array = npt.NDArray[np.float64]
+Function = Callable[[Array, Array], Array]
+
+
+def zero(x: Array, y: Array) -> Array:
+    return np.zeros(np.broadcast_shapes(x.shape, y.shape))
+
+
+def one(x: Array, y: Array) -> Array:
+    return np.ones(np.broadcast_shapes(x.shape, y.shape))
+
+
+def parameters(cells_x: int, cells_y: int, spacing: float, **values: Any) -> Parameters:
+    """The whole box as the window, no gravity, no air, Newtonian of viscosity 1 unless told."""
+    s = Parameters()
+    defaults: dict[str, Any] = {
+        "cells_x": cells_x,
+        "cells_y": cells_y,
+        "spacing": spacing,
+        "margin": -1,
+        "chunk": 8,
+        "newtonian": True,
+        "eta_max": 1.0,
+        "eta_min": 0.0,
+        "air_viscosity": 1e-4,
+        "air_density": 1e-4,
+        "mu_s": 0.4,
+        "mu_2": 0.64,
+        "I0": 0.3,
+        "grain_diameter": 0.025,
+        "viscous_tolerance": 1e-10,
+        "pressure_tolerance": 1e-10,
+    }
+    for name, value in {**defaults, **values}.items():
+        setattr(s, name, value)
+    return s
+
+
+def walls(side: Side) -> dict[str, Side]:
+    return dict.fromkeys(("left", "right", "bottom", "top"), side)
+
+
+def start(s: Parameters, c: Function = one, u: Function = zero, v: Function = zero) -> Solver:
+    """A solver with fraction and velocity given as functions of x and y."""
+    solver = Solver(s)
+    x, y = centers(s)
+    faces_x = s.spacing * np.arange(s.cells_x + 1)[None, :]
+    faces_y = s.spacing * np.arange(s.cells_y + 1)[:, None]
+    solver.set_state(c(x, y), u(faces_x, y), v(x, faces_y))
+    return solver
+
+
+def centers(s: Parameters) -> tuple[Array, Array]:
+    """x [1, nx] and y [ny, 1] of cell centers."""
+    h = s.spacing
+    return h * (np.arange(s.cells_x)[None, :] + 0.5), h * (np.arange(s.cells_y)[:, None] + 0.5)
+
+
+def run(solver: Solver, t_end: float, step: float) -> list[dict[str, Any]]:
+    """Equal steps up to t_end; what they reported."""
+    reports = []
+    for n in range(1, round(t_end / step) + 1):
+        while n * step - solver.time > 1e-12 * t_end:
+            reports.append(solver.step(n * step - solver.time))
+    return reports
+
+
+def order(errors: list[float]) -> float:
+    """Slope of the last two errors under halving of the cell size or the step."""
+    return float(np.log2(errors[-2] / errors[-1]))

@@ -1,0 +1,172 @@
+"""The command, the Python call, the flow file that they write, and how they stop."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granpinn
+import granpinn.simulate as command
+from granpinn.config import ConfigError
+from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
+from granpinn.simulation.animation import animate
+from granpinn.simulation.engine import Engine, StepReport
+from granpinn.simulation.progress import Lines, Silent
+
+COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
+FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
+
+
+def test_flow_file_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    assert command.main(["--mu-s", "0.3", "--mu-2", "0.5", *FLAGS, "--out", str(path)]) == 0
+    flow = granpinn.read_flow(path)
+    assert flow.truth is not None
+    assert (flow.truth.mu_s, flow.truth.mu_2, flow.truth.I0) == (0.3, 0.5, 0.3)
+    np.testing.assert_allclose(flow.t, [0.25, 0.5, 0.75, 1.0])
+    assert flow.gravity == (0.0, -1.0)
+    assert (flow.eta_max, flow.eta_min, flow.grain_diameter) == (1e4, 1e-4, 0.025)
+    assert flow.x[0] == flow.y[0] == pytest.approx(0.5 * 12 / 64)
+    assert np.diff(flow.x) == pytest.approx(2 * 12 / 64)
+    assert flow.p is not None
+    np.testing.assert_array_equal(np.isnan(flow.u), ~flow.material)
+    np.testing.assert_array_equal(np.isnan(flow.p), ~flow.material)
+    assert flow.surface is not None
+    assert flow.surface.p is not None
+    assert np.abs(np.median(flow.surface.p)) < 0.05
+    assert flow.attributes["column_width"] == 1.0
+    falling = flow.v[-1][flow.material[-1]].min()
+    assert falling == pytest.approx(-1.0, abs=0.05)  # the top falls freely
+
+
+def test_python_call_gives_the_same_flow(tmp_path: Path) -> None:
+    flow = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
+    command.main(["--mu-s", "0.3", "--mu-2", "0.5", *FLAGS, "--out", str(tmp_path / "flow.h5")])
+    np.testing.assert_array_equal(flow.u, granpinn.read_flow(tmp_path / "flow.h5").u)
+
+
+def test_module_of_the_command_is_callable_like_the_function() -> None:
+    """Importing granpinn.simulate replaces the package's attribute of that name."""
+    assert command is sys.modules["granpinn.simulate"]
+    assert command(mu_s=0.3, mu_2=0.5, **{**COARSE, "t_end": 0.1, "frames": 2}).u.shape[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--mu-2", "0.2"], "mu_2 must be at least mu_s = 0.4, got 0.2"),
+        (["--d", "0"], "d must be a positive number, got 0.0"),
+        (["--d", "nan"], "--d must be a number"),
+        (["--cells", "3"], "cells must be a multiple of 8 and at least 32, got 3"),
+        (["--cells", "100"], "cells must be a multiple of 8"),
+        (["--cells", "32"], "at least 4 cells wide"),
+        (["--aspect", "0.1"], "must fit into the box"),
+        (["--gravity", "0,1"], "gravity must point down"),
+        (["--gravity", "1"], "gravity must be two numbers"),
+        (["--cfl", "0.9"], "cfl must be at most 0.5"),
+        (["--frames", "1"], "frames must be at least 2"),
+        (["--stride", "100"], "stride 100 leaves no points"),
+        (["--mu-s", "-1"], "mu_s must not be negative"),
+        (["--threads", "0"], "threads must be a positive number"),
+        (["--paper-cases", "x"], "give either --out"),
+        (["--animation", "x.mp4"], "--animation must end in .gif"),
+        (["--nonsense"], "unrecognized arguments: --nonsense"),
+    ],
+)
+def test_nonsense_is_refused_in_one_sentence(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "flow.h5"
+    assert command.main([*arguments, "--out", str(out)]) == 2
+    text = capsys.readouterr().err
+    assert message in text
+    assert text.count("\n") == 1
+    assert not out.exists()
+
+
+def test_folder_that_is_missing_is_refused_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main(["--out", str(tmp_path / "none" / "flow.h5")]) == 2
+    assert "--out must be a file in an existing folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_signal_leaves_the_frames_so_far(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    settings = ["--cells", "256", "--t-end", "5", "--frames", "2000", "--threads", "1"]
+    code = "import granpinn.simulate as s, sys; sys.exit(s.main(sys.argv[1:]))"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *settings, "--out", str(path)],
+        stderr=subprocess.PIPE,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert process.stderr is not None
+    time.sleep(4)  # imports, and a number of frames
+    process.send_signal(getattr(signal, name))
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == 128 + getattr(signal, name)
+    assert b"holds the frames so far" in error
+    flow = granpinn.read_flow(path)
+    assert 2 <= len(flow.t) < 2000
+
+
+def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
+    class Spoiler(Silent):
+        def show(self, report: StepReport) -> None:
+            super().show(report)
+            if report.time > 0.6:
+                raise SimulationError("the viscous solve stopped")
+
+    with pytest.raises(SimulationError):
+        granpinn.simulate(out=tmp_path / "flow.h5", listener=Spoiler(), **COARSE)
+    assert len(granpinn.read_flow(tmp_path / "flow.h5").t) == 2
+
+    with pytest.raises(SimulationError, match="pressure solve of step 0 .* after 1 iterations"):
+        Engine(Collapse(cells=64, threads=1), largest_iteration_count=1)
+
+
+def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
+    folder = tmp_path / "cases"
+    assert command.main(["--paper-cases", str(folder), *FLAGS]) == 0
+    names = {f"collapse_{a:.2f}_{b:.2f}.h5" for a, b in PAPER_CASES}
+    assert {path.name for path in folder.iterdir()} == names | {"final_states.png"}
+    assert (folder / "final_states.png").stat().st_size > 10_000
+
+
+def test_figures_and_animation(tmp_path: Path) -> None:
+    out, figures, gif = tmp_path / "a.h5", tmp_path / "figures", tmp_path / "a.gif"
+    flags = [*FLAGS, "--figures", str(figures), "--animation", str(gif)]
+    assert command.main([*flags, "--out", str(out)]) == 0
+    assert {p.name for p in figures.iterdir()} == {"a_surfaces.png", "a_snapshots.png"}
+    assert gif.read_bytes()[:6] == b"GIF89a"
+    assert animate(granpinn.read_flow(out), gif) == gif
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5", "figures"]
+
+
+def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    granpinn.simulate(listener=Lines(every=0.0), **COARSE)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 4
+    assert "iterations" in lines[-1]
+    assert "s left" in lines[-1]
+
+
+def test_collapse_and_keywords_do_not_mix() -> None:
+    with pytest.raises(TypeError, match="either"):
+        granpinn.simulate(Collapse(), mu_s=0.3)
+    with pytest.raises(ConfigError, match="I0 must be a positive number"):
+        Collapse(I0=0.0)
+
+
+def test_demonstration_case_is_small_and_valid() -> None:
+    path = demo_path()
+    assert path.stat().st_size <= 3e6
+    flow = granpinn.read_flow(path)
+    assert flow.truth is not None
+    assert flow.valid.sum() > 10_000
