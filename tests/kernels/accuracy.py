@@ -5,12 +5,12 @@ that of nested autograd in float32 (three times for gradients), each output as o
 
 Rounding errors are random, and so is the ratio of two of them. What keeps it from being a lottery:
 
-- few numbers carry few rounding errors, which can be zero by luck. So a pool of points goes through
-  the kernel in many calls of the configured size (`CALLS_AT_POINTS`, `CALLS_OF_LOSS`). Outputs at
-  points are one vector over all calls. The loss, its terms and gradients are a vector per call, and
-  the median of the ratio counts: with one call, float32 autograd fails against itself with its
-  hidden units in another order in one configuration of ten. Over all calls together the kernel
-  must still be within `GROSS_FACTOR` of autograd: a wrong call cannot hide behind the median.
+- few numbers carry few rounding errors, which can be zero by luck. So points go through the kernel
+  in many calls of the configured size, and through several networks of the configured widths. Each
+  network's outputs at points are one vector, each call's loss, terms and gradients another, and the
+  median of their ratios counts: with one vector, float32 autograd fails against itself with its
+  hidden units in another order in one configuration of ten. All vectors together must still be
+  within `GROSS_FACTOR` of autograd: a wrong call cannot hide behind the median.
 - an error may be small by cancellation between points or terms. So the yardstick is never below
   the answer of the exact result to weights that are wrong by one epsilon (at random; on average
   that is as much as float32 autograd errs), nor below one epsilon of the result.
@@ -23,7 +23,6 @@ Rounding errors are random, and so is the ratio of two of them. What keeps it fr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import torch
@@ -34,9 +33,10 @@ from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Configuration, Problem, problem
 
-# calls by number of points in a call
-CALLS_AT_POINTS = {1: 256, 31: 12, 33: 12, 65_537: 1}
-CALLS_OF_LOSS = {1: 32, 31: 12, 33: 12, 65_537: 4}
+# By number of points in a call: networks, and calls for each network.
+NETWORKS = {1: 4, 31: 4, 33: 4, 65_537: 3}
+CALLS_AT_POINTS = {1: 64, 31: 3, 33: 3, 65_537: 1}
+CALLS_OF_LOSS = {1: 8, 31: 3, 33: 3, 65_537: 1}
 EPSILON = torch.finfo(torch.float32).eps
 OUTPUT_FACTOR, GRADIENT_FACTOR, GROSS_FACTOR = 2.0, 3.0, 100.0
 OUTPUTS_OF_LOSS = ("loss and terms", "grad params", "grad theta")
@@ -52,7 +52,7 @@ class Comparison:
     name: str
     kernel_error: float
     autograd_error: float
-    ratio: float  # of the kernel's error to the yardstick (of the loss: median over calls)
+    ratio: float  # median over vectors of the kernel's error over the yardstick
     cosine: float
     bias: float  # signed: relative error of the kernel's length along the exact vector
     norm: float  # of the exact vector: an operand that is zero proves nothing
@@ -69,16 +69,21 @@ class Comparison:
 
 def compare(row: Configuration, ops: Any) -> list[Comparison]:
     """Every output and every derivative of `ops` for one row of the table, in float32."""
-    torch.set_num_threads(1)
-    pool = pooled(row)
-    exact = _oracle(row, pool)
-    rounded = _oracle(row, replace(pool, params=_rounded(pool.params)))
-    autograd = _oracle(row, pool.to(torch.float32))
-    torch.set_num_threads(row.threads)
-    kernel = _kernel(row, pool.to(torch.float32), ops)
+    networks = []
+    for network in range(NETWORKS[row.points]):
+        torch.set_num_threads(1)
+        pool = pooled(row, network)
+        pool_32 = pool.to(torch.float32)
+        truth = _oracle(row, pool)
+        rounded = _oracle(row, replace(pool, params=_rounded(pool.params)))
+        autograd = _oracle(row, pool_32)
+        torch.set_num_threads(row.threads)
+        networks.append((_kernel(row, pool_32, ops), autograd, rounded, truth))
     return [
-        _comparison(name, kernel[name], autograd[name], rounded[name], exact[name])
-        for name in exact
+        _comparison(
+            name, *(torch.stack([x[name] for x in xs]) for xs in zip(*networks, strict=True))
+        )
+        for name in truth
     ]
 
 
@@ -154,13 +159,11 @@ def _losses(module: Any, row: Configuration, pool: Problem) -> dict[str, Tensor]
     }
 
 
-@lru_cache(maxsize=1)
-def pooled(row: Configuration) -> Problem:
+def pooled(row: Configuration, network: int) -> Problem:
     """The pool of points of a row, with weight 0 for the equations where the module says so."""
     calls = max(CALLS_AT_POINTS[row.points], CALLS_OF_LOSS[row.points])
-    pool = problem(
-        replace(row, points=calls * row.points, surface_points=calls * row.surface_points)
-    )
+    enlarged = replace(row, points=calls * row.points, surface_points=calls * row.surface_points)
+    pool = problem(enlarged, network)
     left_out = near_a_switch(pool) | amplifies_rounding(pool)
     if pool.point_weights.ndim == left_out.ndim:  # members that share their points
         left_out = left_out.any(0)
@@ -225,24 +228,28 @@ def _rounded(params: Tensor, seed: int = 0) -> Tensor:
 
 
 def _comparison(name: str, *outputs: Tensor) -> Comparison:
-    """From the outputs of the kernel, of float32 autograd, with rounded weights, and exact."""
-    kernel, autograd, rounded, exact = (x.double() for x in outputs)
+    """From the outputs of the kernel, of float32 autograd, with rounded weights, and the truth.
+
+    Each leads with the networks, those of the loss also with the calls (and ensemble members).
+    """
+    kernel, autograd, rounded, truth = (x.double() for x in outputs)
     if name in ("loss and terms", "grad theta"):
         # columns of unlike size (mu_s, mu_2, I_0): each in units of its root mean square
-        size = exact.flatten(0, -2).norm(dim=0).clamp_min(1e-300)
-        kernel, autograd, rounded, exact = (x / size for x in (kernel, autograd, rounded, exact))
-    norm = float(exact.norm())
-    along = float((kernel * exact).sum())
+        size = truth.flatten(0, -2).norm(dim=0).clamp_min(1e-300)
+        kernel, autograd, rounded, truth = (x / size for x in (kernel, autograd, rounded, truth))
+    vectors = truth.flatten(0, -2) if name in OUTPUTS_OF_LOSS else truth.flatten(1)
+    kernel_error, autograd_error, rounding = (
+        (x - truth).reshape(vectors.shape).norm(dim=1) for x in (kernel, autograd, rounded)
+    )
+    yardstick = torch.stack([autograd_error, rounding, EPSILON * vectors.norm(dim=1)]).amax(0)
+    ratio = torch.where(kernel_error == 0, 0, kernel_error / yardstick)  # 0 / 0: both exact
+    norm = float(truth.norm())
     scale = norm or 1.0  # of a zero vector, the absolute error
-    # one vector, or one per call (and ensemble member)
-    rows = exact.flatten(0, -2) if name in OUTPUTS_OF_LOSS else exact.reshape(1, -1)
-    errors = [(x - exact).reshape(rows.shape).norm(dim=1) for x in (kernel, autograd, rounded)]
-    yardstick = torch.stack([*errors[1:], EPSILON * rows.norm(dim=1)]).amax(0)
-    ratio = torch.where(errors[0] == 0, 0, errors[0] / yardstick)  # 0 / 0: both exactly zero
+    along = float((kernel * truth).sum())
     return Comparison(
         name=name,
-        kernel_error=float(errors[0].norm()) / scale,
-        autograd_error=float(errors[1].norm()) / scale,
+        kernel_error=float(kernel_error.norm()) / scale,
+        autograd_error=float(autograd_error.norm()) / scale,
         ratio=float(ratio.quantile(0.5)),
         cosine=along / (scale * (float(kernel.norm()) or 1.0)),
         bias=along / scale**2 - 1,
