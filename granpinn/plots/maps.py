@@ -218,9 +218,9 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
     histogram.set_xscale("log")
     histogram.set_xlabel(text)
-    histogram.set_title("(b) share of the grain points, all times")
+    histogram.set_title("(b) share of the grain points")
     histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    histogram.legend(loc="upper left")
+    histogram.legend(loc="upper right")
     return Drawing(
         figure,
         "Residual of the strong form of the momentum equation (second derivatives of the network,"
