@@ -125,7 +125,7 @@ def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
     text = label(rf"$\Delta${quantity.symbol}", quantity.unit)
     limits = Normalize(-reach, reach)
     draw_map(panels[2], fields, window, difference, limits, DIFFERENCE_MAP, text, extend="both")
-    panels[2].set_title(f"(c) predicted - {quantity.known_name}")
+    panels[2].set_title("(c) difference")
     caption += f": (a) predicted, (b) {quantity.known_name}, (c) difference. Black: free surface."
     return Drawing(figure, caption)
 
