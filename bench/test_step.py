@@ -12,14 +12,13 @@ machine disturb less, and the rate per core of the step's matrix products.
 
 from __future__ import annotations
 
-import statistics
-import time
 from typing import Any
 
 import pytest
 import torch
 
 from bench.steps import STEPS, make_task
+from bench.timing import time_step
 
 # torch.func.jvp itself uses torch.jit.script, deprecated in the same torch
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script:DeprecationWarning")
@@ -31,26 +30,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script:DeprecationWar
 @pytest.mark.parametrize("threads", [1, "all"], indirect=True, ids=["t1", "all"])
 def test_step(benchmark: Any, form: str, points: int, step: str, threads: int) -> None:
     task = make_task(form, points)
-    advance = STEPS[step](task)
-    cpu: list[float] = []
-
-    def timed() -> None:
-        start = time.process_time()
-        advance()
-        cpu.append(time.process_time() - start)
-
     rounds = 20 if step == "fused" else 5
-    benchmark.pedantic(timed, rounds=rounds, warmup_rounds=2)
-    cpu_ms = 1e3 * statistics.median(cpu[2:])
-    benchmark.extra_info.update(
-        form=form,
-        points=points,
-        step=step,
-        threads=threads,
-        cpu_ms=round(cpu_ms, 3),
-        wall_ms=round(1e3 * benchmark.stats["median"], 3),
-        gflops=round(task.flop / (1e6 * cpu_ms), 1),
-    )
+    time_step(benchmark, step, task, STEPS[step](task), threads, rounds)
 
 
 @pytest.mark.parametrize("form", ["strong", "mixed"])
