@@ -111,8 +111,7 @@ def jax_step(task: Task) -> Callable[[], Tensor]:
         e = [U * jet[0][:, 0] - velocity[:, 0], U * jet[0][:, 1] - velocity[:, 1]]
         return sum(jnp.mean(r**2) for r in e + residuals(jet, theta)) / 2
 
-    @jax.jit
-    def advance(state: Any) -> tuple[Any, Array]:
+    def advance_once(state: Any) -> tuple[Any, Array]:
         unknowns, first, second, k = state
         value, gradient = jax.value_and_grad(loss)(unknowns)
         k = k + 1
@@ -125,6 +124,7 @@ def jax_step(task: Task) -> Callable[[], Tensor]:
 
         return (tree(update, unknowns, first, second), first, second, k), value
 
+    advance: Any = jax.jit(advance_once)
     unknowns = (jnp.asarray(task.params.numpy()), jnp.asarray(task.theta.numpy()))
     zeros = jax.tree_util.tree_map(jnp.zeros_like, unknowns)
     state: Any = (unknowns, zeros, zeros, jnp.zeros((), points.dtype))
