@@ -64,29 +64,32 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     page = folder / "report.html"
     with atomic_path(page) as temporary:
         text = render(result, history, pictures, missing, problems)
-        temporary.write_text(text, encoding="utf-8")
+        # The name of a file may hold bytes that are no text.
+        temporary.write_text(text, encoding="utf-8", errors="replace")
     return page
 
 
 def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    """The columns of history.csv; an empty cell is NaN, a last line cut short is left out."""
+    """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
+        text = path.read_text(encoding="utf-8")
+        rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
     except FileNotFoundError:
         raise HistoryFileError(f"{path.name} does not exist") from None
     except (OSError, ValueError, csv.Error) as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
         raise HistoryFileError(f"{path.name} must start with the columns {', '.join(COLUMNS)}")
-    body = rows[1:]
-    if body and len(body[-1]) != len(COLUMNS):
-        body.pop()
+    for row in rows[1:]:
+        if len(row) != len(COLUMNS):
+            raise HistoryFileError(f"{path.name} must have {len(COLUMNS)} cells a line, got {row}")
     try:
-        table = np.array([[float(cell or "nan") for cell in row] for row in body])
-        table = table.reshape(-1, len(COLUMNS))
+        table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
     except ValueError as error:
         raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
+    table = table.reshape(-1, len(COLUMNS))
+    if not np.isfinite(table[:, 0]).all():
+        raise HistoryFileError(f"{path.name} must have a step in every line")
     return dict(zip(COLUMNS, table.T, strict=True))
 
 
