@@ -64,6 +64,10 @@ class Parameters:
     mu_2: Parameter
     I0: Parameter
 
+    def __post_init__(self) -> None:
+        if self.I0.value <= 0:
+            raise ValueError(f"I0 must be positive, got {self.I0.value}")
+
 
 @dataclass(frozen=True)
 class Covariance:
@@ -73,6 +77,9 @@ class Covariance:
     matrix: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
+        unknown = set(self.names) - {"mu_s", "mu_2", "I0"}
+        if unknown:
+            raise ValueError(f"names must be mu_s, mu_2 or I0, got {', '.join(sorted(unknown))}")
         n = len(self.names)
         if len(self.matrix) != n or any(len(row) != n for row in self.matrix):
             shape = [len(row) for row in self.matrix]
@@ -214,10 +221,12 @@ def plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, os.PathLike):
-        return os.fspath(value)
+        return plain(os.fspath(value))
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
+    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8, JSON may not
+        return value.encode(errors="backslashreplace").decode()
+    if value is None or isinstance(value, (bool, int)):
         return value
     raise TypeError(f"results.json holds plain values only, got {type(value).__name__}: {value!r}")
 
