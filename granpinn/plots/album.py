@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.fields import Fields
+from granpinn.fields import VARIABLES, Fields
 from granpinn.plots import curves, maps, profiles
 from granpinn.plots.style import Drawing, NothingToDraw, save
 from granpinn.results import Result
+from granpinn.scoring import after_start
 
 History = Mapping[str, npt.NDArray[np.floating]]
 
@@ -44,6 +45,11 @@ class Missing(NamedTuple):
 def _fields(source: Source) -> Fields:
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
+    absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
+    if absent:
+        raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
+    if not after_start(source.fields).any():
+        raise NothingToDraw("fields.h5 has no grid point inside the grains after the start")
     return source.fields
 
 

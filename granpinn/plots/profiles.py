@@ -8,7 +8,15 @@ from matplotlib.axes import Axes
 
 from granpinn.fields import Fields
 from granpinn.plots.maps import Window, draw_surface, grain_window
-from granpinn.plots.style import BLACK, HEIGHT_COLORS, Drawing, label, new_figure, styled
+from granpinn.plots.style import (
+    BLACK,
+    HEIGHT_COLORS,
+    Drawing,
+    NothingToDraw,
+    label,
+    new_figure,
+    styled,
+)
 
 Array = npt.NDArray[np.floating]
 
@@ -21,6 +29,8 @@ def profiles(fields: Fields, k: int) -> Drawing:
     """Speed and pressure along three rows of the grid; lines predicted, dots the flow file."""
     window = grain_window(fields, k)
     rows = profile_rows(fields, k)
+    if not rows:
+        raise NothingToDraw(f"the grains are thinner than a grid cell at t = {fields.t[k]:.3g}")
     speed = np.hypot(fields.frame("u", k), fields.frame("v", k))
     known_speed = np.hypot(fields.frame("u_reference", k), fields.frame("v_reference", k))
     pressure = fields.frame("p", k)
@@ -40,7 +50,7 @@ def profiles(fields: Fields, k: int) -> Drawing:
         "(c) pressure: lines predicted" + (", dots reference" if known is not None else "")
     )
     if known is not None:
-        largest = float(np.nanmax(np.abs(known))) or 1.0
+        largest = float(np.nanmax(np.abs(known), initial=0.0)) or 1.0
         _lines(panels[3], fields, rows, 100 * (pressure - known) / largest, None)
         panels[3].axhline(0, color=BLACK, lw=0.7)
         panels[3].set_ylabel(r"$\Delta p\,/\,\max p$ [%]")

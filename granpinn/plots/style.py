@@ -7,6 +7,7 @@ readable for colour-blind readers and in grey print.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import wraps
 from pathlib import Path
 from typing import NamedTuple, ParamSpec
@@ -59,12 +60,17 @@ class NothingToDraw(ValueError):
 P = ParamSpec("P")
 
 
+def _look() -> AbstractContextManager[None]:
+    """`STYLE` over matplotlib's own defaults, whatever the settings of the caller."""
+    return mpl.rc_context({**mpl.rcParamsDefault, **STYLE})  # type: ignore[dict-item]
+
+
 def styled(draw: Callable[P, Drawing]) -> Callable[P, Drawing]:
     """Run a drawing function under `STYLE`, without touching the caller's settings."""
 
     @wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Drawing:
-        with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):  # type: ignore[dict-item]
+        with _look():
             return draw(*args, **kwargs)
 
     return wrapper
@@ -76,13 +82,17 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 
 def label(symbol: str, unit: str | None) -> str:
-    """Axis label: "$v$ [m/s]"; the symbol alone where the unit is "1"."""
+    """Axis label: "$v$ [m/s]"; the symbol alone where the unit is "1".
+
+    The unit comes from a file: a dollar sign in it must not start a formula.
+    """
     if unit == "1":
         return symbol
-    return f"{symbol} [{unit or 'units of the file'}]"
+    unit = (unit or "units of the file").replace("$", r"\$")
+    return f"{symbol} [{unit}]"
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG whose bytes depend on the figure only: no date, no version."""
-    with mpl.rc_context(STYLE), atomic_path(path) as temporary:  # type: ignore[arg-type]
+    with _look(), atomic_path(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": None})
