@@ -19,9 +19,15 @@ from typing import Any, NoReturn
 
 from granpinn.config import Config, ConfigError, flatten, kinds_of
 from granpinn.recipes import build
+from granpinn.simulation import demo_path
 
 NONE = "none"
+# What a bare `python -m granpinn.train` runs: the collapse that comes with the package, in half the
+# steps of the default recipe.
+DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "20000")
 EXAMPLES = """examples:
+  python -m granpinn.train
+      try it: the collapse that comes with granpinn, in a few minutes, to the folder granpinn-demo
   python -m granpinn.train collapse.h5 --out run
       identify mu_s and mu_2 from velocities and the line of the free surface (level V1)
   python -m granpinn.train collapse.h5 --out run --max-time 600
@@ -35,7 +41,11 @@ Ctrl-C saves a checkpoint and stops; a second Ctrl-C stops at once."""
 
 
 def parse(argv: Sequence[str]) -> Config:
-    """The settings of a command line; ConfigError says in one sentence what is wrong with it."""
+    """The settings of a command line; ConfigError says in one sentence what is wrong with it.
+
+    Without any argument: the demonstration.
+    """
+    argv = argv or [str(demo_path()), *DEMONSTRATION]
     parser = _Parser(
         prog="python -m granpinn.train",
         usage="%(prog)s FLOW.h5 --out DIR [settings]",

@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 from granpinn import checkpoint, results, train
+from granpinn.arguments import parse
+from granpinn.config import Config
 from granpinn.data import Flow, write_flow
 from granpinn.guard import Interrupted, NonFiniteError
+from granpinn.simulation import demo_path
 from tests.flows import make_flow
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
@@ -150,8 +153,16 @@ def test_a_bad_flow_file_is_refused_in_one_sentence(
 
 
 def test_a_missing_argument_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "FLOW" in refused(capsys, 2)
+    assert "FLOW" in refused(capsys, 2, "--out", "run")
     assert "--out" in refused(capsys, 2, "flow.h5")
+
+
+def test_no_argument_at_all_is_the_demonstration() -> None:
+    config = parse([])
+    assert config.flow == str(demo_path())
+    assert demo_path().stat().st_size < 3e6
+    assert (config.out, config.steps) == ("granpinn-demo", 20000)
+    assert parse([config.flow, "--out", "run"]).steps == Config().steps
 
 
 def test_cuda_that_is_not_there_is_refused(
