@@ -225,7 +225,7 @@ def test_tensorboard_listens_too(
 def test_python_m_granpinn_train_is_this_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["granpinn.train"])
+    monkeypatch.setattr(sys, "argv", ["granpinn.train", "--out", "run"])
     monkeypatch.delitem(sys.modules, "granpinn.train")
     with pytest.raises(SystemExit) as stop:
         runpy.run_module("granpinn.train", run_name="__main__")
