@@ -13,8 +13,8 @@ is lost.  A quarter of the points of a column collapse are stagnant by this rule
 evenly over the decades around it: no threshold is a natural one, so results.json states it.
 
 D2 is taken from finite differences of the velocity in the file, so that the zones do not depend on
-the network, unless the file declares measurement noise (sigma_u): differences of noise never rest,
-and the predicted D2 is used.
+the network, unless the file declares measurement noise (sigma_u, sigma_v): differences of noise
+never rest, and the predicted D2 is used.
 """
 
 from __future__ import annotations
@@ -60,7 +60,9 @@ def scalar_error(parameter: Parameter, true: float | None) -> float | None:
 
 
 def strain_rate(u: Array, v: Array, y: Array, x: Array) -> Array:
-    """D2 = sqrt(D:D) of one frame [Y, X] by second-order differences, one-sided at the edges.
+    """D2 = sqrt(D:D) of one frame [Y, X] by differences, one-sided at the edges.
+
+    Second order inside a uniform grid, first order elsewhere; exact for a linear velocity.
 
     NaN in u, v marks points without a value; D2 is NaN where a point lacks a neighbour along an
     axis.
@@ -134,7 +136,8 @@ def score(flow: Flow, fields: Fields, parameters: Parameters) -> Scores:
 
 def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Array]:
     """Where the zones come from, and D2 [K]."""
-    if flow.sigma_u is not None and np.any(np.asarray(flow.sigma_u) > 0):
+    sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
+    if any(np.any(np.asarray(sigma) > 0) for sigma in sigmas):
         return "predicted velocity", fields.values["D2"]
     frames = []
     for k in range(fields.t.size):
