@@ -172,7 +172,12 @@ def _read(file: h5py.File) -> Fields:
     found = (bytes(attributes["format_name"]).decode(), int(attributes["format_version"]))
     if found != (FORMAT_NAME, FORMAT_VERSION):
         raise ValueError(f"expected version {FORMAT_VERSION}, got {found[0]} version {found[1]}")
-    t, y, x, c = (file[name][:] for name in "tyxc")
+    t, y, x = (file[name][:] for name in "tyx")
+    shape = t.size, y.size, x.size
+    for name in ("c", *VARIABLES):
+        if name in file and file[name].shape != shape:
+            raise ValueError(f"{name} must be {shape} like t, y, x, got {file[name].shape}")
+    c = file["c"][:]
     inside = np.equal(c, 1.0)
     values = {}
     for name in VARIABLES:
