@@ -1,0 +1,108 @@
+"""A result, the fields of a flow and tiny networks, made up for tests: nothing is trained."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from granpinn.data import Flow, Truth
+from granpinn.fields import Fields, Units
+from granpinn.network import OUTPUTS, NetworkSpec, initial_parameters
+from granpinn.results import (
+    Covariance,
+    DataSummary,
+    ErrorPercent,
+    InertialNumber,
+    Input,
+    Parameter,
+    Parameters,
+    Result,
+    Timing,
+    Zones,
+)
+from granpinn.scales import Scales
+
+PARAMETERS = Parameters(
+    mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),
+    mu_2=Parameter(0.61, fixed=False),
+    I0=Parameter(0.3, fixed=True),
+)
+# Changes that leave everything unknown that may be.
+SPARSE: dict[str, Any] = {
+    "truth": None,
+    "zones": None,
+    "inertial_number": None,
+    "covariance": None,
+    "error_percent": ErrorPercent(),
+    "settings": {},
+}
+
+
+def make_result(**changes: Any) -> Result:
+    """A result with something in every field."""
+    result = Result(
+        parameters=PARAMETERS,
+        level="V1",
+        form="mixed",
+        recipe="default",
+        seed=7,
+        data=DataSummary(n_points=1234, n_surface=56, noise=0.05, n_frames=12),
+        timing=Timing(wall_s=1 / 3, steps=4000, steps_per_s=123.4),
+        device="cpu",
+        versions={"python": "3.11.7", "torch": "2.11.0"},
+        input=Input(name="Säule µ.h5", sha256="ab" * 32),
+        settings={"network": {"widths": [40, 40], "units": "file"}, "max_time": None},
+        stopped="max_time",
+        truth=Truth(mu_s=0.4, mu_2=0.64, I0=0.3),
+        error_percent=ErrorPercent(mu_s=2.5, mu_2=4.6875, velocity=0.8, pressure=4.0),
+        zones=Zones(0.05, "velocity in the flow file", n_flowing=900, n_stagnant=300),
+        inertial_number=InertialNumber(q05=1e-4, median=0.02, q95=0.3),
+        covariance=Covariance(("mu_s", "mu_2"), ((1.44e-4, -1e-5), (-1e-5, 4e-4))),
+    )
+    return replace(result, **changes)
+
+
+def make_fields(flow: Flow, **values: Any) -> Fields:
+    """The known fields of a flow beside predicted ones; `values` replaces some, a number or [K].
+
+    Predicted are, unless replaced, the known velocity and pressure themselves, D2 = 1 and I = 0.1.
+    """
+    inside = flow.material
+    scales = Scales.from_flow(flow)
+    known = {"u": flow.u[inside], "v": flow.v[inside]}
+    if flow.p is not None:
+        known["p"] = flow.p[inside]
+    found = known | {"D2": 1.0, "I": 0.1} | values
+    found |= {f"{name}_reference": value for name, value in known.items()}
+    n = int(inside.sum())
+    return Fields(
+        t=flow.t,
+        y=flow.y,
+        x=flow.x,
+        c=flow.c,
+        values={k: np.broadcast_to(f, n).astype(np.float32) for k, f in found.items()},
+        units=Units(flow.length_unit, flow.time_unit),
+        length=scales.length,
+        time=scales.time,
+        pressure=scales.pressure,
+    )
+
+
+class Model(NamedTuple):
+    """What `prediction.evaluate` needs besides the points, float64."""
+
+    spec: NetworkSpec
+    params: torch.Tensor
+    theta: torch.Tensor
+    physics: list[float]
+
+
+def make_model(form: str, seed: int = 0) -> Model:
+    """A tiny network; the limits of the viscosity are such that both bind at some points."""
+    spec = NetworkSpec((3, 6, 5, OUTPUTS[form]), (0.5, 0.4, 0.3), (1.1, 1.3, 0.9), form)
+    theta = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
+    physics = [0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4]
+    return Model(spec, initial_parameters(spec, seed), theta, physics)
