@@ -1,0 +1,218 @@
+"""The page of a run: what it says, that it stands alone, and that no input can break it."""
+
+from __future__ import annotations
+
+import base64
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn import report
+from granpinn.data import Truth
+from granpinn.plots import album
+from granpinn.results import ErrorPercent, Input, Parameter, Result
+from tests.report.examples import PARAMETERS, make_result
+from tests.report.page import Page
+
+HOSTILE = """<script>alert(1)</script>"><img src=x onerror='alert(2)'>{{ 7 * 7 }}&lt;"""
+
+
+def render(result: Result, history: album.History | None = None) -> Page:
+    return Page(report.render(result, history, [], [], []))
+
+
+def test_the_page_needs_nothing_but_itself(built: Path) -> None:
+    html = (built / "report.html").read_text(encoding="utf-8")
+    page = Page(html)
+    assert not {"script", "link", "iframe", "object", "base", "form", "a"} & set(page.tags)
+    for needle in ("http:", "https:", "//", "url(", "@import", "javascript:"):
+        assert needle not in re.sub("base64,[A-Za-z0-9+/=]+", "", html)
+    (policy,) = (v for v in page.values("meta", "content") if "default-src" in v)
+    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert not [a for _, a, _ in page.attributes if a.startswith("on") or a in {"href", "srcset"}]
+
+
+def test_the_figures_are_inside(built: Path) -> None:
+    page = Page((built / "report.html").read_text(encoding="utf-8"))
+    sources = page.values("img", "src")
+    assert len(sources) == len(album.FIGURES)
+    for source, name in zip(sources, album.FIGURES, strict=True):
+        head, data = source.split(",")
+        assert head == "data:image/png;base64"
+        content = base64.b64decode(data, validate=True)
+        assert content[:8] == b"\x89PNG\r\n\x1a\n"
+        assert content == (built / "figures" / f"{name}.png").read_bytes()
+    assert page.values("img", "alt") == [title for title, _ in album.FIGURES.values()]
+    assert "Missing on this page" not in page.text
+
+
+def test_the_result_comes_first(built: Path) -> None:
+    page = Page((built / "report.html").read_text(encoding="utf-8"))
+    result = report.read_results(built / "results.json")
+    value = f"{result.parameters.mu_s.value:.3f}"
+    order = ["Friction law of in memory", "Level V1", value, "In words", "Results", "Figures"]
+    places = [page.text.index(words, len("Friction law of in memory")) for words in order]
+    assert places == sorted(places)
+    (title,) = (i for i, tag in enumerate(page.tags) if tag == "title")
+    assert page.tags.index("section") < page.tags.index("table") < page.tags.index("figure")
+    assert title < page.tags.index("body")
+
+
+def test_values_and_errors_have_their_digits() -> None:
+    text = render(make_result()).text
+    for words in (
+        "μs 0.410 ± 0.012 true 0.400 · error 2.50 % μ2 0.610 true 0.640 · error 4.69 %",
+        "I0 0.3 given, not identified",
+        "μs 0.4100 0.0120 0.3900 to 0.4300 0.4000 2.50",
+        "μ2 0.6100 - - 0.6400 4.69",
+        "I0 0.3000 given 0.3000 -",
+        "velocity 0.80",
+        "pressure, all 4.00 1,200 pressure, flowing - 900 pressure, stagnant - 300",
+        "1,234 velocity vectors of 12 frames and 56 surface points",
+        "White noise of 5 % of the maximum speed",
+        "4,000 steps in 0 s (123 per second) on cpu; the time limit decided how many",
+        "reproduced to 0.80 %",
+        "Stagnant: D2 below 0.05",
+        "(25 % of the points)",
+        "mixed form, default recipe, seed 7",
+        "network.widths 40, 40",
+        "max_time none",
+        "python 3.11.7, torch 2.11.0",
+        "one standard deviation",
+    ):
+        assert words in text, words
+
+
+def test_small_errors_keep_two_digits() -> None:
+    errors = ErrorPercent(mu_s=0.01234, mu_2=0.0999, velocity=0.0)
+    text = render(make_result(error_percent=errors)).text
+    assert "error 0.012 % μ2 0.610 true 0.640 · error 0.1 %" in text
+    assert "velocity 0 pressure, all -" in text
+
+
+@pytest.mark.parametrize(
+    ("level", "words", "absent"),
+    [
+        ("V0", "and nothing says where it is zero", "was used"),
+        ("V1", "the line of the free surface, where the pressure is zero", "nothing says"),
+        ("V2", "Pressure at the surface was used; pressure inside", "No pressure was measured"),
+    ],
+)
+def test_the_level_is_said_in_words(level: str, words: str, absent: str) -> None:
+    text = render(make_result(level=level)).text
+    assert f"Level {level}: from the velocity inside the grains" in text
+    assert words in text
+    assert absent not in text
+
+
+def test_the_words_say_what_the_band_holds() -> None:
+    text = render(make_result()).text
+    assert "Nine tenths of the grains flow at I between 0.0001 and 0.3." in text
+    assert "goes from 0.410 to 0.510" in text  # 0.41 + 0.2 / 2 at I = I0
+    assert "within 0.01 of the true law" in text  # at rest |0.41 - 0.4| is the largest
+    step = np.arange(1.0, 101.0)
+    history = {"step": step, "mu_s": np.where(step > 95, 0.4, 0.3), "mu_2": np.full(100, 0.6)}
+    text = render(make_result(), history).text
+    assert "Over the last tenth of the steps μs and μ2 changed by 25.00 % and 0 %." in text
+
+
+def test_mu_2_is_called_an_extrapolation_where_I_stays_small() -> None:
+    band = replace(make_result().inertial_number, q95=0.06)
+    text = render(make_result(inertial_number=band)).text
+    assert "The flow reaches only 0.2 I0, where it feels the slope" in text
+    assert "(μ2 − μs)/I0 = 0.667" in text
+    assert "reaches only" not in render(make_result()).text
+
+
+def test_what_is_not_known_is_said() -> None:
+    parameters = replace(PARAMETERS, mu_s=Parameter(0.41, fixed=False))
+    text = render(
+        make_result(
+            parameters=parameters,
+            truth=None,
+            error_percent=ErrorPercent(),
+            zones=None,
+            inertial_number=None,
+            covariance=None,
+            settings={},
+            stopped="steps",
+            input=Input("in memory", ""),
+        )
+    ).text
+    assert text.count("true value not known") == 2
+    assert "no standard deviations were estimated" in text
+    assert "The file has no reference to compare it with." in text
+    assert "The file does not say which parameters made the data." in text
+    assert "made in memory" in text
+    for absent in ("Nine tenths", "Stagnant:", "Settings", "time limit", "reproduced to", "None"):
+        assert absent not in text
+
+
+@pytest.mark.parametrize(
+    ("truth", "words"),
+    [
+        (Truth(I0=0.28), "true 0.280"),
+        (Truth(), "true value not known"),
+        (None, "true value not known"),
+    ],
+    ids=str,
+)
+def test_an_I0_that_was_identified(truth: Truth | None, words: str) -> None:
+    parameters = replace(PARAMETERS, I0=Parameter(0.3, False, 0.02, (0.27, 0.33)))
+    text = render(make_result(parameters=parameters, truth=truth)).text
+    assert f"I0 0.300 ± 0.020 {words}" in text
+    assert "I0 0.3000 0.0200 0.2700 to 0.3300" in text
+    assert "What they do not mean" not in text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"input": Input(HOSTILE, HOSTILE)},
+        {"settings": {HOSTILE: {HOSTILE: HOSTILE}, "list": [HOSTILE]}},
+        {"recipe": HOSTILE, "device": HOSTILE, "versions": {"granpinn": HOSTILE, HOSTILE: ""}},
+    ],
+    ids=["input", "settings", "run"],
+)
+def test_hostile_names_are_text(changes: dict[str, Any]) -> None:
+    harmless, page = render(make_result()), render(make_result(**changes))
+    assert HOSTILE in page.text
+    assert set(page.tags) == set(harmless.tags)
+    assert not [name for _, name, _ in page.attributes if name.startswith("on")]
+
+
+def test_hostile_problems_and_captions_are_text(tmp_path: Path) -> None:
+    (tmp_path / "figure.png").write_bytes(b"not an image")
+    picture = album.Picture(tmp_path / "figure.png", HOSTILE, HOSTILE)
+    html = report.render(
+        make_result(), None, [picture], [album.Missing(HOSTILE, HOSTILE)], [HOSTILE]
+    )
+    page = Page(html)
+    assert page.text.count(HOSTILE) == 5
+    assert page.values("img", "alt") == [HOSTILE]
+    assert "script" not in page.tags
+
+
+def test_folders_of_the_machine_are_not_on_the_page() -> None:
+    settings = {"flow": "/home/someone/flow.h5", "out": "/home/someone/run", "steps": 40}
+    text = render(make_result(settings=settings)).text
+    assert "/home/someone" not in text
+    assert "steps 40" in text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (59.4, "59 s"), (59.5, "1 min 0 s"), (250, "4 min 10 s"), (7500, "2 h 5 min")],
+)
+def test_durations(seconds: float, text: str) -> None:
+    assert report.duration(seconds) == text
+
+
+def test_nested_settings_become_lines() -> None:
+    settings = {"a": {"b": {"c": [1, 2.5]}, "d": None}, "e": False, "f": []}
+    expected = {"a.b.c": "1, 2.5", "a.d": "none", "e": "False", "f": ""}
+    assert report.flatten(settings) == expected

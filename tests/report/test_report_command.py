@@ -1,0 +1,217 @@
+"""Building a report from a run folder: what may be missing, what is replaced, and exit codes."""
+
+from __future__ import annotations
+
+import json
+import runpy
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn import report
+from granpinn.history import COLUMNS
+from granpinn.plots import album, curves
+from granpinn.plots.style import Drawing, new_figure
+from granpinn.report import HistoryFileError
+from granpinn.results import write_results
+from tests.report.examples import make_result
+from tests.report.page import Page
+
+HEADER = ",".join(COLUMNS) + "\n"
+ROW = ",".join(map(str, range(1, 13))) + "\n"
+
+
+@pytest.fixture(autouse=True)
+def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that needs fields.h5 and one that needs history.csv, both empty: drawing takes time."""
+    two = {name: album.FIGURES[name] for name in ("inertial_number", "evolution")}
+    monkeypatch.setattr(album, "FIGURES", two)
+    for name in two:
+        monkeypatch.setattr(curves, name, lambda *_: Drawing(new_figure(1.0), "Empty."))
+
+
+def build(folder: Path) -> Page:
+    path = report.build(folder)
+    assert path == folder / "report.html"
+    return Page(path.read_text(encoding="utf-8"))
+
+
+def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
+    write_results(make_result(truth=None), tmp_path / "results.json")
+    page = build(tmp_path)
+    assert "img" not in page.tags
+    assert f"{tmp_path / 'fields.h5'} does not exist history.csv does not exist" in page.text
+    assert "Inertial number: there is no fields.h5 that can be read" in page.text
+    assert "Course of the training: there is no history.csv that can be read" in page.text
+    assert "μs 0.410 ± 0.012" in page.text
+
+
+def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) -> None:
+    assert build(run_dir).tags.count("img") == 2
+    content = (run_dir / "fields.h5").read_bytes()
+    (run_dir / "fields.h5").write_bytes(content[: len(content) // 2])
+    page = build(run_dir)
+    assert page.values("img", "alt") == ["Course of the training"]
+    assert "fields.h5 could not be read as granpinn-fields" in page.text
+    assert [path.name for path in (run_dir / "figures").iterdir()] == ["evolution.png"]
+
+
+def test_a_flow_without_reference_pressure(run_dir: Path) -> None:
+    with h5py.File(run_dir / "fields.h5", "r+") as file:
+        del file["p_reference"]
+    assert build(run_dir).tags.count("img") == 2
+
+
+def test_a_damaged_history_is_said(run_dir: Path) -> None:
+    (run_dir / "history.csv").write_bytes(b"\xff\xfe\n")
+    page = build(run_dir)
+    assert page.values("img", "alt") == ["Inertial number"]
+    assert "history.csv could not be read: 'utf-8' codec" in page.text
+
+
+def test_building_again_gives_the_same_bytes(run_dir: Path) -> None:
+    report.build(run_dir)
+    first = (run_dir / "report.html").read_bytes()
+    (run_dir / "report.html").write_text("something else")
+    report.build(run_dir)
+    assert (run_dir / "report.html").read_bytes() == first
+
+
+def test_a_page_that_fails_leaves_the_old_one(
+    run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (run_dir / "report.html").write_text("the old page")
+    before = {path.name for path in run_dir.iterdir()} | {"figures"}
+    monkeypatch.setattr(report, "render", lambda *_: str(1 // 0))
+    with pytest.raises(ZeroDivisionError):
+        report.build(run_dir)
+    assert (run_dir / "report.html").read_text() == "the old page"
+    assert {path.name for path in run_dir.iterdir()} == before
+
+
+def test_a_name_that_is_no_text_is_shown_with_marks(run_dir: Path) -> None:
+    path = run_dir / "results.json"
+    content = json.loads(path.read_text())
+    content["input"]["name"] = "a\udcff.h5"
+    path.write_text(json.dumps(content))
+    assert "Friction law of a?.h5" in build(run_dir).text
+
+
+def test_the_command_prints_the_page(
+    run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times: list[float | None] = []
+    real = report.maps.frame_at
+    monkeypatch.setattr(
+        report.maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
+    )
+    assert report.main([str(run_dir), "--time", "0.3"]) == 0
+    assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
+    assert times == [0.3]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "results.json does not exist: give the folder of a finished run"),
+        ("", "could not be read as strict JSON"),
+        ('{"format_name": "granpinn-results", ', "could not be read as strict JSON"),
+        ("[]", "must hold an object"),
+        ('{"format_name": "granpinn-results", "format_version": 1}', "parameters is missing"),
+    ],
+)
+def test_a_folder_without_a_valid_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str | None, words: str
+) -> None:
+    if content is not None:
+        (tmp_path / "results.json").write_text(content)
+    assert_refused(capsys, report.main([str(tmp_path)]), 2, words)
+    assert not (tmp_path / "report.html").exists()
+
+
+def assert_refused(
+    capsys: pytest.CaptureFixture[str], code: int, expected: int, words: str
+) -> None:
+    out, err = capsys.readouterr()
+    assert (code, out) == (expected, "")
+    assert err.startswith("granpinn.report: ")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["missing", "file"])
+def test_a_folder_that_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    assert_refused(capsys, report.main([str(tmp_path / kind)]), 2, "results.json")
+
+
+@pytest.mark.parametrize("value", [0.0, -0.3])
+def test_an_I0_that_is_no_scale_is_refused(
+    run_dir: Path, capsys: pytest.CaptureFixture[str], value: float
+) -> None:
+    path = run_dir / "results.json"
+    content = json.loads(path.read_text())
+    content["parameters"]["I0"]["value"] = value
+    path.write_text(json.dumps(content))
+    assert_refused(capsys, report.main([str(run_dir)]), 2, f"I0 must be positive, got {value}")
+
+
+def test_a_folder_that_cannot_be_written_to(
+    run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (run_dir / "figures").write_text("a file where the folder should be")
+    assert_refused(capsys, report.main([str(run_dir)]), 1, "figures")
+
+
+def test_it_runs_as_a_module(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["granpinn.report", str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "granpinn.report")
+    with pytest.raises(SystemExit) as caught:
+        runpy.run_module("granpinn.report", run_name="__main__")
+    assert_refused(capsys, int(str(caught.value.code)), 2, "does not exist")
+
+
+@pytest.mark.parametrize("end", ["13,14", ROW[:-1], "2,3,4e-", "2,3,,,,,,,,,,"])
+def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, end: str) -> None:
+    (tmp_path / "history.csv").write_text(HEADER + ROW + end)
+    history = report.read_history(tmp_path / "history.csv")
+    assert list(history) == list(COLUMNS)
+    assert {name: column.tolist() for name, column in history.items()} == {
+        name: [i] for i, name in enumerate(COLUMNS, start=1)
+    }
+
+
+def test_empty_cells_are_nan_and_a_header_alone_is_no_row(tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    path.write_text(HEADER + "1,2" + 10 * "," + "\n")
+    history = report.read_history(path)
+    assert np.isnan(history["loss"]).all()
+    path.write_text(HEADER)
+    assert {column.size for column in report.read_history(path).values()} == {0}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "must start with the columns step, wall_s"),
+        (HEADER[:-1], "must start with the columns"),
+        ("step,loss\n1,2\n", "must start with the columns"),
+        (HEADER + "1\n" + ROW, "must have 12 cells a line, got ['1']"),
+        (HEADER + ROW.strip() + "," + ROW, "must have 12 cells a line"),
+        (HEADER + ROW.replace("5", "five"), "could not convert string to float: 'five'"),
+        (HEADER + ROW.replace("1,", ",", 1), "must have a step in every line"),
+        (HEADER + ROW.replace("1,", "inf,", 1), "must have a step in every line"),
+    ],
+)
+def test_what_is_no_history(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "history.csv").write_text(text)
+    with pytest.raises(HistoryFileError) as caught:
+        report.read_history(tmp_path / "history.csv")
+    assert words in str(caught.value)
