@@ -11,7 +11,8 @@ from torch import Tensor
 from granpinn import ops
 from granpinn.config import Batch
 from granpinn.data import TrainingSet
-from granpinn.problem import TERMS, Problem
+from granpinn.op_rules import TERMS
+from granpinn.problem import Problem
 from granpinn.sampling import INTERIOR, MISFIT, SURFACE, draw
 
 MISFIT_POINTS = 32768

@@ -12,21 +12,8 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
-try:
-    from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
-except ImportError as error:
-    raise ImportError(
-        "granpinn's kernels are not built for this Python and torch: build them from a clone with "
-        "pip install --no-build-isolation -e . (python -m granpinn.doctor says more)"
-    ) from error
-
-TERMS = ("velocity", "surface", "momentum", "continuity", "constitutive")
-"""The loss terms, in the order of ``residual_loss``."""
-
-CHANNELS = (1, 4, 7)
-"""Channels of a jet of order 0, 1, 2: value; x, y, t; xx, xy, yy."""
+from granpinn import op_rules  # noqa: F401  (loads and registers the operators)
 
 _ops = torch.ops.granpinn
 
@@ -102,8 +89,8 @@ def residual_loss(
 
     ``theta`` [3] = (mu_s, mu_2, I0); ``points`` [N, 3] with measured ``velocity`` [N, 2] and
     ``point_weights`` [N, 2] (of the velocity misfit, of the equations); ``surface_points`` [M, 3]
-    with ``surface_pressure`` [M]; ``term_weights`` [5] in the order of ``TERMS``; ``physics`` =
-    [d, g_x, g_y, eta_min, eta_max, U, P, p_floor]; ``form`` "mixed" (K = 5), "strong" (K = 3) or
+    with ``surface_pressure`` [M]; ``term_weights`` [5] in the order of ``op_rules.TERMS``;
+    ``physics`` = [d, g_x, g_y, eta_min, eta_max, U, P, p_floor]; ``form`` "mixed" (K = 5), "strong" (K = 3) or
     "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and strong_form.h state
     the equations.
 
@@ -172,131 +159,3 @@ def sample_indices(
     at = step if isinstance(step, Tensor) else torch.tensor(step, device=device)
     indices: Tensor = _ops.sample_indices(at, seed, stream, count, population)
     return indices
-
-
-# ---- shapes for tracing, and first gradients (a second derivative is refused) ------------------
-
-
-def _leading(params: Tensor) -> list[int]:
-    return list(params.shape[:-1])
-
-
-@torch.library.register_fake("granpinn::network_jet")
-def _(points, params, widths, input_shift, input_scale, order):  # type: ignore[no-untyped-def]
-    return params.new_empty([*_leading(params), CHANNELS[order], points.shape[-2], widths[-1]])
-
-
-@torch.library.register_fake("granpinn::network_jet_backward")
-def _(grad, points, params, widths, input_shift, input_scale, order):  # type: ignore[no-untyped-def]
-    return torch.empty_like(params, memory_format=torch.contiguous_format)
-
-
-@torch.library.register_fake("granpinn::residual_loss")
-def _(params, theta, *inputs):  # type: ignore[no-untyped-def]
-    lead = _leading(params)
-    return (
-        params.new_empty(lead),
-        params.new_empty([*lead, len(TERMS)]),
-        torch.empty_like(params, memory_format=torch.contiguous_format),
-        params.new_empty([*lead, 3]),
-    )
-
-
-@torch.library.register_fake("granpinn::viscosity")
-def _(gamma_dot, p, theta, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
-    return gamma_dot.new_empty(gamma_dot.shape)
-
-
-@torch.library.register_fake("granpinn::viscosity_backward")
-def _(grad, gamma_dot, p, theta, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
-    return (
-        gamma_dot.new_empty(gamma_dot.shape),
-        gamma_dot.new_empty(gamma_dot.shape),
-        gamma_dot.new_empty([3]),
-    )
-
-
-@torch.library.register_fake("granpinn::pointwise_residuals")
-def _(raw_jets, theta, physics, form):  # type: ignore[no-untyped-def]
-    return raw_jets.new_empty([raw_jets.shape[1], 5 if form == "mixed" else 3])
-
-
-@torch.library.register_fake("granpinn::sample_indices")
-def _(step, seed, stream, count, population):  # type: ignore[no-untyped-def]
-    return step.new_empty([count])
-
-
-def _jet_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
-    points, params, *network = inputs
-    if points.requires_grad:
-        raise ValueError(
-            "points must not require a gradient: jets are differentiable in params alone; "
-            "pass points.detach()"
-        )
-    ctx.save_for_backward(points, params)
-    ctx.network = network
-
-
-@once_differentiable
-def _jet_backward(ctx, grad):  # type: ignore[no-untyped-def]
-    points, params = ctx.saved_tensors
-    return (
-        None,
-        _ops.network_jet_backward(grad, points, params, *ctx.network),
-        None,
-        None,
-        None,
-        None,
-    )
-
-
-torch.library.register_autograd("granpinn::network_jet", _jet_backward, setup_context=_jet_setup)
-
-
-def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
-    _, terms, grad_params, grad_theta = output
-    for i, name in enumerate(
-        (
-            "points",
-            "velocity",
-            "point_weights",
-            "surface_points",
-            "surface_pressure",
-            "term_weights",
-        ),
-        start=2,
-    ):
-        if inputs[i].requires_grad:
-            raise ValueError(
-                f"{name} must not require a gradient: the loss is differentiable in params and "
-                f"theta; pass {name}.detach()"
-            )
-    ctx.mark_non_differentiable(terms, grad_params, grad_theta)
-    ctx.save_for_backward(grad_params, grad_theta)
-
-
-@once_differentiable
-def _loss_backward(ctx, grad, *_others):  # type: ignore[no-untyped-def]
-    grad_params, grad_theta = ctx.saved_tensors
-    scale = grad.unsqueeze(-1)
-    return (scale * grad_params, scale * grad_theta, *([None] * 11))
-
-
-torch.library.register_autograd(
-    "granpinn::residual_loss", _loss_backward, setup_context=_loss_setup
-)
-
-
-def _viscosity_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
-    ctx.save_for_backward(*inputs[:3])
-    ctx.constants = inputs[3:]
-
-
-@once_differentiable
-def _viscosity_backward(ctx, grad):  # type: ignore[no-untyped-def]
-    return (*_ops.viscosity_backward(grad, *ctx.saved_tensors, *ctx.constants), *([None] * 4))
-
-
-torch.library.register_autograd(
-    "granpinn::viscosity", _viscosity_backward, setup_context=_viscosity_setup
-)

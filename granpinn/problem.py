@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.network import OUTPUTS, NetworkSpec
+from granpinn.op_rules import TERMS
 from granpinn.scales import Scales
-
-TERMS = ("velocity", "surface", "momentum", "continuity", "constitutive")
 
 
 @dataclass(frozen=True)

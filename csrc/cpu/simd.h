@@ -2,8 +2,8 @@
 //
 // `Vec<T>` has the arithmetic of a scalar, so the templates of csrc/math run on a register full of
 // points at once. The instruction set is whatever the translation unit is compiled for:
-// kernels.cpp is compiled once per instruction set inside its own namespace, and dispatch.cpp picks one at run
-// time.
+// kernels.cpp is compiled once per instruction set inside its own namespace, and
+// dispatch.cpp picks one at run time.
 #pragma once
 
 #include <cstdint>
