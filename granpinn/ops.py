@@ -91,8 +91,8 @@ def residual_loss(
     ``point_weights`` [N, 2] (of the velocity misfit, of the equations); ``surface_points`` [M, 3]
     with ``surface_pressure`` [M]; ``term_weights`` [5] in the order of ``op_rules.TERMS``;
     ``physics`` = [d, g_x, g_y, eta_min, eta_max, U, P, p_floor]; ``form`` "mixed" (K = 5),
-    "strong" (K = 3) or "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and strong_form.h state
-    the equations.
+    "strong" (K = 3) or "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and
+    strong_form.h state the equations.
 
     Returns (loss [], terms [5], grad_params [P], grad_theta [3]); terms are unweighted mean squares
     over two, loss = sum_k term_weights_k terms_k. Only ``loss`` is differentiable, in ``params``
