@@ -9,6 +9,7 @@
 
 #include "../math/rheology.h"
 #include "field.h"
+#include "fraction.h"
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
@@ -41,6 +42,14 @@ inline void fill_pressure_ghosts(Field<double>& p, const Grid& grid) {
     p(i, -1) = ghost(grid.bottom, p(i, 0), p(i, 1));
     p(i, ny) = ghost(grid.top, p(i, ny - 1), p(i, ny - 2));
   }
+}
+
+// The fractions that friction sees: air in the lowest row below grains counts as grains. The toe
+// rolls over pockets of air which an incompressible gas cannot leave; it would glide on them, while
+// between real grains the air drains. Only the viscosity is concerned.
+inline void drain_floor(Field<double>& c, const Grid& grid) {
+  for (int i = 0; i < grid.nx; ++i) c(i, 0) = std::max(c(i, 0), c(i, 1));
+  fill_fraction_ghosts(c, grid);
 }
 
 // All fields with their ghost values. cell = eta at centers, corner = eta at corners.

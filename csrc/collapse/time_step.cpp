@@ -91,7 +91,9 @@ void CollapseSolver::fill_coefficients(double step) {
   // take a column many steps to find out that it cannot stand.
   const Field<double> no_pressure(grid_.nx, grid_.ny);
   const Field<double>& pressure = step_count_ == 0 ? no_pressure : p_[0];
-  mixture_viscosity(velocity_[0], velocity_[1], pressure, c_, eta_center_, eta_corner_, grid_,
+  drained_ = c_;
+  if (grid_.bottom == Side::no_slip) drain_floor(drained_, grid_);
+  mixture_viscosity(velocity_[0], velocity_[1], pressure, drained_, eta_center_, eta_corner_, grid_,
                     s_.spacing, s_, team_);
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
   const double area = s_.spacing * s_.spacing;

@@ -117,7 +117,7 @@ class CollapseSolver final : public Solver {
   int step_count_ = 0;
   double mass_scale_ = 1;  // mass x gravity^2, to make the tolerances relative
 
-  Field<double> c_, eta_center_, eta_corner_, plug_eta_, relief_;
+  Field<double> c_, eta_center_, eta_corner_, plug_eta_, relief_, drained_;
   Vector<double, 1> p_, divergence_;
   // now, one step ago, at the middle of the step, div(v v), grad p / rho, right side
   Velocity velocity_, before_, middle_, advected_, pushed_, right_;

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,15 @@ from granpinn.simulation.progress import Lines, Silent
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
+
+# The command with a line for every step.
+TALKATIVE = """
+import sys
+import granpinn.simulate as command
+from granpinn.simulation.progress import Lines
+command.automatic = lambda: Lines(every=0.0)
+sys.exit(command.main(sys.argv[1:]))
+"""
 
 
 def test_flow_file_is_complete(tmp_path: Path) -> None:
@@ -100,16 +108,16 @@ def test_folder_that_is_missing_is_refused_before_the_run(
 def test_signal_leaves_the_frames_so_far(name: str, tmp_path: Path) -> None:
     path = tmp_path / "flow.h5"
     settings = ["--cells", "256", "--t-end", "5", "--frames", "2000", "--threads", "1"]
-    code = "import granpinn.simulate as s, sys; sys.exit(s.main(sys.argv[1:]))"
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *settings, "--out", str(path)],
+        [sys.executable, "-c", TALKATIVE, *settings, "--out", str(path)],
         stderr=subprocess.PIPE,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     assert process.stderr is not None
-    time.sleep(4)  # imports, and a number of frames
+    for _ in range(10):  # steps, and so at least as many frames
+        assert process.stderr.readline().startswith(b"t ")
     process.send_signal(getattr(signal, name))
-    _, error = process.communicate(timeout=20)
+    _, error = process.communicate(timeout=60)
     assert process.returncode == 128 + getattr(signal, name)
     assert b"holds the frames so far" in error
     flow = granpinn.read_flow(path)

@@ -1,0 +1,28 @@
+"""The output obeys the momentum balance that it is identified from."""
+
+from bench.collapse_residual import frames, merge, momentum_balance, regression
+from granpinn.simulation import Collapse
+
+
+def test_friction_law_comes_back_by_regression_with_the_true_pressure() -> None:
+    """On 256 cells, to about twice the errors of 512 cells (bench.collapse_validation)."""
+    collapse = Collapse(mu_s=0.4, mu_2=0.64, cells=256, threads=1)
+    times = [1.0, 1.6, 2.2, 2.8, 3.4]
+    triples = frames(collapse, times, 0.025)
+    balance = merge([momentum_balance(triple, collapse) for triple in triples])
+    assert balance.flowing.sum() > 5_000
+    mu_s, mu_2 = regression(balance)
+    assert abs(mu_s / collapse.mu_s - 1) < 0.006
+    assert abs(mu_2 / collapse.mu_2 - 1) < 0.02
+
+
+def test_residual_is_not_blind_to_the_law() -> None:
+    """With a wrong mu_s the residual where the grains flow is several times as large."""
+    true = Collapse(mu_s=0.4, mu_2=0.64, cells=128, threads=1)
+    wrong = Collapse(mu_s=0.5, mu_2=0.64, cells=128, threads=1)
+    triples = frames(true, [2.5], 0.025)
+    medians = []
+    for collapse in (true, wrong):
+        balance = momentum_balance(triples[0], collapse)
+        medians.append(float(sorted(balance.residual[balance.flowing])[balance.flowing.sum() // 2]))
+    assert medians[1] > 3 * medians[0]
