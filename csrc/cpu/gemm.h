@@ -33,10 +33,9 @@ struct Product {
 template <class T, int M>
 __attribute__((noinline)) void product_rows(const Product<T>& g, int row, int column) {
   using V = Vec<T>;
-  constexpr int NV = 2;
-  V acc[M][NV];
-  for (int m = 0; m < M; ++m)
-    for (int n = 0; n < NV; ++n) acc[m][n] = V(T(0));
+  V acc[M][2];
+#pragma GCC unroll 16
+  for (int m = 0; m < M; ++m) acc[m][0] = acc[m][1] = V(T(0));
   const std::ptrdiff_t p_row = g.p_row, p_k = g.p_k;
   for (int o = 0; o < g.outer; ++o) {
     const T* P = g.P + row * p_row + o * g.p_outer;
@@ -55,13 +54,25 @@ __attribute__((noinline)) void product_rows(const Product<T>& g, int row, int co
   }
   // bias and old sum come last: a large one would round every partial sum
   T* out = g.out + row * g.out_row + column;
-  for (int m = 0; m < M; ++m)
-    for (int n = 0; n < NV; ++n) {
-      T* to = out + m * g.out_row + n * kLanes<T>;
-      if (g.bias) acc[m][n] += V(g.bias[row + m]);
-      if (g.accumulate) acc[m][n] += V::load(to);
-      acc[m][n].store(to);
+  if (g.accumulate) {
+#pragma GCC unroll 16
+    for (int m = 0; m < M; ++m) {
+      acc[m][0] += V::load(out + m * g.out_row);
+      acc[m][1] += V::load(out + m * g.out_row + kLanes<T>);
     }
+  }
+  if (g.bias) {
+#pragma GCC unroll 16
+    for (int m = 0; m < M; ++m) {
+      acc[m][0] += V(g.bias[row + m]);
+      acc[m][1] += V(g.bias[row + m]);
+    }
+  }
+#pragma GCC unroll 16
+  for (int m = 0; m < M; ++m) {
+    acc[m][0].store(out + m * g.out_row);
+    acc[m][1].store(out + m * g.out_row + kLanes<T>);
+  }
 }
 
 template <class T, int M>
