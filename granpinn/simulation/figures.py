@@ -19,7 +19,7 @@ from granpinn.plots.style import BLACK, VALUE_MAP, Drawing, label, new_figure, s
 
 Array = npt.NDArray[np.floating]
 
-D2_RANGE = (0.0, 2.0)  # of the paper's column; times sqrt(g/H0) x sqrt(10) otherwise
+LARGEST_SHARE = 0.95  # quantile of D2 at which the colours of the final states end
 SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
 PROFILE_COUNT = 10
 
@@ -66,7 +66,10 @@ def final_states(flows: Sequence[Flow]) -> Drawing:
     columns = max(map(len, members))
     figure = new_figure(len(rows) * (3.0 * columns * height / width / columns + 0.55) + 0.6)
     panels = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
-    norm = Normalize(*D2_RANGE)
+    last = [strain_rate(flow, len(flow.t) - 1) for flow in flows]
+    norm = Normalize(
+        0, float(np.nanquantile(np.concatenate([d.ravel() for d in last]), LARGEST_SHARE))
+    )
     for axes_row, row in zip(panels, members, strict=True):
         for axes in axes_row[len(row) :]:
             axes.set_axis_off()

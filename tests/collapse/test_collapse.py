@@ -78,10 +78,11 @@ def test_window_does_not_change_the_grains() -> None:
 
 
 def test_threads_give_the_same_bits() -> None:
+    """On a grid that is large enough for its loops to be shared."""
     states = []
     for threads in (1, 3):
-        engine = Engine(small(cells=192, threads=threads))
-        advance(engine, 0.3)
+        engine = Engine(small(cells=384, threads=threads))
+        advance(engine, 0.1)
         states.append(engine.state())
     for name in ("c", "p", "u", "v"):
         np.testing.assert_array_equal(getattr(states[0], name), getattr(states[1], name))
