@@ -99,7 +99,6 @@ def test_none_is_a_value_of_optional_settings() -> None:
 BAD = {
     "no flow": (["--out", "run"], "FLOW"),
     "no out": (["flow.h5"], "--out"),
-    "nothing": ([], "FLOW"),
     "unknown flag": ([*REQUIRED, "--stepz", "3"], "--stepz"),
     "no abbreviations": ([*REQUIRED, "--step", "3"], "--step"),
     "value missing": ([*REQUIRED, "--steps"], "--steps"),
