@@ -11,7 +11,9 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import multiprocessing
 import statistics
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +22,26 @@ from tests.kernels.accuracy import Comparison, compare
 from tests.kernels.configurations import configuration
 
 
-def measure(rows: int) -> tuple[dict[str, list[Comparison]], list[str]]:
+def measure(rows: int, jobs: int) -> tuple[dict[str, list[Comparison]], list[str]]:
     """Comparisons by output over the first rows of the table, and the failures in words."""
-    from granpinn import ops
-
     by_output: dict[str, list[Comparison]] = {}
     failures = []
-    for index in range(rows):
-        row = configuration(index)
-        for comparison in compare(row, ops):
-            by_output.setdefault(comparison.name, []).append(comparison)
-            if not comparison.passed:
-                failures.append(f"{row}: {comparison}")
-                print("failed:", failures[-1], flush=True)
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        for index, comparisons in enumerate(pool.map(_compare, range(rows))):
+            for comparison in comparisons:
+                by_output.setdefault(comparison.name, []).append(comparison)
+                if not comparison.passed:
+                    failures.append(f"{configuration(index)}: {comparison}")
+                    print("failed:", failures[-1], flush=True)
+            if (index + 1) % 50 == 0:
+                print(f"{index + 1} of {rows} configurations", flush=True)
     return by_output, failures
+
+
+def _compare(index: int) -> list[Comparison]:
+    from granpinn import ops
+
+    return compare(configuration(index), ops)
 
 
 def summary(comparisons: list[Comparison]) -> dict[str, float]:
@@ -56,9 +64,10 @@ def summary(comparisons: list[Comparison]) -> dict[str, float]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rows", type=int, default=60)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--json", type=Path, help="where to keep the result")
     arguments = parser.parse_args()
-    by_output, failures = measure(arguments.rows)
+    by_output, failures = measure(arguments.rows, arguments.jobs)
     result: dict[str, Any] = {
         "machine_info": describe(),
         "datetime": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
