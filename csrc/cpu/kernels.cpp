@@ -5,7 +5,7 @@
 #include "kernel_table.h"
 
 #include "fma_peak.h"
-#include "form_gradient.h"
+#include "math/form_gradient.h"
 #include "mlp_tile.h"
 
 namespace granpinn {
@@ -81,9 +81,6 @@ void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile
     }
   }
 }
-
-// Which loss term each residual of a form belongs to.
-constexpr int kTermOf[] = {2, 2, 3, 4, 4};
 
 // An interior tile: velocity misfit and, where the form has them, the equations.
 template <class F, class T>

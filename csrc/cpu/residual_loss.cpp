@@ -8,15 +8,16 @@ namespace {
 
 struct LossTensors {
   Shared theta, points, velocity, point_weights, surface_points, surface_pressure, term_weights;
+  Shared input_shift, input_scale, physics;
 };
 
 template <class T>
-LossArguments<T> member_arguments(const Network<T>& net, Form form, const Physics<T>& physics,
-                                  const LossTensors& in, std::int64_t e) {
+LossArguments<T> member_arguments(const T* params, Ints widths, Form form, const LossTensors& in,
+                                  std::int64_t e) {
   LossArguments<T> a{};
-  a.net = net;
+  a.net = network(params, widths, in.input_shift.member<T>(e), in.input_scale.member<T>(e));
   a.form = form;
-  a.physics = physics;
+  a.physics = physics_from<T>(in.physics.member<T>(e));
   for (int i = 0; i < 3; ++i) a.theta[i] = in.theta.member<T>(e)[i];
   for (int i = 0; i < kTerms; ++i) a.term_weights[i] = in.term_weights.member<T>(e)[i];
   a.n = in.points.data.size(-2);
@@ -68,9 +69,12 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
 std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor> residual_loss_cpu(
     const at::Tensor& params, const at::Tensor& theta, const at::Tensor& points,
     const at::Tensor& velocity, const at::Tensor& point_weights, const at::Tensor& surface_points,
-    const at::Tensor& surface_pressure, const at::Tensor& term_weights, Ints widths, Doubles shift,
-    Doubles scale, Doubles physics, c10::string_view form) {
-  const std::int64_t count = parameter_count(widths, shift, scale);
+    const at::Tensor& surface_pressure, const at::Tensor& term_weights, Ints widths,
+    const at::Tensor& input_shift, const at::Tensor& input_scale, const at::Tensor& physics,
+    c10::string_view form, c10::string_view precision) {
+  const std::int64_t count = parameter_count(widths);
+  fast_precision(precision);
+  check_physics(physics.size(-1));
   const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
   const Form kind = form_of(form);
   const std::int64_t K = widths.back();
@@ -91,7 +95,10 @@ std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor> residual_loss_cpu(
                        shared("point_weights", point_weights, params, E, {N, 2}),
                        xs,
                        shared("surface_pressure", surface_pressure, params, E, {M}),
-                       shared("term_weights", term_weights, params, E, {kTerms})};
+                       shared("term_weights", term_weights, params, E, {kTerms}),
+                       shared("input_shift", input_shift, params, E, {3}),
+                       shared("input_scale", input_scale, params, E, {3}),
+                       shared("physics", physics, params, E, {kPhysics})};
   const at::Tensor flat = params.contiguous();
   const auto leading = [&](std::vector<std::int64_t> shape) {
     if (E) shape.insert(shape.begin(), E);
@@ -100,11 +107,10 @@ std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor> residual_loss_cpu(
   at::Tensor loss = leading({}), terms = leading({kTerms});
   at::Tensor grad_params = leading({count}), grad_theta = leading({3});
   AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "residual_loss", [&] {
-    const auto constants = physics_of<scalar_t>(physics);
     for (std::int64_t e = 0; e < members; ++e) {
-      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
+      const scalar_t* own = flat.const_data_ptr<scalar_t>() + e * count;
       loss.mutable_data_ptr<scalar_t>()[e] =
-          static_cast<scalar_t>(member_loss(member_arguments(net, kind, constants, in, e),
+          static_cast<scalar_t>(member_loss(member_arguments(own, widths, kind, in, e),
                                             terms.mutable_data_ptr<scalar_t>() + e * kTerms,
                                             grad_params.mutable_data_ptr<scalar_t>() + e * count,
                                             grad_theta.mutable_data_ptr<scalar_t>() + e * 3));
