@@ -100,8 +100,9 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
         if (const auto error = weights<H>(a, plan, s, chunk, stream)) return error;
     }
   }
-  const dim3 grid(ceil_div(a.net.count, 32) + 1, a.net.members);
-  collect_kernel<<<grid, dim3(32, kShares), 0, stream>>>(a, plan, s);
+  const dim3 grid((plan.hidden - 1) * H * H / (32 * kShares) + ceil_div(plan.narrow(), 32) + 1,
+                  a.net.members);
+  collect_kernel<H><<<grid, dim3(32, kShares), 0, stream>>>(a, plan, s);
   return cudaGetLastError();
 }
 
@@ -145,7 +146,7 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   const int B = p.large && p.H >= 128 ? 128 : 64;
   const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
   const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
-  const std::int64_t wanted = ceil_div(2 * multiprocessors, per_split);
+  const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
   p.splits = static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
   return p;
 }

@@ -17,11 +17,10 @@ __device__ inline float to_tf32(float a) {
   return __uint_as_float(out);
 }
 
-__device__ inline void mma_tf32(float& d0, float& d1, float& d2, float& d3, const float (&a)[4],
-                                const float (&b)[2]) {
+__device__ inline void mma_tf32(float* d, const float (&a)[4], const float (&b)[2]) {
   asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
       "{%0,%1,%2,%3};"
-      : "+f"(d0), "+f"(d1), "+f"(d2), "+f"(d3)
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
       : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
         "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
 }
@@ -37,12 +36,19 @@ struct MmaEngine {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
+  static constexpr int kTogether = 4;  // tiles whose products are interleaved
   static constexpr int ld = H + 4;
   static constexpr bool tensor_cores = true;
   using Stream = WeightStream<H, 4>;
   using Values = float[CP][PPT][4];
 
   static __device__ int lane() { return threadIdx.x % 32; }
+  static __device__ int point_lane() { return lane() % 4; }
+  static __device__ int neuron_lane() { return lane() / 4; }
+  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
+  static __device__ float sum_neurons(float a) {
+    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
+  }
   static __device__ int point(int q) {
     return quad ? lane() % 4 : q / 2 * 8 + lane() % 4 * 2 + q % 2;
   }
@@ -83,32 +89,41 @@ struct MmaEngine {
           a_low[m][i] = raw[i] - a[m][i];
         }
       }
+      // tiles in groups: their products are independent and hide each other's latency
 #pragma unroll
-      for (int t = 0; t < tiles; ++t) {
-        const float raw[2] = {b_row[t * 8 * ld + k], b_row[t * 8 * ld + k + 4]};
-        float b[2], b_low[2];
+      for (int first = 0; first < tiles; first += kTogether) {
+        float b[kTogether][2], b_low[kTogether][2], s[kTogether][2][4] = {};
 #pragma unroll
-        for (int i = 0; i < 2; ++i) {
-          b[i] = Forward ? to_tf32(raw[i]) : raw[i];
-          b_low[i] = raw[i] - b[i];
-        }
-        // the two columns of a thread: channels 2 t, 2 t + 1 of a point, or two points
-        const int c0 = quad ? 2 * t : t / (PT / 8), c1 = quad ? 2 * t + 1 : c0;
-        const int q0 = quad ? 0 : t % (PT / 8) * 2, q1 = quad ? 0 : q0 + 1;
+        for (int i = 0; i < kTogether; ++i)
 #pragma unroll
-        for (int m = 0; m < 2; ++m) {
-          float &d0 = z[c0][q0][2 * m], &d1 = z[c1][q1][2 * m];
-          float &d2 = z[c0][q0][2 * m + 1], &d3 = z[c1][q1][2 * m + 1];
-          if (Forward) {
-            float s[4] = {0, 0, 0, 0};
-            mma_tf32(s[0], s[1], s[2], s[3], a_low[m], b);
-            mma_tf32(s[0], s[1], s[2], s[3], a[m], b_low);
-            mma_tf32(s[0], s[1], s[2], s[3], a[m], b);
-            d0 += s[0], d1 += s[1], d2 += s[2], d3 += s[3];
-          } else {
-            mma_tf32(d0, d1, d2, d3, a[m], b);
+          for (int h = 0; h < 2; ++h) {
+            if (first + i >= tiles) continue;
+            const float raw = b_row[(first + i) * 8 * ld + k + 4 * h];
+            b[i][h] = Forward ? to_tf32(raw) : raw;
+            b_low[i][h] = raw - b[i][h];
           }
-        }
+#pragma unroll
+        for (int part = Forward ? 0 : 2; part < 3; ++part)
+#pragma unroll
+          for (int i = 0; i < kTogether; ++i)
+#pragma unroll
+            for (int m = 0; m < 2; ++m)
+              if (first + i < tiles)
+                mma_tf32(s[i][m], part == 0 ? a_low[m] : a[m], part == 1 ? b_low[i] : b[i]);
+#pragma unroll
+        for (int i = 0; i < kTogether; ++i)
+#pragma unroll
+          for (int m = 0; m < 2; ++m)
+#pragma unroll
+            for (int h = 0; h < 2; ++h) {
+              if (first + i >= tiles) continue;
+              // the two columns of a thread: channels 2 t, 2 t + 1 of a point, or two points
+              const int t = first + i;
+              const int c0 = quad ? 2 * t : t / (PT / 8), c1 = quad ? 2 * t + 1 : c0;
+              const int q0 = quad ? 0 : t % (PT / 8) * 2, q1 = quad ? 0 : q0 + 1;
+              z[c0][q0][2 * m + h] += s[i][m][2 * h];
+              z[c1][q1][2 * m + h] += s[i][m][2 * h + 1];
+            }
       }
     }
   }

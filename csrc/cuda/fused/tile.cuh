@@ -32,18 +32,6 @@ struct TileNetwork {
   float* gradient;        // of the narrow parameters, in shared memory
 };
 
-// Sums over the four lanes that hold the same neurons of other points.
-__device__ inline float sum_points(float a) {
-  a += __shfl_xor_sync(~0u, a, 1);
-  return a + __shfl_xor_sync(~0u, a, 2);
-}
-// Sums over the eight lanes that hold other neurons of the same points.
-__device__ inline float sum_neurons(float a) {
-  a += __shfl_xor_sync(~0u, a, 4);
-  a += __shfl_xor_sync(~0u, a, 8);
-  return a + __shfl_xor_sync(~0u, a, 16);
-}
-
 template <class E, class Memory>
 class Tile {
  public:
@@ -203,7 +191,7 @@ class Tile {
 
   __device__ void outputs(const Values& a) {
     constexpr int warps = Memory::warps;
-    const int K = net_.plan.outputs, warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    const int K = net_.plan.outputs, warp = threadIdx.x / 32;
     for (int k = 0; k < K; ++k) {
       float w[4];
       E::load(net_.narrow + net_.plan.last() + k * E::H, w);
@@ -214,8 +202,8 @@ class Tile {
           float sum = 0;
 #pragma unroll
           for (int j = 0; j < 4; ++j) sum = fmaf(a[c][q][j], w[j], sum);
-          sum = sum_neurons(sum);
-          if (lane < 4) m_.part[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
+          sum = E::sum_neurons(sum);
+          if (E::neuron_lane() == 0) m_.part[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
         }
     }
     __syncthreads();
@@ -290,8 +278,8 @@ class Tile {
   __device__ void add(int offset, float (&sum)[4]) {
 #pragma unroll
     for (int j = 0; j < 4; ++j) {
-      const float total = sum_points(sum[j]);
-      if (threadIdx.x % 4 == 0) net_.gradient[offset + E::column(j)] += total;
+      const float total = E::sum_points(sum[j]);
+      if (E::point_lane() == 0) net_.gradient[offset + E::column(j)] += total;
     }
   }
 

@@ -10,6 +10,10 @@
 
 namespace granpinn::cuda::fused {
 
+__device__ inline float add_lanes(float a, int apart) {
+  return a + __shfl_xor_sync(~0u, a, apart);
+}
+
 template <int H, int Stages>
 class WeightStream {
  public:

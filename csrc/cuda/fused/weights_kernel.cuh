@@ -20,10 +20,19 @@ struct SimtWeights {
   static constexpr int values = 64;
   static constexpr int rows = kStageRows / groups;  // of a stage, for one group
 
-  static __device__ int thread() { return threadIdx.x % ((B / 8) * (B / 8)); }
-  // neurons of a thread: two runs of four, half a tile apart
-  static __device__ int row(int i) { return thread() / (B / 8) * 4 + i % 4 + i / 4 * (B / 2); }
-  static __device__ int column(int j) { return thread() % (B / 8) * 4 + j % 4 + j / 4 * (B / 2); }
+  // A warp is 4 x 8 threads, its lanes numbered so that i and i ^ 1 read the same row, i and i ^ 2
+  // the same column: the hardware then merges 16-byte loads in pairs. A group has B / 64 warps
+  // across and B / 32 down. A thread has two runs of four neurons each way, half a tile apart.
+  static __device__ int row(int i) {
+    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32 % (B / 64 * (B / 32));
+    const int at = lane / 2 % 2 + lane / 16 * 2 + warp / (B / 64) * 4;
+    return at * 4 + i % 4 + i / 4 * (B / 2);
+  }
+  static __device__ int column(int j) {
+    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32 % (B / 64);
+    const int at = lane % 2 + lane / 4 % 4 * 2 + warp * 8;
+    return at * 4 + j % 4 + j / 4 * (B / 2);
+  }
   static __device__ int row_of(int v) { return row(v / 8); }
   static __device__ int column_of(int v) { return column(v % 8); }
 
@@ -85,8 +94,7 @@ struct MmaWeights {
       for (int m = 0; m < tiles_m; ++m)
 #pragma unroll
         for (int n = 0; n < tiles_n; ++n) {
-          float* d = sum + (m * tiles_n + n) * 4;
-          mma_tf32(d[0], d[1], d[2], d[3], a[m], b[n]);
+          mma_tf32(sum + (m * tiles_n + n) * 4, a[m], b[n]);
         }
     }
   }
@@ -100,7 +108,7 @@ constexpr int weights_memory() {
 
 // blockIdx = (tile of weights, split of the rows, member x layer)
 template <class P, int H, int B>
-__global__ void __launch_bounds__(kWeightsThreads)
+__global__ void __launch_bounds__(kWeightsThreads, 2)
     weights_kernel(const __grid_constant__ Plan plan, const Scratch scratch, const Chunk chunk) {
   extern __shared__ __align__(16) float shared[];
   const int out0 = blockIdx.x / (H / B) * B, in0 = blockIdx.x % (H / B) * B;
