@@ -14,11 +14,11 @@ __device__ int narrow_position(const DeviceNetwork<float>& net, const Plan& plan
   if (row < 3) return n < net.out(0) ? 3 * n + row : -1;
   if (row < 3 + L) {
     const int l = row - 3;
-    return n < net.out(l) ? int(net.offset(l) + net.in(l) * net.out(l)) + n : -1;
+    return n < net.out(l) ? int(net.offset(l) + net.in(l)*net.out(l)) + n : -1;
   }
   if (row < 3 + L + K)
     return n < net.in(L) ? int(net.offset(L) + (row - 3 - L) * net.in(L)) + n : -1;
-  return n < K ? int(net.offset(L) + net.in(L) * K) + n : -1;
+  return n < K ? int(net.offset(L) + net.in(L)*K) + n : -1;
 }
 
 // Sum over the threads y of a block; valid for y = 0.

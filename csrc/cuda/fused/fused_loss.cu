@@ -29,7 +29,7 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
   Scratch s{};
   s.packed = floats(E * plan.packed());
   s.narrow = floats(E * plan.narrow());
-  s.stash = floats(E * plan.slots * std::max<std::int64_t>(hidden - 1, 0) * plan.rows * plan.H);
+  s.stash = floats(plan.shared_stash ? 0 : E * plan.slots * plan.stash());
   s.activations = floats(E * hidden * plan.panel());
   s.adjoints = floats(E * hidden * plan.panel());
   s.gradients = floats(E * hidden * plan.splits * plan.H * plan.H);
@@ -135,6 +135,11 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.surface_points));
   if (p.tiles == 0) return p;
 
+  // panel, ring and the small arrays of a tile take less than the rest of a multiprocessor's
+  const int panels = tensor_cores ? 2 : 1, ring = 4 * 4 * kStage * p.H / 32;
+  const int rest = 227 * 1024 * p.H / 256 - ring - 4 * (p.rows * 32 + p.narrow());
+  p.shared_stash = 4 * (panels * p.rows * (p.H + 8) + p.stash()) <= rest;
+
   // as many rounds as it takes, each with the same number of blocks
   const std::int64_t most = std::max<std::int64_t>(1, blocks / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
@@ -147,7 +152,8 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
   const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
   const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
-  p.splits = static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
+  p.splits =
+      static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
   return p;
 }
 
@@ -157,8 +163,7 @@ std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {
   return size;
 }
 
-cudaError_t loss(const DeviceLoss<float>& a, const Plan& plan, void* memory,
-                 cudaStream_t stream) {
+cudaError_t loss(const DeviceLoss<float>& a, const Plan& plan, void* memory, cudaStream_t stream) {
   std::size_t size = 0;
   const Scratch s = carve(a, plan, static_cast<char*>(memory), &size);
   switch (plan.H) {

@@ -10,7 +10,8 @@ template <class I, class InteriorTask, class S, class SurfaceTask>
 cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
   const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask>;
-  const int bytes = sizeof(TileMemory<I>) + plan.narrow() * sizeof(float);
+  const int bytes = sizeof(TileMemory<I>) +
+                    (plan.narrow() + (plan.shared_stash ? plan.stash() : 0)) * sizeof(float);
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
   if (error != cudaSuccess) return error;
@@ -29,8 +30,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                                                                        stream);
   else
     return launch<SimtEngine<H, C, shape.points / 4>, InteriorTask,
-                  SimtEngine<H, 1, shape.surface_points / 4>, Surface<map>>(a, plan, scratch,
-                                                                            chunk, stream);
+                  SimtEngine<H, 1, shape.surface_points / 4>, Surface<map>>(a, plan, scratch, chunk,
+                                                                            stream);
 }
 
 template <Form form, int C, class InteriorTask, PressureMap map>

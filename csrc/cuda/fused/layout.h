@@ -14,27 +14,28 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kWidest = 256;
-constexpr int kSlab = 32;                 // neurons of a warp
-constexpr int kBlockK = 8;                // inputs in a stage of the weight stream
-constexpr int kStage = kSlab * kBlockK;   // floats of a stage
-constexpr int kRow = 8;                   // outputs of a row, padded
-constexpr int kSums = 8;                  // squares of the five terms, then theta
+constexpr int kSlab = 32;                // neurons of a warp
+constexpr int kBlockK = 8;               // inputs in a stage of the weight stream
+constexpr int kStage = kSlab * kBlockK;  // floats of a stage
+constexpr int kRow = 8;                  // outputs of a row, padded
+constexpr int kSums = 8;                 // squares of the five terms, then theta
 
 // How a problem is cut up. Everything follows from its shape and the number of multiprocessors.
 struct Plan {
-  int H;                // padded width
-  int hidden;           // hidden layers L
-  int outputs;          // K
-  bool tensor_cores;    // products on tensor cores
-  bool large;           // the larger of two tiles
-  int points;           // interior points of a tile
-  int surface_points;   // surface points of a tile
-  int rows;             // of either
-  int interior_tiles;   // of a member
-  int tiles;            // with those of the surface
-  int slots;            // blocks of a member
-  int chunk;            // tiles of a member that go through the kernels together
-  int splits;           // of the rows of a chunk, in the weights kernel
+  int H;               // padded width
+  int hidden;          // hidden layers L
+  int outputs;         // K
+  bool tensor_cores;   // products on tensor cores
+  bool large;          // the larger of two tiles
+  int points;          // interior points of a tile
+  int surface_points;  // surface points of a tile
+  int rows;            // of either
+  int interior_tiles;  // of a member
+  int tiles;           // with those of the surface
+  int slots;           // blocks of a member
+  int chunk;           // tiles of a member that go through the kernels together
+  int splits;          // of the rows of a chunk, in the weights kernel
+  bool shared_stash;   // pre-activations are kept in shared memory
 
   // products that stream weights: forward through layers 1 .. L-1, then backward
   GRANPINN_HD int products() const { return 2 * (hidden - 1); }
@@ -42,6 +43,8 @@ struct Plan {
   GRANPINN_HD int narrow() const { return (3 + hidden + outputs) * H + kRow; }
   GRANPINN_HD int bias(int layer) const { return (3 + layer) * H; }
   GRANPINN_HD int last() const { return (3 + hidden) * H; }
+  // pre-activations that a block keeps for the way back: of all layers but the first and the last
+  GRANPINN_HD int stash() const { return (hidden > 2 ? hidden - 2 : 0) * rows * H; }
   GRANPINN_HD std::int64_t packed() const { return std::int64_t(products()) * H * H; }
   GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * rows * H; }
 };

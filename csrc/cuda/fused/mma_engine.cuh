@@ -11,10 +11,10 @@
 
 namespace granpinn::cuda::fused {
 
+// Rounded to the ten mantissa bits of TF32, halves away from zero. (The compiler's own conversion
+// takes twice as many instructions, to keep the payload of a NaN.)
 __device__ inline float to_tf32(float a) {
-  std::uint32_t out;
-  asm("cvt.rna.tf32.f32 %0, %1;" : "=r"(out) : "f"(a));
-  return __uint_as_float(out);
+  return __uint_as_float((__float_as_uint(a) + 0x1000u) & 0xffffe000u);
 }
 
 __device__ inline void mma_tf32(float* d, const float (&a)[4], const float (&b)[2]) {
@@ -36,9 +36,9 @@ struct MmaEngine {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
-  static constexpr int kTogether = 4;  // tiles whose products are interleaved
   static constexpr int ld = H + 4;
   static constexpr bool tensor_cores = true;
+  static constexpr int panel_size = 2 * R * ld;  // rounded values, then what rounding took away
   using Stream = WeightStream<H, 4>;
   using Values = float[CP][PPT][4];
 
@@ -63,8 +63,21 @@ struct MmaEngine {
 #pragma unroll
     for (int j = 0; j < 4; ++j) row[column(j)] = v[j];
   }
-  static __device__ float operand(float a) { return to_tf32(a); }
+  // Four neurons of a row into the panel, as operands of the next product; `kept` is what the
+  // weights kernel gets.
+  template <bool Forward>
+  static __device__ void put(float* panel, int row, const float (&a)[4], float (&kept)[4]) {
+#pragma unroll
+    for (int j = 0; j < 4; ++j) kept[j] = to_tf32(a[j]);
+    store(panel + row * ld, kept);
+    if (!Forward) return;
+    float rest[4];
+#pragma unroll
+    for (int j = 0; j < 4; ++j) rest[j] = to_tf32(a[j] - kept[j]);
+    store(panel + (R + row) * ld, rest);
+  }
 
+  // z[row][neuron] = sum_k panel[row][k] W[k][neuron]
   template <bool Forward>
   static __device__ void multiply(const float* panel, Stream& weights, Values& z) {
 #pragma unroll
@@ -76,56 +89,89 @@ struct MmaEngine {
     const int n = lane() / 4;
     const float* b_row = panel + (quad ? n % 2 * 4 + n / 2 : n) * ld + lane() % 4;
 #pragma unroll 1
-    for (int k = 0; k < H; k += kBlockK) {
-      const float* w = weights.next() + 4 * lane();
-      float a[2][4], a_low[2][4];
+    for (int k = 0; k < H; k += kSteps * kBlockK) {
+      float a[kSteps][2][4], a_low[kSteps][2][4];
 #pragma unroll
-      for (int m = 0; m < 2; ++m) {
-        const float4 v = *reinterpret_cast<const float4*>(w + m * 128);
-        const float raw[4] = {v.x, v.y, v.z, v.w};
+      for (int h = 0; h < kSteps; ++h) {
+        const float* w = weights.next();
 #pragma unroll
-        for (int i = 0; i < 4; ++i) {
-          a[m][i] = Forward ? to_tf32(raw[i]) : raw[i];
-          a_low[m][i] = raw[i] - a[m][i];
+        for (int m = 0; m < 2; ++m) {
+          const float4 v = *reinterpret_cast<const float4*>(w + m * 128);
+          const float raw[4] = {v.x, v.y, v.z, v.w};
+#pragma unroll
+          for (int i = 0; i < 4; ++i) {
+            a[h][m][i] = Forward ? to_tf32(raw[i]) : raw[i];
+            a_low[h][m][i] = to_tf32(raw[i] - a[h][m][i]);
+          }
         }
       }
       // tiles in groups: their products are independent and hide each other's latency
 #pragma unroll
-      for (int first = 0; first < tiles; first += kTogether) {
-        float b[kTogether][2], b_low[kTogether][2], s[kTogether][2][4] = {};
+      for (int first = 0; first < tiles; first += kTogether)
+        multiply_group<Forward>(b_row + first * 8 * ld + k, first, a, a_low, z);
+    }
+  }
+
+ private:
+  static constexpr int kTogether = 4;  // tiles of a group
+  static constexpr int kSteps = 2;     // stages whose sums the tensor cores add up
+
+  template <bool Forward>
+  static __device__ void multiply_group(const float* from, int first,
+                                        const float (&a)[kSteps][2][4],
+                                        const float (&a_low)[kSteps][2][4], Values& z) {
+    float b[kTogether][kSteps][2], b_low[kTogether][kSteps][2], s[kTogether][2][4] = {};
 #pragma unroll
-        for (int i = 0; i < kTogether; ++i)
+    for (int i = 0; i < kTogether; ++i)
 #pragma unroll
-          for (int h = 0; h < 2; ++h) {
-            if (first + i >= tiles) continue;
-            const float raw = b_row[(first + i) * 8 * ld + k + 4 * h];
-            b[i][h] = Forward ? to_tf32(raw) : raw;
-            b_low[i][h] = raw - b[i][h];
-          }
+      for (int h = 0; h < kSteps; ++h)
 #pragma unroll
-        for (int part = Forward ? 0 : 2; part < 3; ++part)
+        for (int half = 0; half < 2; ++half) {
+          if (first + i >= tiles) continue;
+          const float* at = from + i * 8 * ld + h * kBlockK + 4 * half;
+          b[i][h][half] = at[0];
+          b_low[i][h][half] = Forward ? at[R * ld] : 0;
+        }
+    if (!Forward) values_of(first, s, z);
 #pragma unroll
-          for (int i = 0; i < kTogether; ++i)
+    for (int h = 0; h < kSteps; ++h)
 #pragma unroll
-            for (int m = 0; m < 2; ++m)
-              if (first + i < tiles)
-                mma_tf32(s[i][m], part == 0 ? a_low[m] : a[m], part == 1 ? b_low[i] : b[i]);
+      for (int part = Forward ? 0 : 2; part < 3; ++part)
 #pragma unroll
         for (int i = 0; i < kTogether; ++i)
 #pragma unroll
           for (int m = 0; m < 2; ++m)
+            if (first + i < tiles)
+              mma_tf32(s[i][m], part == 0 ? a_low[h][m] : a[h][m],
+                       part == 1 ? b_low[i][h] : b[i][h]);
+    if (Forward) {
+      float sum[kTogether][2][4] = {};
+      values_of(first, sum, z);
 #pragma unroll
-            for (int h = 0; h < 2; ++h) {
-              if (first + i >= tiles) continue;
-              // the two columns of a thread: channels 2 t, 2 t + 1 of a point, or two points
-              const int t = first + i;
-              const int c0 = quad ? 2 * t : t / (PT / 8), c1 = quad ? 2 * t + 1 : c0;
-              const int q0 = quad ? 0 : t % (PT / 8) * 2, q1 = quad ? 0 : q0 + 1;
-              z[c0][q0][2 * m + h] += s[i][m][2 * h];
-              z[c1][q1][2 * m + h] += s[i][m][2 * h + 1];
-            }
-      }
+      for (int i = 0; i < kTogether * 8; ++i)
+        s[i / 8][i / 4 % 2][i % 4] += sum[i / 8][i / 4 % 2][i % 4];
     }
+    set_values(first, s, z);
+  }
+
+  // The place of element d of tensor-core tile (t, m) in a thread's values: its two columns are two
+  // channels of a point, or two points.
+  static __device__ float& value_of(Values& z, int t, int m, int d) {
+    const int c = quad ? 2 * t + d % 2 : t / (quad ? 1 : PT / 8),
+              q = quad ? 0 : t % (quad ? 1 : PT / 8) * 2 + d % 2;
+    return z[c][q][2 * m + d / 2];
+  }
+  static __device__ void values_of(int first, float (&s)[kTogether][2][4], Values& z) {
+#pragma unroll
+    for (int i = 0; i < kTogether * 8; ++i)
+      if (first + i / 8 < tiles)
+        s[i / 8][i / 4 % 2][i % 4] = value_of(z, first + i / 8, i / 4 % 2, i % 4);
+  }
+  static __device__ void set_values(int first, const float (&s)[kTogether][2][4], Values& z) {
+#pragma unroll
+    for (int i = 0; i < kTogether * 8; ++i)
+      if (first + i / 8 < tiles)
+        value_of(z, first + i / 8, i / 4 % 2, i % 4) = s[i / 8][i / 4 % 2][i % 4];
   }
 };
 

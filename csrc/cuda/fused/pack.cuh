@@ -17,13 +17,13 @@ __global__ void pack_kernel(const __grid_constant__ DeviceLoss<float> a,
 
   float* packed = scratch.packed + e * plan.packed();
   for (int i = first; i < plan.products() * H * H; i += stride) {
-    const int product = i / (H * H), at = i % (H * H);
+    // [slab][product][block][kStage]: each warp's stream in one piece
+    const int block = i / kStage, slab = block / (plan.products() * (H / kBlockK));
+    const int product = block / (H / kBlockK) % plan.products();
+    const int k0 = block % (H / kBlockK) * kBlockK, s = i % kStage;
     const bool forward = product < L - 1;
     const int layer = forward ? product + 1 : 2 * L - 2 - product;
     const int in = a.net.in(layer), out = a.net.out(layer);
-    // neighbours in the packed order first, so that writes are coalesced
-    const int block = at / kStage, s = at % kStage;
-    const int slab = block / (H / kBlockK), k0 = block % (H / kBlockK) * kBlockK;
     int k, n;
     if (TensorCores) {
       const int part = s % 4, lane = s / 4 % 32, m = s / 128;
@@ -48,11 +48,11 @@ __global__ void pack_kernel(const __grid_constant__ DeviceLoss<float> a,
     } else if (row < 3 + L) {
       const int layer = row - 3;
       if (n < a.net.out(layer))
-        w = params[a.net.offset(layer) + a.net.in(layer) * a.net.out(layer) + n];
+        w = params[a.net.offset(layer) + a.net.in(layer)*a.net.out(layer) + n];
     } else if (row < 3 + L + K) {
       if (n < a.net.in(L)) w = params[a.net.offset(L) + (row - 3 - L) * a.net.in(L) + n];
     } else if (n < K) {
-      w = params[a.net.offset(L) + a.net.in(L) * K + n];
+      w = params[a.net.offset(L) + a.net.in(L)*K + n];
     }
     narrow[i] = w;
   }

@@ -13,23 +13,23 @@ struct SimtEngine {
   static constexpr int PPT = PointsPerThread;
   static constexpr int PT = 4 * PPT;
   static constexpr int R = C * PT;
-  static constexpr int ld = H + 8;  // of a panel in shared memory: rows eight banks apart
+  static constexpr int ld = H + 4;  // of a panel in shared memory: rows four banks apart
   static constexpr bool tensor_cores = false;
+  static constexpr int panel_size = R * ld;
   using Stream = WeightStream<H, 4>;
   using Values = float[CP][PPT][4];
 
-  // A warp is 4 points x 8 groups of neurons. Lanes i and i ^ 2 read the same point's operands, i
-  // and i ^ 1 the same neurons': that lets the hardware merge a warp's 16-byte loads in pairs.
+  // A warp is 4 points x 8 groups of neurons.
   static __device__ int lane() { return threadIdx.x % 32; }
-  static __device__ int point_lane() { return lane() % 2 + lane() / 4 % 2 * 2; }
-  static __device__ int neuron_lane() { return lane() / 2 % 2 + lane() / 8 * 2; }
+  static __device__ int point_lane() { return lane() % 4; }
+  static __device__ int neuron_lane() { return lane() / 4; }
   static __device__ int point(int q) { return 4 * q + point_lane(); }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
   static __device__ int column(int j) { return threadIdx.x / 32 * kSlab + neuron_lane() * 4 + j; }
   // sums over the lanes with the same neurons, or with the same points
-  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 4); }
+  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
   static __device__ float sum_neurons(float a) {
-    return add_lanes(add_lanes(add_lanes(a, 2), 8), 16);
+    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
   }
 
   static __device__ void load(const float* row, float (&v)[4]) {
@@ -39,7 +39,14 @@ struct SimtEngine {
   static __device__ void store(float* row, const float (&v)[4]) {
     *reinterpret_cast<float4*>(row + column(0)) = make_float4(v[0], v[1], v[2], v[3]);
   }
-  static __device__ float operand(float a) { return a; }
+  // Four neurons of a row into the panel, as operands of the next product; `kept` is what the
+  // weights kernel gets.
+  template <bool Forward>
+  static __device__ void put(float* panel, int row, const float (&a)[4], float (&kept)[4]) {
+    store(panel + row * ld, a);
+#pragma unroll
+    for (int j = 0; j < 4; ++j) kept[j] = a[j];
+  }
 
   // z[row][neuron] = sum_k panel[row][k] W[k][neuron]; `Forward` makes no difference here.
   template <bool Forward>
@@ -53,7 +60,7 @@ struct SimtEngine {
     const float* rows = panel + point_lane() * ld;
 #pragma unroll 1
     for (int k = 0; k < H; k += kBlockK) {
-      const float* w = weights.next() + neuron_lane() * 4;
+      const float* w = weights.next() + 4 * (neuron_lane() - lane());
 #pragma unroll
       for (int half = 0; half < kBlockK; half += 4) {
         float4 wv[4];

@@ -66,8 +66,7 @@ struct Interior {
         continue;
       }
       const int field = input / F::channels, channel = input % F::channels;
-      if (channel == 0 && field < 2)
-        g[0] += misfit_slope(a, c, seen, field, z[0][0], z[1][0]);
+      if (channel == 0 && field < 2) g[0] += misfit_slope(a, c, seen, field, z[0][0], z[1][0]);
       m.adjoint[(channel * E::PT + p) * kRow + field] = g[0];
       if (input == 0) {
         float square[kTerms] = {};

@@ -11,25 +11,24 @@ namespace granpinn::cuda::fused {
 template <class E>
 struct TileMemory {
   static constexpr int warps = E::H / 32;
-  float panel[E::R * E::ld];                 // activations or adjoints of a layer, [row][neuron]
-  float ring[warps * E::Stream::kFloats];    // weights
-  float part[warps * E::R * kRow];           // outputs, one part per warp
-  float raw[E::R * kRow];                    // raw outputs [row][K]
-  float adjoint[E::R * kRow];                // their adjoints
-  float xi[3 * E::R];                        // mapped coordinates [3][point]
-  float observed[4 * E::R];                  // of the points: what the task needs
-  float terms[kSums * E::R];                 // what each point adds to the sums
+  float panel[E::panel_size];  // operands of a product [row][neuron]; then parts of the outputs
+  float ring[warps * E::Stream::kFloats];  // weights
+  float raw[E::R * kRow];                  // raw outputs [row][K]
+  float adjoint[E::R * kRow];              // their adjoints
+  float xi[3 * E::R];                      // mapped coordinates [3][point]
+  float observed[4 * E::R];                // of the points: what the task needs
+  float terms[kSums * E::R];               // what each point adds to the sums
   float scale[4];
 };
 
 // What a block knows of its member's network.
 struct TileNetwork {
   Plan plan;
-  const float* narrow;    // weights of the first and last layer, biases
-  float* stash;           // this block's
-  float* activations;     // of this member: [L - 1][panel]
+  const float* narrow;  // weights of the first and last layer, biases
+  float* stash;         // this block's, in shared or in global memory
+  float* activations;   // of this member: [L - 1][panel]
   float* adjoints;
-  float* gradient;        // of the narrow parameters, in shared memory
+  float* gradient;  // of the narrow parameters, in shared memory
 };
 
 template <class E, class Memory>
@@ -49,11 +48,11 @@ class Tile {
     activate(z_, a);
     for (int l = 1; l < L; ++l) {
       __syncthreads();
-      put(a, false, net_.activations + (l - 1) * net_.plan.panel());
+      put<true>(a, net_.activations + (l - 1) * net_.plan.panel());
       __syncthreads();
-      E::template multiply<true>(m_.panel, weights_, z_);
-      float b[4];
+      float b[4];  // on its way during the product
       E::load(net_.narrow + net_.plan.bias(l), b);
+      E::template multiply<true>(m_.panel, weights_, z_);
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q)
 #pragma unroll
@@ -92,7 +91,7 @@ class Tile {
       add(net_.plan.bias(l), b);
       if (l > 0) {
         __syncthreads();
-        put(g, E::tensor_cores, net_.adjoints + (l - 1) * net_.plan.panel());
+        put<false>(g, net_.adjoints + (l - 1) * net_.plan.panel());
       } else {
         first_layer_gradient(g);
       }
@@ -115,7 +114,8 @@ class Tile {
         for (int i = 0; i < 3; ++i) value = fmaf(w[i][j], m_.xi[i * E::R + E::point(q)], value);
         z[0][q][j] = value;
 #pragma unroll
-        for (int c = 1; c < E::CP; ++c) z[c][q][j] = c < 4 ? w[c < 4 ? c - 1 : 0][j] * m_.scale[c < 4 ? c - 1 : 0] : 0;
+        for (int c = 1; c < E::CP; ++c)
+          z[c][q][j] = c < 4 ? w[c < 4 ? c - 1 : 0][j] * m_.scale[c < 4 ? c - 1 : 0] : 0;
       }
   }
 
@@ -150,19 +150,16 @@ class Tile {
       }
   }
 
-  // Into the panel, rounded to operands of the tensor cores or not, and to global memory, rounded.
-  __device__ void put(const Values& a, bool rounded, float* to) {
+  // Into the panel, for the next product, and to global memory, for the weights' gradient.
+  template <bool Forward>
+  __device__ void put(const Values& a, float* to) {
 #pragma unroll
     for (int c = 0; c < E::CP; ++c)
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
-        float v[4];
-#pragma unroll
-        for (int j = 0; j < 4; ++j) v[j] = E::operand(a[c][q][j]);
-        E::store(to + (first_row_ + E::row(c, q)) * E::H, v);
-        if (!rounded)
-          for (int j = 0; j < 4; ++j) v[j] = a[c][q][j];
-        E::store(m_.panel + E::row(c, q) * E::ld, v);
+        float kept[4];
+        E::template put<Forward>(m_.panel, E::row(c, q), a[c][q], kept);
+        E::store(to + (first_row_ + E::row(c, q)) * E::H, kept);
       }
   }
 
@@ -192,6 +189,7 @@ class Tile {
   __device__ void outputs(const Values& a) {
     constexpr int warps = Memory::warps;
     const int K = net_.plan.outputs, warp = threadIdx.x / 32;
+    __syncthreads();
     for (int k = 0; k < K; ++k) {
       float w[4];
       E::load(net_.narrow + net_.plan.last() + k * E::H, w);
@@ -203,7 +201,7 @@ class Tile {
 #pragma unroll
           for (int j = 0; j < 4; ++j) sum = fmaf(a[c][q][j], w[j], sum);
           sum = E::sum_neurons(sum);
-          if (E::neuron_lane() == 0) m_.part[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
+          if (E::neuron_lane() == 0) m_.panel[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
         }
     }
     __syncthreads();
@@ -211,7 +209,7 @@ class Tile {
     for (int i = threadIdx.x; i < E::C * E::PT * K; i += E::H) {
       const int row = i / K, k = i % K;
       float sum = row < E::PT ? bias[k] : 0;
-      for (int w = 0; w < warps; ++w) sum += m_.part[(w * E::R + row) * kRow + k];
+      for (int w = 0; w < warps; ++w) sum += m_.panel[(w * E::R + row) * kRow + k];
       m_.raw[row * kRow + k] = sum;
     }
     __syncthreads();

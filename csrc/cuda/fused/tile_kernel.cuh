@@ -36,12 +36,13 @@ __global__ void __launch_bounds__(I::H)
   const std::int64_t e = blockIdx.y, block = e * plan.slots + blockIdx.x;
   const int L = plan.hidden, narrow = plan.narrow();
   const TaskConstants constants = constants_of(a, e);
-  const TileNetwork net{plan,
-                        scratch.narrow + e * narrow,
-                        scratch.stash + block * (L > 2 ? L - 2 : 0) * I::R * I::H,
-                        scratch.activations + e * (L - 1) * plan.panel(),
-                        scratch.adjoints + e * (L - 1) * plan.panel(),
-                        gradient};
+  const TileNetwork net{
+      plan,
+      scratch.narrow + e * narrow,
+      plan.shared_stash ? gradient + narrow : scratch.stash + block * plan.stash(),
+      scratch.activations + e * (L - 1) * plan.panel(),
+      scratch.adjoints + e * (L - 1) * plan.panel(),
+      gradient};
   typename I::Stream weights(scratch.packed + e * plan.packed(), plan.products(),
                              m.ring + threadIdx.x / 32 * I::Stream::kFloats);
   for (int i = threadIdx.x; i < narrow; i += I::H) gradient[i] = 0;

@@ -19,8 +19,8 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, bool large) {
 
 cudaError_t launch_data_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                               Chunk chunk, cudaStream_t stream);
-cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const Plan& plan,
-                               const Scratch& scratch, Chunk chunk, cudaStream_t stream);
+cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
+                               Chunk chunk, cudaStream_t stream);
 cudaError_t launch_strong_tiles(const DeviceLoss<float>& a, const Plan& plan,
                                 const Scratch& scratch, Chunk chunk, cudaStream_t stream);
 

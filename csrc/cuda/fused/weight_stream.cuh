@@ -10,22 +10,22 @@
 
 namespace granpinn::cuda::fused {
 
-__device__ inline float add_lanes(float a, int apart) {
-  return a + __shfl_xor_sync(~0u, a, apart);
-}
+__device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
 
 template <int H, int Stages>
 class WeightStream {
  public:
   static constexpr int kFloats = Stages * kStage;  // of shared memory, per warp
 
+  // `packed` holds the warps' streams one after another, `products` products long.
   __device__ WeightStream(const float* packed, int products, float* ring)
-      : packed_(packed), total_(products * kSteps), ring_(ring) {
-    if (total_ == 0) return;
+      : end_(products * (H / kBlockK) * kStage), ring_(ring + 4 * (threadIdx.x % 32)) {
+    if (products == 0) return;
+    from_ = packed + threadIdx.x / 32 * std::int64_t(end_) + 4 * (threadIdx.x % 32);
     for (int i = 0; i < Stages - 1; ++i) fetch(i);
   }
 
-  // The next stage, complete for all lanes; valid until the next call.
+  // The next stage, complete for all lanes, at this lane's four floats; valid until the next call.
   __device__ const float* next() {
     __pipeline_wait_prior(Stages - 2);
     __syncwarp();
@@ -38,23 +38,16 @@ class WeightStream {
   __device__ void drain() { __pipeline_wait_prior(0); }
 
  private:
-  static constexpr int kSteps = H / kBlockK;
-  static constexpr int kWarps = H / kSlab;
-
   __device__ void fetch(int slot) {
-    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    const int product = ahead_ / kSteps, step = ahead_ % kSteps;
-    const float* from =
-        packed_ + (std::int64_t(product * kWarps + warp) * kSteps + step) * kStage + 4 * lane;
-    float* to = ring_ + slot * kStage + 4 * lane;
-    for (int i = 0; i < kStage; i += 128) __pipeline_memcpy_async(to + i, from + i, 16);
+    for (int i = 0; i < kStage; i += 128)
+      __pipeline_memcpy_async(ring_ + slot * kStage + i, from_ + ahead_ + i, 16);
     __pipeline_commit();
-    ahead_ = ahead_ + 1 == total_ ? 0 : ahead_ + 1;
+    ahead_ = ahead_ + kStage == end_ ? 0 : ahead_ + kStage;
   }
 
-  const float* packed_;
-  int total_;
+  int end_;  // of the stream, in floats
   float* ring_;
+  const float* from_ = nullptr;
   int ahead_ = 0;
   int slot_ = 0;
 };

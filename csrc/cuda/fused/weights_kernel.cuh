@@ -59,8 +59,8 @@ struct MmaWeights {
   static constexpr int groups = B == 128 ? 1 : 2;
   static constexpr int ld = B + 8;  // rows eight banks apart
   static constexpr int rows = kStageRows / groups;
-  static constexpr int warps = 8 / groups;        // of a group
-  static constexpr int across = warps / 2;        // 2 x across warps
+  static constexpr int warps = 8 / groups;  // of a group
+  static constexpr int across = warps / 2;  // 2 x across warps
   static constexpr int tiles_m = B / 2 / 16, tiles_n = B / across / 8;
   static constexpr int values = tiles_m * tiles_n * 4;
 
@@ -157,8 +157,7 @@ __global__ void __launch_bounds__(kWeightsThreads, 2)
       for (int v = 0; v < P::values; ++v) sum[v] += shared[P::row_of(v) * B + P::column_of(v)];
   }
   if (group != 0) return;
-  float* to =
-      scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H;
+  float* to = scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H;
   for (int v = 0; v < P::values; ++v) {
     float& total = to[(out0 + P::row_of(v)) * H + in0 + P::column_of(v)];
     total = (chunk.begin == 0 ? 0 : total) + sum[v];
