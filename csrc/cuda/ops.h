@@ -1,7 +1,6 @@
 // The CUDA implementations behind the operators of torch_library.cpp, and what they share.
 #pragma once
 
-#include <ATen/cuda/CUDAContext.h>
 #include <c10/cuda/CUDAGuard.h>
 #include <c10/cuda/CUDAStream.h>
 
