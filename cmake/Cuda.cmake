@@ -76,8 +76,9 @@ function(granpinn_add_cuda module)
   target_include_directories(${module}_cuda PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/csrc)
   target_compile_options(${module}_cuda PRIVATE
     --expt-relaxed-constexpr -lineinfo -Xcompiler=-Wall,-Wextra)
+  # C++17: older releases of CMake do not know that nvcc has C++20
   set_target_properties(${module}_cuda PROPERTIES
-    CUDA_STANDARD 20 CUDA_STANDARD_REQUIRED ON CUDA_VISIBILITY_PRESET hidden)
+    CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_VISIBILITY_PRESET hidden)
 
   target_sources(${module} PRIVATE ${sources} $<TARGET_OBJECTS:${module}_cuda>)
   target_compile_definitions(${module} PRIVATE GRANPINN_WITH_CUDA)
