@@ -113,8 +113,8 @@ cudaError_t residuals(Form form, const Physics<T>& physics, const T* theta, cons
                       std::int64_t n, std::int64_t fields, T* out, cudaStream_t stream);
 
 // out [count] at step *step of a run.
-cudaError_t sample_indices(const std::int64_t* step, std::uint64_t seed, std::uint32_t stream_id,
-                           std::int64_t count, std::uint64_t population, std::int64_t* out,
-                           cudaStream_t stream);
+cudaError_t draw_indices(const std::int64_t* step, std::uint64_t seed, std::uint32_t stream_id,
+                         std::int64_t count, std::uint64_t population, std::int64_t* out,
+                         cudaStream_t stream);
 
 }  // namespace granpinn::cuda

@@ -67,11 +67,9 @@ cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch&
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
-  if constexpr (H >= 128) {
-    if (plan.large)
-      return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
-                               : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
-  }
+  if (plan.large)
+    return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
+                             : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
   return plan.tensor_cores ? weights<MmaWeights<64>, H, 64>(a, plan, s, chunk, stream)
                            : weights<SimtWeights<64>, H, 64>(a, plan, s, chunk, stream);
 }
@@ -120,7 +118,7 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   p.hidden = a.net.layers - 1;
   p.outputs = static_cast<int>(a.net.outputs());
   const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + p.hidden);
-  p.H = widest <= 64 ? 64 : widest <= 128 ? 128 : 256;
+  p.H = widest <= 128 ? 128 : 256;
   p.tensor_cores = tensor_cores;
 
   // large tiles need fewer weights per point; small ones keep every multiprocessor busy
@@ -148,7 +146,7 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const int B = p.large && p.H >= 128 ? 128 : 64;
+  const int B = p.large ? 128 : 64;
   const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
   const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
   const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
@@ -166,14 +164,7 @@ std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {
 cudaError_t loss(const DeviceLoss<float>& a, const Plan& plan, void* memory, cudaStream_t stream) {
   std::size_t size = 0;
   const Scratch s = carve(a, plan, static_cast<char*>(memory), &size);
-  switch (plan.H) {
-    case 64:
-      return run<64>(a, plan, s, stream);
-    case 128:
-      return run<128>(a, plan, s, stream);
-    default:
-      return run<256>(a, plan, s, stream);
-  }
+  return plan.H == 128 ? run<128>(a, plan, s, stream) : run<256>(a, plan, s, stream);
 }
 
 }  // namespace granpinn::cuda::fused

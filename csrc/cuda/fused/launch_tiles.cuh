@@ -19,37 +19,31 @@ cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& 
   return cudaGetLastError();
 }
 
-template <Form form, int C, class InteriorTask, PressureMap map, int H, bool tensor_cores,
+template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool tensor_cores,
           bool large>
 cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                            Chunk chunk, cudaStream_t stream) {
   constexpr TileShape shape = tile_shape(form, tensor_cores, large);
   if constexpr (tensor_cores)
     return launch<MmaEngine<H, C, shape.points>, InteriorTask,
-                  MmaEngine<H, 1, shape.surface_points>, Surface<map>>(a, plan, scratch, chunk,
-                                                                       stream);
+                  MmaEngine<H, 1, shape.surface_points>, SurfaceTask>(a, plan, scratch, chunk,
+                                                                      stream);
   else
     return launch<SimtEngine<H, C, shape.points / 4>, InteriorTask,
-                  SimtEngine<H, 1, shape.surface_points / 4>, Surface<map>>(a, plan, scratch, chunk,
-                                                                            stream);
+                  SimtEngine<H, 1, shape.surface_points / 4>, SurfaceTask>(a, plan, scratch, chunk,
+                                                                           stream);
 }
 
-template <Form form, int C, class InteriorTask, PressureMap map>
+template <Form form, int C, class InteriorTask, class SurfaceTask>
 cudaError_t launch_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                          Chunk chunk, cudaStream_t stream) {
   const auto by_width = [&](auto tensor_cores, auto large) {
     constexpr bool tc = decltype(tensor_cores)::value, big = decltype(large)::value;
-    switch (plan.H) {
-      case 64:
-        return launch_variant<form, C, InteriorTask, map, 64, tc, big>(a, plan, scratch, chunk,
-                                                                       stream);
-      case 128:
-        return launch_variant<form, C, InteriorTask, map, 128, tc, big>(a, plan, scratch, chunk,
-                                                                        stream);
-      default:
-        return launch_variant<form, C, InteriorTask, map, 256, tc, big>(a, plan, scratch, chunk,
-                                                                        stream);
-    }
+    if (plan.H == 128)
+      return launch_variant<form, C, InteriorTask, SurfaceTask, 128, tc, big>(a, plan, scratch,
+                                                                              chunk, stream);
+    return launch_variant<form, C, InteriorTask, SurfaceTask, 256, tc, big>(a, plan, scratch, chunk,
+                                                                            stream);
   };
   using Yes = std::true_type;
   using No = std::false_type;

@@ -140,4 +140,21 @@ struct Surface {
   }
 };
 
+// Likewise, with the pressure of the network's form, which its outputs tell.
+struct SurfaceOfForm {
+  template <class E, class Memory>
+  static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
+                              Memory& m) {
+    Surface<PressureMap::softplus>::load<E>(a, e, at, m);
+  }
+
+  template <class E, class Memory>
+  static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
+    if (a.net.outputs() == MixedForm::fields)
+      Surface<PressureMap::softplus>::evaluate<E>(a, c, m);
+    else
+      Surface<PressureMap::linear>::evaluate<E>(a, c, m);
+  }
+};
+
 }  // namespace granpinn::cuda::fused
