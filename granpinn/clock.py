@@ -58,9 +58,9 @@ def _pace(training: Training, velocity_alone: bool) -> float:
     times: list[float] = []
     begin = time.monotonic()
     while len(times) < WARM_UP + 3 or time.monotonic() - begin < PROBE_SECONDS:
-        start = time.monotonic()
+        start, before = time.monotonic(), training.step
         training.advance()
-        times.append(time.monotonic() - start)
+        times.append((time.monotonic() - start) / (training.step - before))
     training.restore()
     training.schedule = schedule
     return statistics.median(times[WARM_UP:])

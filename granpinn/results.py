@@ -151,6 +151,12 @@ class Input:
 
 @dataclass(frozen=True)
 class Result:
+    """Everything about one identification.
+
+    `failure` says why the training of a member of a batch ended before the others; its numbers are
+    then those of its last good state, and `stopped` is "diverged".
+    """
+
     parameters: Parameters
     level: str
     form: str
@@ -163,6 +169,7 @@ class Result:
     input: Input
     settings: dict[str, Any] = field(default_factory=dict)
     stopped: str = "steps"
+    failure: str | None = None
     truth: Truth | None = None
     error_percent: ErrorPercent = field(default_factory=ErrorPercent)
     zones: Zones | None = None

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn import checkpoint, clock
 from granpinn.config import Config, ConfigError, identity
 from granpinn.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
-from granpinn.history import History
+from granpinn.history import History, median
 from granpinn.objective import Objective
 from granpinn.progress import Progress
 from granpinn.schedule import Schedule
@@ -25,6 +26,8 @@ CORRECT_EVERY = 0.05  # of the time limit, between corrections of the plan
 
 class Run:
     """One run; `folder` is None for a run that leaves nothing on disk.
+
+    `members` are the folders of the members' histories, by default the run folder itself.
 
     Attributes:
         deadline: value of time.monotonic() when training has to end, None without a time limit.
@@ -39,6 +42,7 @@ class Run:
         folder: Path | None,
         progress: Progress,
         deadline: float | None,
+        members: Sequence[Path | None] | None = None,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
@@ -46,9 +50,10 @@ class Run:
         self.deadline = deadline
         self.stopped = "steps"
         self.checkpoints = None if folder is None else folder / "checkpoint"
-        self.history = History(None if folder is None else folder / "history.csv")
+        parts = [folder] if members is None else members
+        self.histories = [History(None if part is None else part / "history.csv") for part in parts]
         self.data_sha256 = _digest(objective)
-        self.at_most = _steps(config, len(objective.points))
+        self.at_most = _steps(config, max(len(s.points) for s in objective.sets))
         schedule = Schedule(self.at_most, config.optimizer)
         self.training = Training(objective, schedule, config)
         self.wall_s = 0.0
@@ -64,14 +69,15 @@ class Run:
                 self._loop(caught)
         finally:
             self.progress.stop()
-            self.history.close()
+            for history in self.histories:
+                history.close()
 
     def _begin(self) -> None:
         if self.deadline is not None:
             plan = clock.plan(self.training, self.deadline, self.at_most)
             self.training.schedule = plan
             self.stopped = "steps" if plan.total == self.at_most else "max_time"
-        self.history.open(0)
+        self._open([0] * len(self.histories))
         self._mark()
         self._save()
 
@@ -88,9 +94,13 @@ class Run:
         self.training.set_plain_state(found.state["training"])
         self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
         self.deadline = None  # the plan of the checkpoint stands
-        self.history.open(found.state["history_bytes"])
+        self._open(found.state["history_bytes"])
         self._mark()
         return True
+
+    def _open(self, offsets: Sequence[int]) -> None:
+        for history, offset in zip(self.histories, offsets, strict=True):
+            history.open(offset)
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
@@ -101,10 +111,12 @@ class Run:
     def _loop(self, caught: Signals) -> None:
         training, config = self.training, self.config
         while not training.finished and caught.received is None:
+            before = training.step
             try:
                 training.advance()
             except NonFiniteError as error:
                 self._recover(error)
+            if training.step <= before:
                 continue
             if training.step % config.log_every == 0 or training.finished:
                 self._log()
@@ -118,10 +130,12 @@ class Run:
     def _log(self) -> None:
         now = time.monotonic()
         self.wall_s = self.before + now - self.started
-        row = self.training.row(self.wall_s)
-        self.history.append(row)
-        self.training.remember()
-        self.progress.show(row)
+        training = self.training
+        rows = training.rows(self.wall_s)
+        for history, row in zip(self.histories, rows, strict=True):
+            history.append(row)
+        training.remember()
+        self.progress.show(median([row for e, row in enumerate(rows) if e not in training.lost]))
         if self.deadline is not None:
             self._correct_plan(now, self.deadline)
 
@@ -137,19 +151,33 @@ class Run:
             self.progress.total(training.schedule.total)
 
     def _recover(self, error: NonFiniteError) -> None:
-        """One rollback per run, then the end."""
-        training = self.training
-        if training.slower < 1:
-            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
+        """One rollback for each member, then its end; the run ends with its last member."""
+        training, many = self.training, len(self.histories) > 1
+        where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
+        again = {
+            e: f"{text} again, after a rollback at half the learning rate: lower "
+            f"--optimizer.learning_rate or look at the data{'' if many else where}"
+            for e, text in error.members.items()
+            if training.slower[e] < 1
+        }
+        fresh = error.members.keys() - again.keys()
+        training.give_up(again)
+        if len(training.lost) == len(self.histories):
+            text = next(iter(training.lost.values()))
             raise NonFiniteError(
-                f"{error} again, after a rollback at half the learning rate: lower "
-                f"--optimizer.learning_rate or look at the data{where}"
+                f"every member diverged; {text}{where}" if many else text
             ) from error
-        training.roll_back()
-        self.history.forget_after(training.step)
-        self.progress.message(
-            f"{error}: back to step {training.step}, on at half the learning rate"
-        )
+        for e, text in again.items():
+            self.progress.message(f"member {e} is given up: {text}")
+        if fresh:
+            copied = training.copied
+            training.roll_back(fresh)
+            for history in self.histories:
+                history.forget_after(training.step)
+            who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
+            self.progress.message(
+                f"{error}: {who}back to step {copied}, on at half the learning rate"
+            )
 
     def _save(self) -> None:
         if self.checkpoints is None:
@@ -158,7 +186,7 @@ class Run:
         settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
         state = {
             "training": self.training.plain_state(),
-            "history_bytes": self.history.flush(),
+            "history_bytes": [history.flush() for history in self.histories],
             "wall_s": self.wall_s,
             "stopped": self.stopped,
             "settings": settings,
@@ -180,6 +208,6 @@ def _steps(config: Config, n_points: int) -> int:
 def _digest(objective: Objective) -> str:
     """SHA-256 of all that the network is fitted to."""
     sha = hashlib.sha256()
-    for tensor in objective.tensors().values():
+    for tensor in (*objective.tensors().values(), objective.places, objective.seeds):
         sha.update(tensor.cpu().numpy().tobytes())
     return sha.hexdigest()
