@@ -19,7 +19,7 @@ from torch import Tensor
 
 from granpinn.config import Config
 from granpinn.control import ROWS, Control
-from granpinn.engine import Eager
+from granpinn.engine import engine
 from granpinn.guard import NonFiniteError
 from granpinn.history import Row
 from granpinn.network import initial_parameters
@@ -63,7 +63,7 @@ class Training:
         self.misfit = [0.0] * len(members)
         self.lost: dict[int, str] = {}
         self.last: Evaluation | None = None
-        self.engine = Eager(self.one_step)
+        self.engine = engine(self.one_step, self._changing(), device)
         self._loaded: tuple[object, ...] | None = None  # the plan whose rows the device has
         self._rows = np.empty((0, 2 + len(members)))  # those rows,
         self._first = self._at = 0  # the step of the first, and the step that the device is at
@@ -132,6 +132,11 @@ class Training:
         e = self.objective.evaluate(self.control, self.params, self.scalars.theta, velocity_alone)
         self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not velocity_alone)
         return e
+
+    def _changing(self) -> list[Tensor]:
+        """All tensors that a step changes."""
+        c = self.control
+        return [*self.tensors().values(), self.optimizer.direction, c.counter, c.fault]
 
     def _stretch(self) -> int:
         """How many steps nobody on the host needs to look at."""
