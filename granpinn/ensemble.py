@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
+from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification import Case, finish, pose, prepare, start
+from granpinn.identification import Case, choose_device, finish, pose, prepare, start
+from granpinn.parallel import gather_texts, processes
 from granpinn.progress import Progress
 from granpinn.results import Result
 
@@ -31,7 +34,8 @@ def identify_many(
 
     The members share the settings and so the shape of the network and the schedule; each has its
     own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
-    the same flow without noise share its data on the device.
+    the same flow without noise share its data on the device. In a group of processes
+    (granpinn/parallel.py) each process trains its own members, and all return all results.
 
     Args:
         flows: a flow or the path of a flow file for every member.
@@ -47,7 +51,7 @@ def identify_many(
         are not touched by it.
 
     Raises:
-        As `identify`; NonFiniteError if every member diverged.
+        As `identify`, but for NonFiniteError.
     """
     begin = time.monotonic()
     config = config or Config()
@@ -61,15 +65,35 @@ def identify_many(
             strict=True,
         )
     ]
-    cases = _pose(flows, configs)
+    group = processes(choose_device(config.device))
+    if run_dir is not None and group.rank == 0:
+        prepare(Path(run_dir), config)
+    group.wait()
+    own = range(group.rank, len(flows), group.size)
+    cases = _pose([flows[e] for e in own], [configs[e] for e in own])
     folder: Path | None = None
     parts: list[Path | None] = [None] * len(cases)
     if run_dir is not None:
-        folder = prepare(Path(run_dir), config)
-        parts = [prepare(folder / f"{e:03d}", case.config) for e, case in enumerate(cases)]
-    run = start(cases, config, folder, progress, begin, parts)
-    run.train()
-    return [finish(case, run, e, parts[e]) for e, case in enumerate(cases)]
+        folder = Path(run_dir)
+        if group.size > 1:
+            folder = prepare(folder / f"process-{group.rank}", config)
+        parts = [
+            prepare(Path(run_dir) / f"{e:03d}", case.config)
+            for e, case in zip(own, cases, strict=True)
+        ]
+    found: list[Result] = []
+    if cases:
+        run = start(cases, config, folder, progress if group.rank == 0 else None, begin, parts)
+        run.train()
+        found = [finish(case, run, e, parts[e]) for e, case in enumerate(cases)]
+    return found if group.size == 1 else _in_order(found, len(flows))
+
+
+def _in_order(found: Sequence[Result], count: int) -> list[Result]:
+    """The results of all processes, which have every so-many-th member each."""
+    texts = gather_texts(json.dumps([result.to_dict() for result in found]))
+    shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
+    return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
 
 
 T = TypeVar("T")

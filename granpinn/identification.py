@@ -17,6 +17,7 @@ from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, check_flow, read_flow, training_set
 from granpinn.objective import Member, Objective
+from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
 from granpinn.progress import Progress, Silent
 from granpinn.results import Parameter, Parameters, Result
@@ -53,6 +54,8 @@ def identify(
 ) -> Result:
     """Identify mu_s and mu_2 of a flow, with the velocity and pressure fields that go with them.
 
+    In a group of processes (granpinn/parallel.py) all work on this one flow; the first one writes.
+
     Args:
         flow: a flow, or the path of a flow file.
         config: settings, by default the default recipe; its `flow` and `out` are not used.
@@ -67,10 +70,16 @@ def identify(
     """
     begin = time.monotonic()
     case = pose(flow, config or Config())
-    folder = None if run_dir is None else prepare(Path(run_dir), case.config)
-    run = start([case], case.config, folder, progress, begin)
+    together = processes(choose_device(case.config.device))
+    folder = None if run_dir is None else Path(run_dir)
+    if together.rank > 0:
+        progress = None
+    elif folder is not None:
+        prepare(folder, case.config)
+    together.wait()
+    run = start([case], case.config, folder, progress, begin, together=together)
     run.train()
-    return finish(case, run, 0, folder)
+    return finish(case, run, 0, folder if together.rank == 0 else None)
 
 
 @dataclass(frozen=True)
@@ -110,19 +119,23 @@ def start(
     progress: Progress | None,
     begin: float,
     members: Sequence[Path | None] | None = None,
+    together: Processes | None = None,
 ) -> Run:
     """The run that trains the cases side by side; it counts its time limit from `begin`."""
     device = choose_device(config.device)
-    objective = Objective([case.member for case in cases], config.batch, device)
+    together = together or Alone()
+    share = (together.rank, together.size)
+    objective = Objective([case.member for case in cases], config.batch, device, share)
     deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
         deadline = begin + config.max_time - kept
     progress = progress or Silent()
-    run = Run(objective, config, folder, progress, deadline, members)
-    side_by_side = f"{len(cases)} members, " if len(cases) > 1 else ""
+    run = Run(objective, config, folder, progress, deadline, members, together)
+    many = f"{len(cases)} members, " if len(cases) > 1 else ""
+    many += f"{together.size} processes, " if together.size > 1 else ""
     progress.message(
-        f"{side_by_side}{len(objective.points)} points, {len(objective.surface_points)} surface "
+        f"{many}{len(objective.points)} points, {len(objective.surface_points)} surface "
         f"points, {objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run

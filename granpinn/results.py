@@ -241,7 +241,7 @@ def plain(value: Any) -> Any:
 def write_results(result: Result, path: str | Path) -> None:
     """Write results.json.  The result is decoded first: what cannot be read is not written."""
     content = result.to_dict()
-    _from_dict(content, "the result")
+    from_dict(content)
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     with atomic_path(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -258,14 +258,15 @@ def read_results(path: str | Path) -> Result:
         ) from None
     except (OSError, ValueError, RecursionError) as error:
         raise ResultsFileError(f"{path} could not be read as strict JSON: {error}") from None
-    return _from_dict(content, path.name)
+    return from_dict(content, path.name)
 
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is not a JSON number, expected null")
 
 
-def _from_dict(content: Any, where: str) -> Result:
+def from_dict(content: Any, where: str = "the result") -> Result:
+    """The inverse of `Result.to_dict`; ResultsFileError says in one sentence what is wrong."""
     if not isinstance(content, dict):
         raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
     content = dict(content)

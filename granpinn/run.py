@@ -7,6 +7,7 @@ the rollback after a number that is not finite, and the plan of a run with a tim
 from __future__ import annotations
 
 import hashlib
+import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from granpinn.config import Config, ConfigError, identity
 from granpinn.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
 from granpinn.history import History, median
 from granpinn.objective import Objective
+from granpinn.parallel import Alone, Processes
 from granpinn.progress import Progress
 from granpinn.schedule import Schedule
 from granpinn.training import Training
@@ -27,7 +29,8 @@ CORRECT_EVERY = 0.05  # of the time limit, between corrections of the plan
 class Run:
     """One run; `folder` is None for a run that leaves nothing on disk.
 
-    `members` are the folders of the members' histories, by default the run folder itself.
+    `members` are the folders of the histories of several members; a run without it has one, whose
+    history is in the run folder. Of several `processes` the first writes.
 
     Attributes:
         deadline: value of time.monotonic() when training has to end, None without a time limit.
@@ -43,26 +46,34 @@ class Run:
         progress: Progress,
         deadline: float | None,
         members: Sequence[Path | None] | None = None,
+        processes: Processes | None = None,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
+        self.processes = processes or Alone()
+        self.single = members is None
         self.progress = progress
         self.deadline = deadline
         self.stopped = "steps"
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
-        self.histories = [History(None if part is None else part / "history.csv") for part in parts]
+        writes = self.processes.rank == 0
+        self.histories = [
+            History(part / "history.csv" if part and writes else None) for part in parts
+        ]
         self.data_sha256 = _digest(objective)
         self.at_most = _steps(config, max(len(s.points) for s in objective.sets))
         schedule = Schedule(self.at_most, config.optimizer)
-        self.training = Training(objective, schedule, config)
+        self.training = Training(objective, schedule, config, self.processes)
         self.wall_s = 0.0
 
     def train(self) -> None:
         """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
         training = self.training
         try:
-            if not (self.config.resume and self._resume()):
+            resumed = self.config.resume and self._resume()
+            self.processes.wait()  # what the first writes now is not for the others to find
+            if not resumed:
                 self._begin()
             self.progress.start(training.schedule.total, training.step)
             with signals() as caught:
@@ -110,7 +121,7 @@ class Run:
 
     def _loop(self, caught: Signals) -> None:
         training, config = self.training, self.config
-        while not training.finished and caught.received is None:
+        while not training.finished and not self._stopping(caught):
             before = training.step
             try:
                 training.advance()
@@ -123,9 +134,13 @@ class Run:
             if time.monotonic() - self.saved >= config.checkpoint_every:
                 self._save()
         self._save()
-        if caught.received is not None:
+        if self._stopping(caught):
             where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
-            raise Interrupted(caught.received, f"stopped at step {training.step}{where}")
+            signum = caught.received or signal.SIGTERM  # another process was told
+            raise Interrupted(signum, f"stopped at step {training.step}{where}")
+
+    def _stopping(self, caught: Signals) -> bool:
+        return self.processes.stopping(caught.received is not None)
 
     def _log(self) -> None:
         now = time.monotonic()
@@ -143,16 +158,24 @@ class Run:
         training = self.training
         if training.schedule.velocity_alone(training.step):
             self.corrected, self.corrected_step = now, training.step
-        elif now - self.corrected > CORRECT_EVERY * (deadline - self.started):
+            return
+        plan = training.schedule
+        if now - self.corrected > CORRECT_EVERY * (deadline - self.started):
             since = (self.corrected_step, self.corrected)
-            training.schedule = clock.corrected(training, since, deadline, self.at_most)
-            training.remember()
+            plan = clock.corrected(training, since, deadline, self.at_most)
             self.corrected, self.corrected_step = now, training.step
-            self.progress.total(training.schedule.total)
+        total, step, progress = self.processes.first(
+            [plan.total, plan.from_step, plan.from_progress]
+        )
+        plan = Schedule(int(total), plan.settings, int(step), progress)
+        if plan != training.schedule:
+            training.schedule = plan
+            training.remember()
+            self.progress.total(plan.total)
 
     def _recover(self, error: NonFiniteError) -> None:
-        """One rollback for each member, then its end; the run ends with its last member."""
-        training, many = self.training, len(self.histories) > 1
+        """One rollback for each member, then its end: with an error if it is the only one."""
+        training, many = self.training, not self.single
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
         again = {
             e: f"{text} again, after a rollback at half the learning rate: lower "
@@ -162,25 +185,23 @@ class Run:
         }
         fresh = error.members.keys() - again.keys()
         training.give_up(again)
-        if len(training.lost) == len(self.histories):
-            text = next(iter(training.lost.values()))
-            raise NonFiniteError(
-                f"every member diverged; {text}{where}" if many else text
-            ) from error
+        if self.single and again:
+            raise NonFiniteError(again[0]) from error
         for e, text in again.items():
             self.progress.message(f"member {e} is given up: {text}")
         if fresh:
             copied = training.copied
             training.roll_back(fresh)
-            for history in self.histories:
-                history.forget_after(training.step)
+            if training.step == copied:
+                for history in self.histories:
+                    history.forget_after(copied)
             who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
             self.progress.message(
                 f"{error}: {who}back to step {copied}, on at half the learning rate"
             )
 
     def _save(self) -> None:
-        if self.checkpoints is None:
+        if self.checkpoints is None or self.processes.rank > 0:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}

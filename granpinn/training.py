@@ -25,6 +25,7 @@ from granpinn.history import Row
 from granpinn.network import initial_parameters
 from granpinn.objective import Evaluation, Objective
 from granpinn.optimise import BatchOptimizer
+from granpinn.parallel import Alone, Processes
 from granpinn.problem import velocity_relaxation
 from granpinn.scalars import Scalars
 from granpinn.schedule import Schedule
@@ -40,7 +41,13 @@ class Training:
         lost: members that were given up, with the reason; they stay as they are.
     """
 
-    def __init__(self, objective: Objective, schedule: Schedule, config: Config) -> None:
+    def __init__(
+        self,
+        objective: Objective,
+        schedule: Schedule,
+        config: Config,
+        processes: Processes | None = None,
+    ) -> None:
         members, device = objective.members, objective.points.device
         starts = [
             initial_parameters(m.problem.spec, m.seed, config.network.initialization)
@@ -49,6 +56,7 @@ class Training:
         self.objective = objective
         self.schedule = schedule
         self.config = config
+        self.processes = processes or Alone()
         self.params = torch.stack(starts).to(objective.points)
         self.scalars = Scalars(
             config.rheology, [m.I0 for m in members], [m.seed for m in members], self.params
@@ -71,7 +79,7 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        return self.step >= self.schedule.total
+        return self.step >= self.schedule.total or len(self.lost) == len(self.slower)
 
     def tensors(self) -> dict[str, Tensor]:
         """Every tensor of the state by name, live; each [E, ...]."""
@@ -112,7 +120,8 @@ class Training:
         """
         if self.schedule.changes(self.step):
             self.optimizer.reset()
-            self.misfit = self.objective.misfit(self.step, self.params, self.scalars.theta)
+            misfit = self.objective.misfit(self.step, self.params, self.scalars.theta)
+            self.misfit = self.processes.first(misfit)
             self._loaded = None
             self.remember()
         steps = self._stretch()
@@ -130,6 +139,7 @@ class Training:
     def one_step(self, velocity_alone: bool) -> Evaluation:
         """The step that the control is at, on the device: nothing in here looks at a number."""
         e = self.objective.evaluate(self.control, self.params, self.scalars.theta, velocity_alone)
+        e = self.processes.mean(e)
         self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not velocity_alone)
         return e
 
