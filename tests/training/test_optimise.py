@@ -21,15 +21,21 @@ E = 3
 
 
 class Updates:
-    """An optimizer with its control, and the calls of a training loop."""
+    """An optimizer with its control on a device, and the calls of a training loop."""
 
-    def __init__(self, method: Any, params: Tensor | None = None, **changes: Any) -> None:
+    def __init__(
+        self,
+        method: Any,
+        params: Tensor | None = None,
+        device: str | torch.device = "cpu",
+        **changes: Any,
+    ) -> None:
         if params is None:
             params = torch.randn(E, P, dtype=torch.float64)
-        self.params = params.clone()
+        self.params = params.clone().to(device)
         seeds = range(len(params))
         self.scalars = Scalars(Rheology(), [0.3] * len(params), seeds, self.params)
-        self.control = Control(len(params), torch.device("cpu"))
+        self.control = Control(len(params), self.params.device)
         self.control.table.fill_(1)
         self.control.table[:, 1] = 0
         self.optimizer = BatchOptimizer(
@@ -37,14 +43,13 @@ class Updates:
         )
 
     def step(self, step: int, law_moves: bool = True) -> None:
-        grad_params, grad_theta = gradients(step, len(self.params))
-        loss = torch.zeros(len(self.params), dtype=torch.float64)
-        self.optimizer.step(loss, grad_params, grad_theta, law_moves)
+        grad_params, grad_theta = (g.to(self.params) for g in gradients(step, len(self.params)))
+        self.optimizer.step(self.params.new_zeros(E), grad_params, grad_theta, law_moves)
         assert not self.control.faults()
 
     def copy(self) -> Updates:
         """Another one in the same state, by its tensors alone."""
-        twin = Updates(self.optimizer.settings.method, self.params)
+        twin = Updates(self.optimizer.settings.method, self.params, self.params.device)
         twin.optimizer.settings = self.optimizer.settings
         twin.scalars.values.copy_(self.scalars.values)
         twin.scalars.theta.copy_(self.scalars.theta)
@@ -59,9 +64,10 @@ def gradients(step: int, members: int = E) -> tuple[Tensor, Tensor]:
     return draw[:, :-3].contiguous(), draw[:, -3:].contiguous()
 
 
-def test_adam_is_the_adam_of_torch() -> None:
-    ours = Updates("adam", learning_rate=1e-3, scalars_learning_rate=1e-2)
-    leaves = [ours.params.clone().requires_grad_(), ours.scalars.values.clone().requires_grad_()]
+def test_adam_is_the_adam_of_torch(device: torch.device) -> None:
+    ours = Updates("adam", device=device, learning_rate=1e-3, scalars_learning_rate=1e-2)
+    twin = Updates("adam", ours.params.cpu())
+    leaves = [twin.params.clone().requires_grad_(), twin.scalars.values.clone().requires_grad_()]
     rival = torch.optim.Adam(
         [{"params": [leaves[0]], "lr": 1e-3}, {"params": [leaves[1]], "lr": 1e-2}],
         betas=(BETA_1, ours.optimizer.settings.beta_2),
@@ -69,17 +75,17 @@ def test_adam_is_the_adam_of_torch() -> None:
     for step in range(10):
         grad_params, grad_theta = gradients(step)
         leaves[0].grad = grad_params
-        (leaves[1].grad,) = torch.autograd.grad(ours.scalars.law(leaves[1]), leaves[1], grad_theta)
+        (leaves[1].grad,) = torch.autograd.grad(twin.scalars.law(leaves[1]), leaves[1], grad_theta)
         rival.step()
         ours.step(step)
-    torch.testing.assert_close(ours.params, leaves[0].detach())
-    torch.testing.assert_close(ours.scalars.values, leaves[1].detach())
-    torch.testing.assert_close(ours.scalars.theta, ours.scalars.law(leaves[1].detach()))
+    torch.testing.assert_close(ours.params.cpu(), leaves[0].detach())
+    torch.testing.assert_close(ours.scalars.values.cpu(), leaves[1].detach())
+    torch.testing.assert_close(ours.scalars.theta.cpu(), twin.scalars.law(leaves[1].detach()))
 
 
-def test_muon_is_the_muon_of_torch_up_to_its_bfloat16() -> None:
-    ours = Updates("muon", muon_learning_rate=0.02, momentum=0.9)
-    start = ours.params.clone()
+def test_muon_is_the_muon_of_torch_up_to_its_bfloat16(device: torch.device) -> None:
+    ours = Updates("muon", device=device, muon_learning_rate=0.02, momentum=0.9)
+    start = ours.params.cpu().clone()
     moved = [[W for W, _ in views(p, WIDTHS)[1:-1]] for p in start]
     leaves = [[W.clone().requires_grad_() for W in Ws] for Ws in moved]
     rival = torch.optim.Muon([*chain(*leaves)], lr=0.02, momentum=0.9, weight_decay=0.0)
@@ -90,7 +96,7 @@ def test_muon_is_the_muon_of_torch_up_to_its_bfloat16() -> None:
         rival.step()
         ours.step(step)
     for e in range(E):
-        change = [W for W, _ in views(ours.params[e] - start[e], WIDTHS)[1:-1]]
+        change = [W for W, _ in views(ours.params[e].cpu() - start[e], WIDTHS)[1:-1]]
         for mine, leaf, W in zip(change, leaves[e], moved[e], strict=True):
             theirs = leaf.detach() - W
             assert (mine - theirs).norm() < 0.05 * theirs.norm()
@@ -157,8 +163,8 @@ def test_the_law_stays_while_it_is_not_trained() -> None:
     assert one.optimizer.counts.tolist() == [[1, 0]] * E
 
 
-def test_the_average_is_the_mean() -> None:
-    one = Updates("muon")
+def test_the_average_is_the_mean(device: torch.device) -> None:
+    one = Updates("muon", device=device)
     states = []
     for count in range(5):
         one.control.table[count, 1] = 1 / (count + 1)
@@ -216,13 +222,15 @@ FAULTY = {
 
 @pytest.mark.parametrize("case", FAULTY)
 @pytest.mark.parametrize("method", ["adam", "muon"])
-def test_a_faulty_member_is_frozen_and_the_others_go_on(case: str, method: str) -> None:
-    one = Updates(method)
+def test_a_faulty_member_is_frozen_and_the_others_go_on(
+    case: str, method: str, device: torch.device
+) -> None:
+    one = Updates(method, device=device)
     healthy = one.copy()
     name, target = FAULTY[case]
-    grad_params, grad_theta = gradients(0)
+    grad_params, grad_theta = (g.to(device) for g in gradients(0))
     tensors = {
-        "loss": torch.zeros(E, 1, dtype=torch.float64),
+        "loss": torch.zeros(E, 1, dtype=torch.float64, device=device),
         "grad_params": grad_params,
         "grad_theta": grad_theta,
         "params": one.params,
@@ -235,8 +243,8 @@ def test_a_faulty_member_is_frozen_and_the_others_go_on(case: str, method: str) 
     if case in ("loss", "grad_params", "grad_theta"):
         assert torch.equal(one.params[1], start[1])
     frozen = one.params[1].clone()
-    grad_params, grad_theta = gradients(1)
-    one.optimizer.step(torch.zeros(E, dtype=torch.float64), grad_params, grad_theta)
+    grad_params, grad_theta = (g.to(device) for g in gradients(1))
+    one.optimizer.step(tensors["loss"].new_zeros(E), grad_params, grad_theta)
     assert one.control.faults() == {1: f"the {name} became NaN or infinite in step 1"}
     torch.testing.assert_close(one.params[1], frozen, rtol=0, atol=0, equal_nan=True)
     healthy.step(0)
