@@ -7,7 +7,7 @@ too: no number crosses to or from the host in a step, and a captured CUDA graph 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +43,11 @@ class Control:
         self.fault = torch.full((members,), HEALTHY, dtype=torch.int64, device=device)
 
     def load(
-        self, step: int, rows: npt.NDArray[np.float64], slower: Sequence[float], lost: Sequence[int]
+        self,
+        step: int,
+        rows: npt.NDArray[np.float64],
+        slower: Sequence[float],
+        lost: Collection[int],
     ) -> None:
         """Set the next step and the rows [n, 2 + E] from it on; members in `lost` stay frozen."""
         self.table[: len(rows)].copy_(torch.from_numpy(rows))

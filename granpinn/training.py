@@ -13,12 +13,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from granpinn.config import Config
-from granpinn.control import ROWS, Control
+from granpinn.control import Control
 from granpinn.engine import engine
 from granpinn.guard import NonFiniteError
 from granpinn.history import Row
@@ -26,7 +25,7 @@ from granpinn.network import initial_parameters
 from granpinn.objective import Evaluation, Objective
 from granpinn.optimise import BatchOptimizer
 from granpinn.parallel import Alone, Processes
-from granpinn.problem import velocity_relaxation
+from granpinn.plan import Place, Plan
 from granpinn.scalars import Scalars
 from granpinn.schedule import Schedule
 
@@ -72,9 +71,8 @@ class Training:
         self.lost: dict[int, str] = {}
         self.last: Evaluation | None = None
         self.engine = engine(self.one_step, self._changing(), device)
-        self._loaded: tuple[object, ...] | None = None  # the plan whose rows the device has
-        self._rows = np.empty((0, 2 + len(members)))  # those rows,
-        self._first = self._at = 0  # the step of the first, and the step that the device is at
+        weights = [m.problem.term_weights[0] for m in members]
+        self.plan = Plan(self.control, config, weights)
         self._good = self._copy()
 
     @property
@@ -109,7 +107,7 @@ class Training:
         self.lost = {int(e): reason for e, reason in state["lost"].items()}
         names = ("total", "from_step", "from_progress")
         self.schedule = dataclasses.replace(self.schedule, **{k: state[k] for k in names})
-        self._loaded = None
+        self.plan.step = None
         self._good = self._copy()
 
     @torch.no_grad()
@@ -122,18 +120,24 @@ class Training:
             self.optimizer.reset()
             misfit = self.objective.misfit(self.step, self.params, self.scalars.theta)
             self.misfit = self.processes.first(misfit)
-            self._loaded = None
+            self.plan.step = None
             self.remember()
         steps = self._stretch()
-        weights = self._load(steps)
+        place = self._place()
+        rows = self.plan.ready(place, steps, self.slower, self.lost)
         self.last = self.engine.run(steps, self.schedule.velocity_alone(self.step))
-        self._at += steps
+        after = dataclasses.replace(
+            place,
+            step=self.step + steps,
+            averaged=self.averaged + int(np.count_nonzero(rows[:, 1])),
+        )
+        if self.engine.many:  # the device is busy now
+            self.plan.rows(after)
         found = {e: text for e, text in self.control.faults().items() if e not in self.lost}
         if len(found) + len(self.lost) < len(self.slower):  # the others have made these steps
-            self.averaged += int(np.count_nonzero(weights))
-            self.step += steps
+            self.step, self.averaged = after.step, after.averaged
         if found:
-            self._loaded = None
+            self.plan.step = None
             raise NonFiniteError(next(iter(found.values())), found)
 
     def one_step(self, velocity_alone: bool) -> Evaluation:
@@ -153,37 +157,15 @@ class Training:
         if not self.engine.many:
             return 1
         every = self.config.log_every
-        steps = min(ROWS, every - self.step % every, self.schedule.total - self.step)
+        left = self.schedule.total - self.step
+        steps = min(self.plan.stretch, every - self.step % every, left)
         alone = self.schedule.velocity_alone
         if alone(self.step):
             steps = next((i for i in range(1, steps) if not alone(self.step + i)), steps)
         return steps
 
-    def _load(self, steps: int) -> npt.NDArray[np.float64]:
-        """Make the device ready for the next steps; their weights in the running average."""
-        plan = (self.schedule, tuple(self.slower), tuple(self.lost))
-        begin = self.step - self._first
-        if self._loaded != plan or self._at != self.step or begin + steps > len(self._rows):
-            self._rows = self._next_rows(max(steps, min(ROWS, self.config.log_every)))
-            self.control.load(self.step, self._rows, self.slower, list(self.lost))
-            self._loaded, self._first, self._at, begin = plan, self.step, self.step, 0
-        return self._rows[begin : begin + steps, 1]
-
-    def _next_rows(self, count: int) -> npt.NDArray[np.float64]:
-        """Rows [count, 2 + E] of the control table, from the present step on."""
-        rows = np.ones((count, 2 + len(self.slower)))
-        weights = [m.problem.term_weights[0] for m in self.objective.members]
-        averaged = self.averaged
-        for i, row in enumerate(rows):
-            step = self.step + i
-            row[0] = self.schedule.learning_rate(step)
-            averages = self.schedule.averages(step)
-            averaged += averages
-            row[1] = 1 / averaged if averages else 0.0
-            if not self.schedule.velocity_alone(step):
-                done, _ = self.schedule.stage(step)
-                row[2:] = velocity_relaxation(self.config.weights, weights, self.misfit, done)
-        return rows
+    def _place(self) -> Place:
+        return Place(self.schedule, self.step, self.averaged, tuple(self.misfit))
 
     def remember(self) -> None:
         """Keep a copy of the state in memory to go back to."""
@@ -215,14 +197,14 @@ class Training:
             self._take_back(members)
         for e in members:
             self.slower[e] *= SLOWER
-        self._loaded = None
+        self.plan.step = None
         self.remember()
 
     def give_up(self, reasons: Mapping[int, str]) -> None:
         """Leave members alone from here on, as they were in the last copy."""
         self._take_back(reasons)
         self.lost = {**self.lost, **reasons}
-        self._loaded = None
+        self.plan.step = None
 
     def _take_back(self, members: Iterable[int]) -> None:
         good, _ = self._good
