@@ -48,6 +48,8 @@ inline std::int64_t ensemble_size(const at::Tensor& params, std::int64_t count) 
   TORCH_CHECK_VALUE((params.dim() == 1 || params.dim() == 2) && params.size(-1) == count,
                     "params must be [", count, "] or [E, ", count, "] for these widths, got ",
                     shape_of(params));
+  TORCH_CHECK_VALUE(params.dim() == 1 || params.size(0) >= 1,
+                    "params must be of one network or more, got ", shape_of(params));
   return params.dim() == 2 ? params.size(0) : 0;
 }
 

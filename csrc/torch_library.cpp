@@ -76,6 +76,9 @@ PYBIND11_MODULE(_C, m) {
     info["build_type"] = build::build_type;
     info["torch_version"] = build::torch_version;
     info["simd"] = build::simd;
+    info["cuda_compiler"] = build::cuda_compiler;
+    info["cuda_architectures"] = build::cuda_architectures;
+    info["cuda_missing"] = build::cuda_missing;
     return info;
   });
   m.def(

@@ -7,8 +7,8 @@
 
 namespace granpinn {
 
-// Which loss term each residual of a form belongs to.
-constexpr int kTermOf[] = {2, 2, 3, 4, 4};
+// Which loss term a residual of a form belongs to.
+GRANPINN_HD int term_of(int residual) { return residual < 2 ? 2 : residual == 2 ? 3 : 4; }
 
 // The inputs of a form in one row: raw jets by field and channel, then mu_s, mu_2, I0.
 template <class F>

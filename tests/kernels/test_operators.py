@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from .configurations import SHARED, Form, Problem, problem, small
+from .devices import device_of, moved
 
 LAW = (0.02, 1e-3, 1e3, 1e-4)
 Arguments = tuple[Any, ...]
@@ -70,6 +71,10 @@ def as_tensors(loss: Arguments) -> Arguments:
     return (*loss[:9], *constants, loss[12], "fp32")
 
 
+def leaf(x: Any, device: str) -> Any:
+    return moved(x.detach(), device).requires_grad_(x.requires_grad) if torch.is_tensor(x) else x
+
+
 CALLS: dict[str, tuple[str, Callable[[], Arguments]]] = {
     "jet, order 0": ("network_jet", lambda: jet(learning(tiny()), 0)),
     "jet, order 1": ("network_jet", lambda: jet(learning(tiny()), 1)),
@@ -121,7 +126,10 @@ def test_opcheck(name: str, ops: ModuleType) -> None:
     given = arguments()
     if operator == "residual_loss":
         given = as_tensors(given)
-    torch.library.opcheck(getattr(torch.ops.granpinn, operator).default, given)
+    torch.library.opcheck(
+        getattr(torch.ops.granpinn, operator).default,
+        tuple(leaf(x, device_of(ops)) for x in given),
+    )
 
 
 @pytest.mark.parametrize("case", [tiny(), tiny("strong", members=2)], ids=["one", "ensemble"])
