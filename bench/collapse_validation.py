@@ -91,7 +91,9 @@ def front_distances(surfaces: list[Array], reference: Flow, spacing: float, film
     assert points is not None
     x, rows = points.x / spacing, np.round(points.y / spacing - 0.5).astype(int)
     for time, surface in zip(reference.t, surfaces, strict=True):
-        some = np.flatnonzero(np.isclose(points.t, time) & (rows >= film) & (rows < len(surface)))
+        at_height = np.isclose(points.t, time) & (rows >= film) & (rows < len(surface))
+        some = np.flatnonzero(at_height)
+        some = some[np.isfinite(surface[rows[some]])]
         if some.size:
             foremost = some[np.argmax(x[some])]
             distances.append(surface[rows[foremost]] - x[foremost])
