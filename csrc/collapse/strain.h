@@ -19,7 +19,7 @@ inline double inertial_number(double gamma_dot, double p, const Parameters& s) {
   return s.grain_diameter * gamma_dot / std::sqrt(std::max(p / s.density, 1e-30));
 }
 
-// C of the header; a law without friction is none of its business.
+// C of the header; 0 for grains without friction.
 inline double ill_posedness(double I, const Parameters& s) {
   const double mu = friction(I, FrictionLaw<double>{s.mu_s, s.mu_2, s.I0});
   if (mu <= 0) return 0;
