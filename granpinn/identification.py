@@ -148,7 +148,11 @@ def _result(flow: Flow, config: Config, run: Run, model: Model, maps: fields.Fie
     parameters = Parameters(
         Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(config.I0, fixed=True)
     )
-    scores = scoring.score(flow, maps, parameters)
+    p = model.problem
+    at_particles = prediction.velocity_at_particles(
+        flow, p.spec, model.params, p.physics, model.scales
+    )
+    scores = scoring.score(flow, maps, parameters, at_particles)
     steps = run.training.step
     return Result(
         parameters=parameters,
