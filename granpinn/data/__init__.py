@@ -1,6 +1,7 @@
 """Flow files and what is made of them: reading, writing, rules, noise, points."""
 
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
+from granpinn.data.foreign import read
 from granpinn.data.noise import add_noise
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
@@ -20,6 +21,7 @@ __all__ = [
     "add_noise",
     "check_flow",
     "particle_flow",
+    "read",
     "read_flow",
     "test_grid",
     "training_set",

@@ -5,13 +5,17 @@ SI of them, grains.py and surface.py find where the grains are, conversion.py pu
 """
 
 from granpinn.importers.arrays import from_arrays
+from granpinn.importers.conversion import convert
 from granpinn.importers.series import read_vectors
+from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 __all__ = [
     "DataFileError",
+    "Settings",
     "Validity",
     "VectorFields",
+    "convert",
     "from_arrays",
     "read_vectors",
     "vector_fields",

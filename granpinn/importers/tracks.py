@@ -105,6 +105,11 @@ def read(path: Path, window: int = 5) -> VectorFields:
     )
 
 
+def column_names(header: str) -> tuple[dict[str, int], dict[str, str]]:
+    """Index and unit of the known columns of a header line."""
+    return _known(_split(header))
+
+
 def _split(line: str) -> list[str]:
     delimiter = max(",;\t", key=line.count)
     return next(csv.reader([line.strip()], delimiter=delimiter), [])

@@ -6,6 +6,7 @@ and a time between frames (s/frame) to become m/s, and what is missing can be na
 
 from __future__ import annotations
 
+import math
 import re
 from functools import cache
 from typing import Any
@@ -63,12 +64,29 @@ def _with_power(match: re.Match[str]) -> str:
     return f"{match[1]}**{match[2].lstrip('^*')}"
 
 
-def quantity(text: str, what: str) -> Any:
-    """A pint quantity from text such as "2500 kg/m^3"."""
+def split(text: str, what: str) -> tuple[float, str]:
+    """Number and unit of text such as "2500 kg/m^3"."""
     match = _QUANTITY.fullmatch(str(text))
     if match is None:
         raise DataFileError(f"{what} must be a number with a unit, got {text!r}")
-    return float(match[1]) * unit(match[2], what)
+    return float(match[1]), match[2]
+
+
+def plain(text: str, what: str) -> float:
+    """A number of a conversion without units."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DataFileError(f"{what} must be a plain number with --dimensionless, got {text!r}")
+    return value
+
+
+def quantity(text: str, what: str) -> Any:
+    """A pint quantity from text such as "2500 kg/m^3"."""
+    number, name = split(text, what)
+    return number * unit(name, what)
 
 
 def si(text: str, dimension: str, what: str, example: str) -> float:
