@@ -79,7 +79,7 @@ def _meshes(pyvista: Any, path: Path) -> Any:
         if path.is_dir():
             decomposed = any(path.glob("processor*")) and not (path / "constant/polyMesh").exists()
             kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
-            reader = kind(str(path / "case.foam"))
+            reader = kind(str(path / "system" / "controlDict"))
         else:
             reader = pyvista.get_reader(str(path))
         for t in reader.time_values:
