@@ -15,6 +15,8 @@ from granpinn.importers.grains import FULL, Grains, below_line, grains_of
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import Bool, DataFileError, VectorFields
 
+ROUNDING = 1e-9  # of the time that the flow takes
+
 
 def grid_flow(
     fields: VectorFields,
@@ -71,7 +73,8 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
     """The points at the times of the frames; those of left-out frames go with them."""
     if surface is None:
         return None
-    inside = (surface.t >= t[0]) & (surface.t <= t[-1])
+    margin = ROUNDING * (t[-1] - t[0])
+    inside = (surface.t >= t[0] - margin) & (surface.t <= t[-1] + margin)
     if not inside.any():
         raise DataFileError(
             f"the free surface must be given between the times {t[0]:g} and {t[-1]:g} of the "

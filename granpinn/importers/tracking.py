@@ -67,7 +67,8 @@ def velocities(
     enough = inside.sum(axis=1) > ORDER
     # tau in units of the window, so that the normal equations are well conditioned.
     tau = np.where(inside, t[index] - t[:, None], 0.0)
-    unit = np.maximum(np.abs(tau).max(axis=1), np.finfo(float).tiny)
+    unit = np.abs(tau).max(axis=1)
+    unit[unit == 0] = 1.0
     powers = np.where(inside[..., None], (tau / unit[:, None])[..., None] ** np.arange(3), 0.0)
     normal = np.einsum("nwi,nwj->nij", powers, powers)
     normal[~enough] = np.eye(3)

@@ -18,7 +18,7 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*")
 # Plain products and quotients of names with one-digit powers: nothing that takes long to parse.
 _POWER = r"(?:\^|\*\*)?-?\d"
 _NAME = rf"[A-Za-zµμ°]+(?:{_POWER})?"
-_UNIT = re.compile(rf"(?:1\s*/\s*)?\(?{_NAME}\)?(?:\s*[*/· ]\s*\(?{_NAME}\)?){{0,5}}")
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/· ]\s*{_NAME}){{0,5}}")
 
 DIMENSIONS = {
     "length": "[length]",
@@ -69,7 +69,10 @@ def split(text: str, what: str) -> tuple[float, str]:
     match = _QUANTITY.fullmatch(str(text))
     if match is None:
         raise DataFileError(f"{what} must be a number with a unit, got {text!r}")
-    return float(match[1]), match[2]
+    number = float(match[1])
+    if not math.isfinite(number):
+        raise DataFileError(f"{what} must be a finite number with a unit, got {text!r}")
+    return number, match[2]
 
 
 def plain(text: str, what: str) -> float:
