@@ -22,18 +22,16 @@ def grid_flow(
     fields: VectorFields,
     settings: Settings,
     frame: Frame,
-    mask: Bool | None,
     line: Surface | None,
     constants: dict[str, Any],
 ) -> Flow:
     """The flow of vectors on a grid.
 
     Args:
-        mask: where grains are [T, Y, X], from images.
         line: points of the free surface that were given.
         constants: fields of Flow that are known already.
     """
-    grains = grains_of(fields, mask)
+    grains = grains_of(fields)
     if line is not None and grains.source == "vectors":
         inside = below_line(fields, line.t, line.x, line.y)
         grains = Grains(np.where(inside, 1.0, 0.0), "line")

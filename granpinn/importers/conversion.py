@@ -11,7 +11,7 @@ from granpinn.data.flow import Flow, Surface
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.frame import Frame, frame_of, missing_units
-from granpinn.importers.grains import mask_images
+from granpinn.importers.grains import with_mask
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
 from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
@@ -43,7 +43,8 @@ def convert(
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     material = material_of(settings)
-    mask = mask_images(settings.mask, fields) if settings.mask and not fields.scattered else None
+    if settings.mask is not None:
+        fields = with_mask(fields, settings.mask)
     frame = frame_of(fields, settings)
     constants = {
         "gravity": frame.gravity,
@@ -57,10 +58,8 @@ def convert(
     }
     line = _given_line(fields, settings, frame)
     si = frame.apply(fields)
-    if si.scattered:
-        flow = scattered_flow(si, settings, frame, line, constants)
-    else:
-        flow = grid_flow(si, settings, frame, mask, line, constants)
+    make = scattered_flow if si.scattered else grid_flow
+    flow = make(si, settings, frame, line, constants)
     for text in _summary(flow, material):
         tell(text)
     return flow

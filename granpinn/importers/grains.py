@@ -1,11 +1,11 @@
 """Where the grains are: the volume fraction c of every cell, from what the files and settings know.
 
-In this order: a fraction field; mask images; the mask in the files; the cells that have vectors.
+In this order: a fraction field; the mask in the files or of images; the cells that have vectors.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,34 +26,30 @@ class Grains:
     source: str
 
 
-def grains_of(fields: VectorFields, mask: Bool | None) -> Grains:
-    """The grains of vectors on a grid.
-
-    Args:
-        mask: true where there are grains, [T, Y, X], from images.
-    """
+def grains_of(fields: VectorFields) -> Grains:
+    """The grains of vectors on a grid."""
     if fields.c is not None:
         c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)
         c[c > 1 - FULL] = 1.0
         c[fields.validity == Validity.MASKED] = 0.0
         return Grains(c, "fraction")
     masked = fields.validity == Validity.MASKED
-    if mask is not None:
-        return Grains((mask & ~masked).astype(np.float64), "mask")
     if masked.any():
         return Grains((~masked).astype(np.float64), "mask")
     c = np.stack([grains_around(frame) for frame in fields.usable]).astype(np.float64)
     return Grains(c, "vectors")
 
 
-def mask_images(pattern: str, fields: VectorFields) -> Bool:
-    """Masks [T, Y, X] at the vectors, from one image for all frames or one for each.
+def with_mask(fields: VectorFields, pattern: str) -> VectorFields:
+    """The vectors with those masked where an image is black: one for all frames or one for each.
 
     Black (below half of the brightest) = no grains. The coordinates of the vectors must be pixels,
     and y as in the image.
     """
     from PIL import Image, UnidentifiedImageError
 
+    if fields.scattered:
+        raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
     if fields.length_unit is None or not fields.length_unit.startswith(("px", "pix", "Pix")):
         raise DataFileError(
             f"--mask needs vectors in pixels to find them in the image, got {fields.length_unit}: "
@@ -73,7 +69,10 @@ def mask_images(pattern: str, fields: VectorFields) -> Bool:
         except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
             raise DataFileError(f"{file} cannot be read as an image: {error}") from None
         masks.append(_at_vectors(file, picture, fields))
-    return np.broadcast_to(np.stack(masks), fields.u.shape)
+    outside = ~np.broadcast_to(np.stack(masks), fields.u.shape)
+    codes = np.where(outside, np.int8(Validity.MASKED), fields.validity)
+    u, v = (np.where(outside, np.nan, a) for a in (fields.u, fields.v))
+    return replace(fields, validity=codes, u=u, v=v)
 
 
 def _at_vectors(file: Path, picture: Float64, fields: VectorFields) -> Bool:
