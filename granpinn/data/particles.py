@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_closing
-from scipy.spatial import cKDTree
 
 from granpinn.data.flow import Flow, FlowFileError, Particles
 
@@ -102,12 +100,16 @@ def check_particles(particles: Particles) -> None:
 
 def closed(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
+    from scipy.ndimage import binary_closing  # slow to import, and a flow on a grid needs it not
+
     grown = binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
     return np.asarray(grown[3:-3, 3:-3] | occupied)
 
 
 def _cell_size(particles: Particles, frame: npt.NDArray[np.intp], n_frames: int) -> float:
     """Width of the cells, from the distance between neighbors in a few frames."""
+    from scipy.spatial import cKDTree
+
     distances = []
     for k in np.unique(np.linspace(0, n_frames - 1, _SAMPLED_FRAMES).astype(int)):
         points = np.stack([particles.x, particles.y], -1)[frame == k]

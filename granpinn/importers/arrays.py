@@ -8,6 +8,7 @@ length_unit, time_unit, velocity_unit; and y_down.
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,18 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 MAX_BYTES = 2**32
 REQUIRED = ("t", "y", "x", "u", "v")
 OPTIONAL = ("sigma_u", "sigma_v", "c", "p")
+# What zipfile and NumPy raise on damaged files.
+_DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 TEXTS = ("length_unit", "time_unit", "velocity_unit")
 
 
@@ -36,7 +49,7 @@ def read(path: Path) -> VectorFields:
                 raise DataFileError(f"{path} must unpack to at most 4 GiB: choose fewer frames")
         with np.load(path) as file:  # without pickled objects, which is the default
             return from_arrays({name: file[name] for name in file.files}, str(path))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+    except _DAMAGED as error:
         if isinstance(error, DataFileError):
             raise
         reason = " ".join(str(error).split())[:160]

@@ -16,7 +16,7 @@ import numpy as np
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-_DATA = re.compile(r'DATASETAUXDATA\s+(\w+)="([^"]*)"')
+_DELTA = re.compile(r'MicrosecondsPerDeltaT="(\d+\.?\d*)"')
 _ZONE = re.compile(r"ZONE\s+.*?I=\s*(\d+),\s*J=\s*(\d+)")
 _MICROSECONDS = 1e-6
 
@@ -56,15 +56,15 @@ def read(path: Path) -> VectorFields:
     chc = table[:, found["CHC"]]
     codes = np.where(chc == 1, Validity.VALID, Validity.INTERPOLATED)
     codes[~(chc > 0)] = Validity.INVALID
-    facts = dict(_DATA.findall(head))
+    delta = _DELTA.search(head)
     units = {name: " ".join(names[found[name]][1:]) or None for name in ("X", "U")}
     velocity_unit = units["U"]
     if velocity_unit in ("pixel", "pixels"):
         velocity_unit = "px/frame"
-        if delta := float(facts.get("MicrosecondsPerDeltaT") or 0):
+        if delta and float(delta[1]) > 0:
             velocity_unit = "px/s"
             for name in ("u", "v"):
-                columns[name] = columns[name] / (delta * _MICROSECONDS)
+                columns[name] = columns[name] / (float(delta[1]) * _MICROSECONDS)
     return vector_fields(
         t=[0],
         **to_grid(path, columns, codes),
@@ -72,5 +72,5 @@ def read(path: Path) -> VectorFields:
         time_unit="frame",
         velocity_unit=velocity_unit,
         y_down=y_points_down(columns["y"]),
-        facts={"pulse_delay_us": facts.get("MicrosecondsPerDeltaT", "")},
+        facts={"pulse_delay_us": delta[1]} if delta else {},
     )

@@ -1,4 +1,4 @@
-"""Plain arrays and cell arrays out of MATLAB files: version 5 to 7 by scipy, 7.3 by h5py."""
+"""Plain arrays and cell arrays out of MATLAB files, of version 5 to 7 or 7.3 (which is HDF5)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 
+from granpinn.importers.mat5 import read_variables
 from granpinn.importers.vectors import DataFileError, Float64
 
 MAX_BYTES = 2**31
@@ -48,7 +49,7 @@ def open_matlab(path: Path) -> Iterator[Matlab]:
             with h5py.File(path, "r") as file:
                 yield _Hdf5(path, file)
         else:
-            yield _Scipy(path)
+            yield _Version5(path)
     except DataFileError:
         raise
     except FileNotFoundError:
@@ -62,7 +63,7 @@ def open_matlab(path: Path) -> Iterator[Matlab]:
 
 def _matrix(value: Any) -> Float64 | None:
     """Numbers as float64 with two axes; None for an empty matrix."""
-    array = np.asarray(value)
+    array = np.asarray(value)  # of None: an object
     if array.dtype.kind not in "fiub" or array.size == 0:
         return None
     return np.atleast_2d(array.astype(np.float64))
@@ -79,20 +80,12 @@ class _Base:
         return matrix
 
 
-class _Scipy(_Base):
+class _Version5(_Base):
     """Version 5 to 7."""
 
     def __init__(self, path: Path) -> None:
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
-
         super().__init__(path)
-        try:
-            self._variables = loadmat(path)
-        except (MatReadError, ValueError, TypeError, EOFError, IndexError) as error:
-            raise OSError(str(error) or "cut off") from None
-        except Exception as error:  # zlib.error has no common base with the others
-            raise OSError(f"{type(error).__name__}: {error}") from None
+        self._variables = read_variables(path.read_bytes(), MAX_BYTES)
 
     def __contains__(self, name: str) -> bool:
         return name in self._variables
@@ -102,14 +95,14 @@ class _Scipy(_Base):
 
     def cells(self, name: str) -> list[Any]:
         value = self._variables[name]
-        if value.dtype != object:
+        if value is None or value.dtype != object:
             return [_matrix(value)]
         return [_matrix(cell) for cell in value.ravel(order="F")]
 
     def cell_table(self, name: str) -> Any:
         value = self._variables[name]
-        if value.dtype != object or value.ndim != 2:
-            raise DataFileError(f"{self.path}: {name} must be a cell array, got {value.dtype}")
+        if value is None or value.dtype != object or value.ndim != 2:
+            raise DataFileError(f"{self.path}: {name} must be a cell array, got something else")
         table = np.empty(value.shape, object)
         for index, cell in np.ndenumerate(value):
             table[index] = _matrix(cell)

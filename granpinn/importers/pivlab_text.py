@@ -96,10 +96,16 @@ def _header(lines: list[str]) -> tuple[list[str], dict[str, str]]:
 
 def _codes(path: Path, table: Float64, names: list[str], tecplot: bool) -> Int8 | None:
     """Validity of every row; None if the file has no vector types."""
+    column = names.index("vector type") if "vector type" in names else 4
+    if (tecplot or "vector type" in names) and table.shape[1] <= column:
+        raise DataFileError(
+            f"{path} must have {column + 1} columns like its header, got {table.shape[1]}: export "
+            "it again"
+        )
     if tecplot:
         return np.where(table[:, 4] == 1, Validity.MASKED, Validity.VALID).astype(np.int8)
     if "vector type" in names:
-        types = table[:, names.index("vector type")]
+        types = table[:, column]
     elif not names and table.shape[1] >= 5 and np.isin(table[:, 4], list(TYPES)).all():
         types = table[:, 4]
     else:
