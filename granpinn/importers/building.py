@@ -49,7 +49,8 @@ def grid_flow(
     for name in ("sigma_u", "sigma_v"):
         if isinstance(constants.get(name), np.ndarray):
             constants[name] = constants[name][kept]
-    p = fields.p
+    # Nothing says the unit of a pressure, and it is for scoring only.
+    p = fields.p if settings.dimensionless else None
     if p is not None and not np.isfinite(p[kept][grains.c[kept] == 1]).all():
         p = None
     # A vector that is not measured is NaN in both, also where there are no grains.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -116,7 +117,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
         f"time {flow.t[0]:.4g} to {flow.t[-1]:.4g}{time}, x {flow.x[0]:.4g} to {flow.x[-1]:.4g}"
         f"{length}, y {flow.y[0]:.4g} to {flow.y[-1]:.4g}{length}",
         f"speed: median {np.median(speed):.3g}, largest {speed.max():.3g}{length}"
-        f"{'/s' if time else ''}; free fall from the initial height {scales.velocity:.3g} x 1.41",
+        f"{'/s' if time else ''}; a free fall over the initial height ends at "
+        f"{math.sqrt(2) * scales.velocity:.3g}",
         f"grains: initial height {scales.length:.4g}{length} = "
         f"{scales.length / flow.grain_diameter:.0f} diameters, {int(grains.sum())} vectors in them",
         f"gravity ({g_x:.4g}, {g_y:.4g}), density {flow.density:.4g} (grains "

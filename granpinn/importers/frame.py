@@ -55,7 +55,8 @@ class Frame:
 
     def place(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
         """Positions in SI."""
-        return (x - self.x0) * self.length, self.up * (y - self.y0) * self.length
+        # + 0.0: the origin is 0, not -0.
+        return (x - self.x0) * self.length, self.up * (y - self.y0) * self.length + 0.0
 
     def times(self, t: Float64) -> Float64:
         """Times in SI."""

@@ -20,7 +20,7 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 
 VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
-PRESSURE = ("p", "p_rgh", "pressure")
+PRESSURE = ("p", "pressure")
 _XML = (b"<?xml", b"<VTKFile")
 _SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".vtkhdf", ".foam")
 _PIVLAB = re.compile(r"\[(px|m)/(frame|s)\]")

@@ -17,7 +17,7 @@ from granpinn.importers.tables import numbers, read_text
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
-_NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
@@ -56,7 +56,9 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
         if isinstance(source, VectorFields | Mapping):
             raise DataFileError("--times name needs files, got arrays: give t with them")
         files = expand([source] if isinstance(source, str | Path) else source)
-        found = [_NUMBER.findall(file.stem) for file in files]
+        # The end of "out-0.25" is no suffix.
+        stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
+        found = [_NUMBER.findall(stem) for stem in stems]
         if not all(found):
             raise DataFileError(f"{files[0]} must have a number in its name for --times name")
         t = np.array([float(names[-1]) for names in found])
@@ -71,10 +73,14 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
         raise DataFileError(
             f"--times must give one time for each of the {old.size} frames, got {t.size}"
         )
-    if not (np.diff(t) > 0).all():
-        raise DataFileError("--times must increase from frame to frame: sort the files by time")
+    if np.unique(t).size < t.size:
+        raise DataFileError("--times must be another time for every frame, got one twice: check it")
     new = t[np.searchsorted(old, fields.t)]
-    return replace(fields, t=new, time_unit=unit)
+    if fields.scattered:
+        return replace(fields, t=new, time_unit=unit)
+    order = np.argsort(new)
+    arrays: dict[str, Any] = {name: a[order] for name, a in fields.arrays().items()}
+    return replace(fields, t=new[order], time_unit=unit, **arrays)
 
 
 def without_interpolated(fields: VectorFields, settings: Settings) -> VectorFields:

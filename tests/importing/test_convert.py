@@ -12,11 +12,12 @@ import pytest
 
 from granpinn import Config, identify
 from granpinn.config import Network
-from granpinn.convert import main
+from granpinn.convert import main, parse
 from granpinn.data import read, read_flow
 from granpinn.importers import DataFileError, Settings, Validity, read_vectors
 from tests.importing import scene
 from tests.importing.test_pivlab_text import export
+from tests.importing.test_simulation_files import basilisk
 from tests.importing.test_tracks import motion, write_csv
 
 MATERIAL = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6"]
@@ -79,11 +80,16 @@ def test_frames_times_and_delay(tmp_path: Path, series: list[str]) -> None:
 
 
 def test_times_from_names(tmp_path: Path) -> None:
-    files = [export(tmp_path / f"run2_t{t}.txt", k) for k, t in enumerate(("0.10", "0.25", "1.5"))]
+    files = [export(tmp_path / f"run2_t{t}.txt", k) for k, t in enumerate(("0.10", "0.9", "1.5"))]
     settings = {"scale": "1 mm/px", "pulse_delay": "1 ms", "time_unit": "s"}
     material = {"grain_diameter": "2 mm", "density": "1500 kg/m^3", "grain_density": "2500 kg/m^3"}
     flow = read(files, times="name", **settings, **material)
-    np.testing.assert_allclose(flow.t, [0.1, 0.25, 1.5])
+    np.testing.assert_allclose(flow.t, [0.1, 0.9, 1.5])
+    u = scene.velocity()[0][:, ::-1]
+    np.testing.assert_allclose(flow.u[flow.valid], u[flow.valid], rtol=1e-6)
+    (tmp_path / "same.txt").write_text("1\n2\n2\n")
+    with pytest.raises(DataFileError, match="another time for every frame, got one twice"):
+        read(files, times=str(tmp_path / "same.txt"), **settings, **material)
 
 
 def test_tracks_end_in_a_particle_file_that_can_be_trained_on(tmp_path: Path) -> None:
@@ -235,3 +241,29 @@ def test_unknown_files_are_refused(tmp_path: Path) -> None:
     export(tmp_path / "c.csv")
     with pytest.raises(DataFileError, match="holds files of several kinds"):
         read_vectors(tmp_path)
+
+
+def test_basilisk_series_keeps_its_pressure(tmp_path: Path) -> None:
+    """Times from the names; u, v, c and p of a simulation without units arrive unchanged."""
+    for k, t in enumerate(("0.10", "0.20", "1.00")):
+        basilisk(tmp_path / f"out-{t}.txt", k)
+    names = ["--dimensionless", "--times", "name", "--grain-diameter", "0.5", "--gravity", "2"]
+    out = tmp_path / "flow.h5"
+    flow = read(str(tmp_path / "out-*.txt"), **_settings(names))
+    assert run(tmp_path / "out-0.10.txt", tmp_path / "out-1.00.txt", "--out", out, *names) == 0
+    np.testing.assert_allclose(flow.t, [0.1, 0.2, 1.0])
+    assert flow.gravity == (0.0, -2.0)
+    assert flow.p is not None
+    assert (flow.p[flow.c == 1] == 2.5).all()
+    np.testing.assert_allclose(read_flow(out).t, [0.1, 1.0])
+    physical = {**PLAIN, "length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}
+    assert read(str(tmp_path / "out-*.txt"), times="name", surface="none", **physical).p is None
+
+
+PLAIN = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+
+
+def _settings(flags: list[str]) -> dict[str, Any]:
+    """The settings of a command line."""
+    settings = parse(["a", "--out", "b.h5", *flags])[2]
+    return {name: value for name, value in vars(settings).items() if value is not None}

@@ -25,7 +25,7 @@ def test_image_data_of_vtk(tmp_path: Path) -> None:
         u, v = U[k], V[k]
         grid.cell_data["U"] = np.stack([u.ravel(), v.ravel(), 0 * u.ravel()], axis=1)
         grid.cell_data["alpha.grains"] = np.where(CODES[k] == 0, 0.0, 1.0).ravel()
-        grid.cell_data["p_rgh"] = np.full(u.size, 3.0)
+        grid.cell_data["p"] = np.full(u.size, 3.0)
         grid.field_data["TimeValue"] = [0.25 * (k + 1)]
         files.append(tmp_path / f"a{k}.vti")
         grid.save(files[-1])
