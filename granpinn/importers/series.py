@@ -81,10 +81,11 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     return sorted(dict.fromkeys(found), key=natural)
 
 
-def natural(path: Path) -> list[tuple[int, int, str]]:
-    """Key that sorts frame_9 before frame_10."""
-    parts = re.split(r"(\d+)", str(path))
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts]
+def natural(path: Path) -> list[tuple[int, float, str]]:
+    """Key that sorts frame_9 before frame_10, and t0.10 before t0.9."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", str(path))
+    numbers = range(1, len(parts), 2)
+    return [(0, float(p), "") if i in numbers else (1, 0.0, p) for i, p in enumerate(parts)]
 
 
 def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
