@@ -30,11 +30,12 @@ ask_python(pybind11_DIR "import pybind11; print(pybind11.get_cmake_dir())"
 find_package(pybind11 2.12 CONFIG REQUIRED)
 
 ask_python(torch_facts
-  "import os, torch; print(torch.__version__, os.path.dirname(torch.__file__), int(torch.compiled_with_cxx11_abi()), sep=';')"
+  "import os, torch; print(torch.__version__, os.path.dirname(torch.__file__), int(torch.compiled_with_cxx11_abi()), torch.version.cuda or 'none', sep=';')"
   "granpinn needs torch >= ${TORCH_OLDEST} to build, and Python cannot import torch.")
 list(GET torch_facts 0 TORCH_VERSION)
 list(GET torch_facts 1 TORCH_ROOT)
 list(GET torch_facts 2 TORCH_CXX11_ABI)
+list(GET torch_facts 3 TORCH_CUDA)  # the version of CUDA, or none
 if(TORCH_VERSION VERSION_LESS TORCH_OLDEST)
   string(CONCAT hint ${install_hint})
   message(FATAL_ERROR "granpinn needs torch >= ${TORCH_OLDEST}, found ${TORCH_VERSION} in ${TORCH_ROOT}.\n${hint}")

@@ -22,18 +22,23 @@ inline std::string shape_of(const at::Tensor& a) {
   return out + "] " + c10::toString(a.scalar_type()) + " on " + a.device().str();
 }
 
-// Number of parameters of a network; checks widths and the input map.
-inline std::int64_t parameter_count(Ints widths, Doubles shift, Doubles scale) {
+// Number of parameters of a network; checks its widths.
+inline std::int64_t parameter_count(Ints widths) {
   TORCH_CHECK_VALUE(widths.size() >= 2 && widths[0] == 3,
                     "widths must be [3, hidden ..., outputs], got ", widths);
   for (const auto w : widths)
     TORCH_CHECK_VALUE(w >= 1 && w <= 65536, "widths must be in 1..65536, got ", widths);
-  TORCH_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
-                    "input_shift and input_scale must have 3 values (x, y, t), got ", shift.size(),
-                    " and ", scale.size());
   std::int64_t count = 0;
   for (std::size_t l = 0; l + 1 < widths.size(); ++l) count += (widths[l] + 1) * widths[l + 1];
   return count;
+}
+
+// Likewise, and checks the input map.
+inline std::int64_t parameter_count(Ints widths, Doubles shift, Doubles scale) {
+  TORCH_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
+                    "input_shift and input_scale must have 3 values (x, y, t), got ", shift.size(),
+                    " and ", scale.size());
+  return parameter_count(widths);
 }
 
 // The ensemble's size: 0 where params is a single vector [P].
@@ -43,6 +48,8 @@ inline std::int64_t ensemble_size(const at::Tensor& params, std::int64_t count) 
   TORCH_CHECK_VALUE((params.dim() == 1 || params.dim() == 2) && params.size(-1) == count,
                     "params must be [", count, "] or [E, ", count, "] for these widths, got ",
                     shape_of(params));
+  TORCH_CHECK_VALUE(params.dim() == 1 || params.size(0) >= 1,
+                    "params must be of one network or more, got ", shape_of(params));
   return params.dim() == 2 ? params.size(0) : 0;
 }
 
@@ -83,8 +90,9 @@ inline Shared shared(const char* name, const at::Tensor& a, const at::Tensor& pa
   return {a.contiguous(), stride};
 }
 
-template <class T>
-Network<T> network(const T* params, Ints widths, Doubles shift, Doubles scale) {
+// The input map (x - shift) scale may come as host lists or from a tensor: `Values` is either.
+template <class T, class Values>
+Network<T> network(const T* params, Ints widths, const Values& shift, const Values& scale) {
   Network<T> net{};
   net.widths = widths.data();
   net.layers = static_cast<int>(widths.size()) - 1;
@@ -96,16 +104,16 @@ Network<T> network(const T* params, Ints widths, Doubles shift, Doubles scale) {
   return net;
 }
 
+inline void check_physics(std::int64_t count) {
+  TORCH_CHECK_VALUE(count == kPhysics,
+                    "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ",
+                    count, " values");
+}
+
 template <class T>
 Physics<T> physics_of(Doubles values) {
-  TORCH_CHECK_VALUE(values.size() == 8,
-                    "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ",
-                    values.size(), " values");
-  Physics<T> c{};
-  T* to[] = {&c.grain_diameter, &c.g_x,           &c.g_y, &c.eta_min, &c.eta_max, &c.velocity_scale,
-             &c.pressure_scale, &c.pressure_floor};
-  for (int i = 0; i < 8; ++i) *to[i] = static_cast<T>(values[i]);
-  return c;
+  check_physics(static_cast<std::int64_t>(values.size()));
+  return physics_from<T>(values.data());
 }
 
 inline Form form_of(c10::string_view name) {
@@ -113,6 +121,13 @@ inline Form form_of(c10::string_view name) {
   if (name == "strong") return Form::strong;
   TORCH_CHECK_VALUE(name == "data", "form must be 'mixed', 'strong' or 'data', got '", name, "'");
   return Form::data;
+}
+
+// Whether the products may run on tensor cores, compensated; processors have one precision only.
+inline bool fast_precision(c10::string_view name) {
+  TORCH_CHECK_VALUE(name == "fp32" || name == "fast", "precision must be 'fp32' or 'fast', got '",
+                    name, "'");
+  return name == "fast";
 }
 
 inline int channels_of(std::int64_t order) {

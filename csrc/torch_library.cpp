@@ -21,8 +21,8 @@ TORCH_LIBRARY(granpinn, m) {
   m.def(
       "residual_loss(Tensor params, Tensor theta, Tensor points, Tensor velocity, "
       "Tensor point_weights, Tensor surface_points, Tensor surface_pressure, Tensor term_weights, "
-      "int[] widths, float[] input_shift, float[] input_scale, float[] physics, str form) "
-      "-> (Tensor, Tensor, Tensor, Tensor)");
+      "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, "
+      "str precision) -> (Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "viscosity(Tensor gamma_dot, Tensor p, Tensor theta, float d, float eta_min, float eta_max, "
       "float p_floor) -> Tensor");
@@ -54,6 +54,9 @@ PYBIND11_MODULE(_C, m) {
     info["build_type"] = build::build_type;
     info["torch_version"] = build::torch_version;
     info["simd"] = build::simd;
+    info["cuda_compiler"] = build::cuda_compiler;
+    info["cuda_architectures"] = build::cuda_architectures;
+    info["cuda_missing"] = build::cuda_missing;
     return info;
   });
   m.def(

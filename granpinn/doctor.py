@@ -33,7 +33,7 @@ NEEDED_FLAGS = {
     "avx2": {"avx2", "fma"},
     "avx512": {"avx512f", "avx512dq", "avx512vl", "avx512bw", "fma"},
 }
-LARGEST_ERROR = 1e-8  # of float64 kernels, relative L2
+LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
 EXTRAS = {"tensorboard": ("tensorboard",), "test": ("pytest", "hypothesis", "sympy", "scipy")}
 
 
@@ -123,36 +123,61 @@ def cpu() -> Section:
 
 
 def gpu() -> Section:
-    """What torch sees of a GPU. The kernels of this version run on the CPU."""
-    torch = import_module("torch")
+    """The GPUs, the driver, and whether this build has kernels for them."""
+    torch, info = import_module("torch"), import_module("granpinn._C").build_info()
+    path = Path("/proc/driver/nvidia/version")
+    driver = path.read_text().splitlines()[0].strip() if path.exists() else "none seen"
     if torch.version.cuda is None:
         seen = "none: this torch was built without CUDA"
     elif not torch.cuda.is_available():
         seen = f"none: torch was built for CUDA {torch.version.cuda} but finds no device or driver"
     else:
-        names = [torch.cuda.get_device_name(i) for i in range(torch.cuda.device_count())]
-        seen = f"{', '.join(names)} (CUDA {torch.version.cuda})"
-    return {"devices": seen, "kernels": "none: this version of granpinn has CPU kernels only"}
+        names = [
+            f"{torch.cuda.get_device_name(i)}, compute capability {major}.{minor}"
+            for i in range(torch.cuda.device_count())
+            for major, minor in [torch.cuda.get_device_capability(i)]
+        ]
+        seen = f"{'; '.join(names)} (CUDA {torch.version.cuda})"
+    missing = info["cuda_missing"]
+    built = f"built for {info['cuda_architectures']} by {info['cuda_compiler']}"
+    return {"devices": seen, "driver": driver, "kernels": f"none: {missing}" if missing else built}
 
 
 def self_check() -> Section:
-    """The fused loss and its gradient against nested autograd, on five points."""
-    ops, reference = load("granpinn.ops", BUILD_HINT), load("granpinn.reference", BUILD_HINT)
+    """The fused loss and its gradient against nested autograd, on five points and every device."""
+    torch = import_module("torch")
+    info = import_module("granpinn._C").build_info()
     report = {}
     for form, outputs in (("strong", 3), ("mixed", 5)):
         problem = small_problem([3, 8, outputs], form)
-        fused, truth = ops.residual_loss(*problem), reference.residual_loss(*problem)
-        error = max(
-            float((f - t).norm() / t.norm().clamp_min(1e-300))
-            for f, t in zip(fused, truth, strict=True)
-        )
-        if not error < LARGEST_ERROR:  # so that nan is trouble too
-            raise Trouble(
-                f"the {form} residual kernel differs from nested autograd by {error:.1e} (expected "
-                f"< {LARGEST_ERROR:.0e}): {BUILD_HINT}; if it persists, report it with this text"
-            )
-        report[form] = f"agrees with nested autograd to {error:.0e}"
+        report[form] = agreement(form, problem, "cpu", "float64")
+        if torch.cuda.is_available() and not info["cuda_missing"]:
+            for dtype in LARGEST_ERROR:
+                report[f"{form}, GPU {dtype}"] = agreement(form, problem, "cuda", dtype)
     return report
+
+
+def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> str:
+    """How well the kernel of a device agrees with nested autograd; Trouble where it does not."""
+    torch = import_module("torch")
+    ops, reference = load("granpinn.ops", BUILD_HINT), load("granpinn.reference", BUILD_HINT)
+
+    def there(x: Any) -> Any:
+        return x.to(device, getattr(torch, dtype)) if isinstance(x, torch.Tensor) else x
+
+    fused = [x.double().cpu() for x in ops.residual_loss(*map(there, problem))]
+    truth = reference.residual_loss(*problem)
+    error = max(
+        float((f - t).norm() / t.norm().clamp_min(1e-300))
+        for f, t in zip(fused, truth, strict=True)
+    )
+    if not error < LARGEST_ERROR[dtype]:  # so that nan is trouble too
+        raise Trouble(
+            f"the {form} residual kernel ({device}, {dtype}) differs from nested autograd by "
+            f"{error:.1e} (expected < {LARGEST_ERROR[dtype]:.0e}): {BUILD_HINT}; if it persists, "
+            "report it with this text"
+        )
+    return f"agrees with nested autograd to {error:.0e}"
 
 
 def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:

@@ -127,7 +127,7 @@ def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
 def _loss_backward(ctx, grad, *_others):  # type: ignore[no-untyped-def]
     grad_params, grad_theta = ctx.saved_tensors
     scale = grad.unsqueeze(-1)
-    return (scale * grad_params, scale * grad_theta, *([None] * 11))
+    return (scale * grad_params, scale * grad_theta, *([None] * 12))
 
 
 torch.library.register_autograd(

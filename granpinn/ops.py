@@ -17,6 +17,8 @@ from granpinn import op_rules  # noqa: F401  (loads and registers the operators)
 
 _ops = torch.ops.granpinn
 
+Constants = Sequence[float] | Tensor
+
 
 def network_value(
     points: Tensor,
@@ -80,10 +82,11 @@ def residual_loss(
     surface_pressure: Tensor,
     term_weights: Tensor,
     widths: Sequence[int],
-    input_shift: Sequence[float],
-    input_scale: Sequence[float],
-    physics: Sequence[float],
+    input_shift: Constants,
+    input_scale: Constants,
+    physics: Constants,
     form: str,
+    precision: str = "fp32",
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Loss, its terms, and its gradient by parameters and rheology, in one pass.
 
@@ -92,7 +95,10 @@ def residual_loss(
     with ``surface_pressure`` [M]; ``term_weights`` [5] in the order of ``op_rules.TERMS``;
     ``physics`` = [d, g_x, g_y, eta_min, eta_max, U, P, p_floor]; ``form`` "mixed" (K = 5),
     "strong" (K = 3) or "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and
-    strong_form.h state the equations.
+    strong_form.h state the equations. The input map and ``physics`` are numbers, or tensors that
+    may have the leading E: members of an ensemble can be different problems. ``precision`` "fast"
+    lets a GPU use its tensor cores, compensated to float32 in the forward products and TF32 in the
+    backward ones; it changes nothing on a CPU and in float64.
 
     Returns (loss [], terms [5], grad_params [P], grad_theta [3]); terms are unweighted mean squares
     over two, loss = sum_k term_weights_k terms_k. Only ``loss`` is differentiable, in ``params``
@@ -108,12 +114,15 @@ def residual_loss(
         surface_pressure,
         term_weights,
         widths,
-        input_shift,
-        input_scale,
-        physics,
+        *(_tensor(values, params) for values in (input_shift, input_scale, physics)),
         form,
+        precision,
     )
     return out
+
+
+def _tensor(values: Constants, like: Tensor) -> Tensor:
+    return values if isinstance(values, Tensor) else like.new_tensor(values)
 
 
 def pointwise_residuals(

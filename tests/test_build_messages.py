@@ -7,9 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 
 ROOT = Path(__file__).parents[1]
-OLD_TORCH = '__version__ = "2.6.0+cu124"\ndef compiled_with_cxx11_abi(): return True'
+OLD_TORCH = """
+__version__ = "2.6.0+cu124"
+def compiled_with_cxx11_abi(): return True
+class version: cuda = "12.4"
+"""
 ABSENT = "raise ImportError('it is not there')"
 
 
@@ -56,3 +61,17 @@ def test_missing_or_old_packages(tmp_path: Path, package: str, text: str, messag
 def test_missing_compiler(tmp_path: Path) -> None:
     said = configure(tmp_path, CXX=str(tmp_path / "no-such-compiler"))
     assert "granpinn needs a C++20 compiler and found none. Install one" in said
+
+
+def test_a_wrong_switch_for_cuda(tmp_path: Path) -> None:
+    said = configure(tmp_path, GRANPINN_CUDA="maybe")
+    assert "GRANPINN_CUDA must be auto, on or off, got 'maybe'." in said
+
+
+def test_cuda_that_is_wanted_and_cannot_be(tmp_path: Path) -> None:
+    if torch.version.cuda is None:
+        missing = f"torch {torch.__version__} is a build without CUDA, install one with it."
+    else:
+        missing = "no CUDA compiler found, install CUDA"
+    said = configure(tmp_path, GRANPINN_CUDA="on", CUDACXX=str(tmp_path / "no-such-compiler"))
+    assert f"GRANPINN_CUDA=on: {missing}" in said

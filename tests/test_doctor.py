@@ -79,7 +79,7 @@ def test_a_module_built_against_another_torch_is_trouble(monkeypatch: pytest.Mon
     [
         (None, 0, "built without CUDA"),
         ("13.0", 0, "finds no device or driver"),
-        ("13.0", 2, "GPU 0, GPU 1 (CUDA 13.0)"),
+        ("13.0", 2, "GPU 1, compute capability 9.0 (CUDA 13.0)"),
     ],
 )
 def test_gpus_are_reported_as_torch_sees_them(
@@ -89,7 +89,28 @@ def test_gpus_are_reported_as_torch_sees_them(
     monkeypatch.setattr(torch.cuda, "is_available", lambda: devices > 0)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: devices)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda i: f"GPU {i}")
+    monkeypatch.setattr(torch.cuda, "get_device_capability", lambda i: (9, 0))
     assert expected in doctor.gpu()["devices"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "expected"),
+    [
+        ("", "built for 80-real 90 by NVIDIA 13.0.88"),
+        ("switched off by GRANPINN_CUDA", "none: switched off by GRANPINN_CUDA"),
+    ],
+)
+def test_the_cuda_part_is_reported_as_built_or_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch, missing: str, expected: str
+) -> None:
+    info = {
+        "cuda_missing": missing,
+        "cuda_architectures": "80-real 90",
+        "cuda_compiler": "NVIDIA 13.0.88",
+    }
+    kernels = SimpleNamespace(build_info=lambda: info)
+    monkeypatch.setitem(sys.modules, "granpinn._C", kernels)
+    assert doctor.gpu()["kernels"] == expected
 
 
 @pytest.mark.parametrize("factor", [1.001, float("nan")])
@@ -100,7 +121,7 @@ def test_wrong_kernels_are_trouble(monkeypatch: pytest.MonkeyPatch, factor: floa
         return tuple(output * factor for output in reference.residual_loss(*arguments))
 
     monkeypatch.setattr(ops, "residual_loss", wrong)
-    with pytest.raises(doctor.Trouble, match="strong residual kernel differs"):
+    with pytest.raises(doctor.Trouble, match=r"strong residual kernel \(cpu, float64\) differs"):
         doctor.self_check()
 
 

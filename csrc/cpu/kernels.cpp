@@ -5,7 +5,7 @@
 #include "kernel_table.h"
 
 #include "fma_peak.h"
-#include "form_gradient.h"
+#include "math/form_gradient.h"
 #include "mlp_tile.h"
 
 namespace granpinn {
@@ -82,9 +82,6 @@ void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile
   }
 }
 
-// Which loss term each residual of a form belongs to.
-constexpr int kTermOf[] = {2, 2, 3, 4, 4};
-
 // An interior tile: velocity misfit and, where the form has them, the equations.
 template <class F, class T>
 void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::int64_t at,
@@ -104,12 +101,12 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
       for (int c = 0; c < F::channels; ++c) z[k][c] = V::load(raw + (c * K + k) * kTile + p);
     const V weight = V::load(w_physics + p);
     for (int r = 0; r < F::residuals; ++r)
-      w[r] = V(a.term_weights[kTermOf[r]] / static_cast<T>(a.n)) * weight;
+      w[r] = V(a.term_weights[term_of(r)] / static_cast<T>(a.n)) * weight;
     form_gradient<F>(z, law, a.physics, w, e, g, g_law);
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) g[k][c].store(tile.g + (c * K + k) * kTile + p);
     for (int r = 0; r < F::residuals; ++r)
-      sums->squares[kTermOf[r]] += weighted_square<T>(weight, e[r]);
+      sums->squares[term_of(r)] += weighted_square<T>(weight, e[r]);
     for (int i = 0; i < 3; ++i) sums->theta[i] += static_cast<double>(g_law[i].sum());
   }
   velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[0]);

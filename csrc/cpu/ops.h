@@ -1,9 +1,7 @@
 // The CPU implementations behind the operators of torch_library.cpp.
 #pragma once
 
-#include <tuple>
-
-#include "arguments.h"
+#include "loss_tensors.h"
 
 namespace granpinn {
 
@@ -14,11 +12,13 @@ at::Tensor network_jet_backward_cpu(const at::Tensor& grad, const at::Tensor& po
                                     const at::Tensor& params, Ints widths, Doubles shift,
                                     Doubles scale, std::int64_t order);
 
-std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor> residual_loss_cpu(
-    const at::Tensor& params, const at::Tensor& theta, const at::Tensor& points,
-    const at::Tensor& velocity, const at::Tensor& point_weights, const at::Tensor& surface_points,
-    const at::Tensor& surface_pressure, const at::Tensor& term_weights, Ints widths, Doubles shift,
-    Doubles scale, Doubles physics, c10::string_view form);
+LossResult residual_loss_cpu(const at::Tensor& params, const at::Tensor& theta,
+                             const at::Tensor& points, const at::Tensor& velocity,
+                             const at::Tensor& point_weights, const at::Tensor& surface_points,
+                             const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                             Ints widths, const at::Tensor& input_shift,
+                             const at::Tensor& input_scale, const at::Tensor& physics,
+                             c10::string_view form, c10::string_view precision);
 
 at::Tensor viscosity_cpu(const at::Tensor& gamma_dot, const at::Tensor& p, const at::Tensor& theta,
                          double d, double eta_min, double eta_max, double p_floor);

@@ -1,31 +1,10 @@
 // The operators that act point by point, on the CPU.
 #include "math/philox.h"
 #include "ops.h"
+#include "point_arguments.h"
 #include "threads.h"
 
 namespace granpinn {
-
-namespace {
-
-template <class T>
-Physics<T> rheology_constants(double d, double eta_min, double eta_max, double p_floor) {
-  Physics<T> c{};
-  c.grain_diameter = static_cast<T>(d);
-  c.eta_min = static_cast<T>(eta_min);
-  c.eta_max = static_cast<T>(eta_max);
-  c.pressure_floor = static_cast<T>(p_floor);
-  return c;
-}
-
-void check_viscosity(const at::Tensor& gamma_dot, const at::Tensor& p, const at::Tensor& theta) {
-  TORCH_CHECK_TYPE(gamma_dot.scalar_type() == at::kFloat || gamma_dot.scalar_type() == at::kDouble,
-                   "gamma_dot must be float32 or float64, got ", shape_of(gamma_dot));
-  TORCH_CHECK_VALUE(gamma_dot.dim() == 1, "gamma_dot must be [N], got ", shape_of(gamma_dot));
-  shared("p", p, gamma_dot, 0, {gamma_dot.size(0)});
-  shared("theta", theta, gamma_dot, 0, {3});
-}
-
-}  // namespace
 
 at::Tensor viscosity_cpu(const at::Tensor& gamma_dot, const at::Tensor& p, const at::Tensor& theta,
                          double d, double eta_min, double eta_max, double p_floor) {
@@ -63,19 +42,10 @@ std::tuple<at::Tensor, at::Tensor, at::Tensor> viscosity_backward_cpu(
 
 at::Tensor pointwise_residuals_cpu(const at::Tensor& raw_jets, const at::Tensor& theta,
                                    Doubles physics, c10::string_view form) {
-  const Form kind = form_of(form);
-  const bool mixed = kind == Form::mixed;
-  TORCH_CHECK_VALUE(kind != Form::data, "form must be 'mixed' or 'strong', got '", form, "'");
-  TORCH_CHECK_TYPE(raw_jets.scalar_type() == at::kFloat || raw_jets.scalar_type() == at::kDouble,
-                   "raw_jets must be float32 or float64, got ", shape_of(raw_jets));
-  const std::int64_t K = raw_jets.dim() == 3 ? raw_jets.size(2) : 0;
-  TORCH_CHECK_VALUE(
-      raw_jets.dim() == 3 && raw_jets.size(0) == (mixed ? 4 : 7) && (K == 5 || (K == 3 && !mixed)),
-      "raw_jets must be ", mixed ? "[4, N, 5]" : "[7, N, 3 or 5]", " for the ", form, " form, got ",
-      shape_of(raw_jets));
-  shared("theta", theta, raw_jets, 0, {3});
+  const Form kind = check_jets(raw_jets, theta, form);
+  const std::int64_t K = raw_jets.size(2);
   const at::Tensor jets = raw_jets.contiguous(), law = theta.contiguous();
-  at::Tensor out = at::empty({jets.size(1), mixed ? 5 : 3}, jets.options());
+  at::Tensor out = at::empty({jets.size(1), kind == Form::mixed ? 5 : 3}, jets.options());
   AT_DISPATCH_FLOATING_TYPES(jets.scalar_type(), "pointwise_residuals", [&] {
     kernels<scalar_t>().residuals(kind, K == 5, physics_of<scalar_t>(physics),
                                   law.const_data_ptr<scalar_t>(), jets.const_data_ptr<scalar_t>(),
@@ -86,11 +56,7 @@ at::Tensor pointwise_residuals_cpu(const at::Tensor& raw_jets, const at::Tensor&
 
 at::Tensor sample_indices_cpu(const at::Tensor& step, std::int64_t seed, std::int64_t stream,
                               std::int64_t count, std::int64_t population) {
-  TORCH_CHECK_TYPE(step.scalar_type() == at::kLong && step.numel() == 1,
-                   "step must be one int64 number, got ", shape_of(step));
-  TORCH_CHECK_VALUE(count >= 0 && count < (1ll << 32), "count must be in 0..2^32 - 1, got ", count);
-  TORCH_CHECK_VALUE(population >= 1 && population < (1ll << 32),
-                    "population must be in 1..2^32 - 1, got ", population);
+  check_sampling(step, count, population);
   at::Tensor out = at::empty({count}, step.options());
   std::int64_t* to = out.mutable_data_ptr<std::int64_t>();
   const auto now = static_cast<std::uint64_t>(*step.const_data_ptr<std::int64_t>());

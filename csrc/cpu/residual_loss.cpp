@@ -6,21 +6,17 @@ namespace granpinn {
 
 namespace {
 
-struct LossTensors {
-  Shared theta, points, velocity, point_weights, surface_points, surface_pressure, term_weights;
-};
-
 template <class T>
-LossArguments<T> member_arguments(const Network<T>& net, Form form, const Physics<T>& physics,
-                                  const LossTensors& in, std::int64_t e) {
+LossArguments<T> member_arguments(const LossTensors& in, Ints widths, std::int64_t e) {
+  const T* params = in.params.const_data_ptr<T>() + e * in.count;
   LossArguments<T> a{};
-  a.net = net;
-  a.form = form;
-  a.physics = physics;
+  a.net = network(params, widths, in.input_shift.member<T>(e), in.input_scale.member<T>(e));
+  a.form = in.form;
+  a.physics = physics_from<T>(in.physics.member<T>(e));
   for (int i = 0; i < 3; ++i) a.theta[i] = in.theta.member<T>(e)[i];
   for (int i = 0; i < kTerms; ++i) a.term_weights[i] = in.term_weights.member<T>(e)[i];
-  a.n = in.points.data.size(-2);
-  a.m = in.surface_points.data.size(-2);
+  a.n = in.n;
+  a.m = in.m;
   a.points = in.points.member<T>(e);
   a.velocity = in.velocity.member<T>(e);
   a.point_weights = in.point_weights.member<T>(e);
@@ -65,52 +61,28 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
 
 }  // namespace
 
-std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor> residual_loss_cpu(
-    const at::Tensor& params, const at::Tensor& theta, const at::Tensor& points,
-    const at::Tensor& velocity, const at::Tensor& point_weights, const at::Tensor& surface_points,
-    const at::Tensor& surface_pressure, const at::Tensor& term_weights, Ints widths, Doubles shift,
-    Doubles scale, Doubles physics, c10::string_view form) {
-  const std::int64_t count = parameter_count(widths, shift, scale);
-  const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
-  const Form kind = form_of(form);
-  const std::int64_t K = widths.back();
-  TORCH_CHECK_VALUE(kind == Form::mixed    ? K == 5
-                    : kind == Form::strong ? K == 3
-                                           : K == 3 || K == 5,
-                    "the ", form, " form takes a network with ",
-                    kind == Form::mixed    ? "5"
-                    : kind == Form::strong ? "3"
-                                           : "3 or 5",
-                    " outputs, got widths ", widths);
-  const Shared x = shared("points", points, params, E, {-1, 3});
-  const Shared xs = shared("surface_points", surface_points, params, E, {-1, 3});
-  const std::int64_t N = points.size(-2), M = surface_points.size(-2);
-  const LossTensors in{shared("theta", theta, params, E, {3}),
-                       x,
-                       shared("velocity", velocity, params, E, {N, 2}),
-                       shared("point_weights", point_weights, params, E, {N, 2}),
-                       xs,
-                       shared("surface_pressure", surface_pressure, params, E, {M}),
-                       shared("term_weights", term_weights, params, E, {kTerms})};
-  const at::Tensor flat = params.contiguous();
-  const auto leading = [&](std::vector<std::int64_t> shape) {
-    if (E) shape.insert(shape.begin(), E);
-    return at::empty(shape, params.options());
-  };
-  at::Tensor loss = leading({}), terms = leading({kTerms});
-  at::Tensor grad_params = leading({count}), grad_theta = leading({3});
+LossResult residual_loss_cpu(const at::Tensor& params, const at::Tensor& theta,
+                             const at::Tensor& points, const at::Tensor& velocity,
+                             const at::Tensor& point_weights, const at::Tensor& surface_points,
+                             const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                             Ints widths, const at::Tensor& input_shift,
+                             const at::Tensor& input_scale, const at::Tensor& physics,
+                             c10::string_view form, c10::string_view precision) {
+  const LossTensors in =
+      loss_tensors(params, theta, points, velocity, point_weights, surface_points, surface_pressure,
+                   term_weights, widths, input_shift, input_scale, physics, form, precision);
+  const LossResult out = in.results();
   AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "residual_loss", [&] {
-    const auto constants = physics_of<scalar_t>(physics);
-    for (std::int64_t e = 0; e < members; ++e) {
-      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
-      loss.mutable_data_ptr<scalar_t>()[e] =
-          static_cast<scalar_t>(member_loss(member_arguments(net, kind, constants, in, e),
-                                            terms.mutable_data_ptr<scalar_t>() + e * kTerms,
-                                            grad_params.mutable_data_ptr<scalar_t>() + e * count,
-                                            grad_theta.mutable_data_ptr<scalar_t>() + e * 3));
-    }
+    auto* losses = std::get<0>(out).mutable_data_ptr<scalar_t>();
+    auto* each_terms = std::get<1>(out).mutable_data_ptr<scalar_t>();
+    auto* by_params = std::get<2>(out).mutable_data_ptr<scalar_t>();
+    auto* by_theta = std::get<3>(out).mutable_data_ptr<scalar_t>();
+    for (std::int64_t e = 0; e < in.members(); ++e)
+      losses[e] = static_cast<scalar_t>(member_loss(member_arguments<scalar_t>(in, widths, e),
+                                                    each_terms + e * kTerms,
+                                                    by_params + e * in.count, by_theta + e * 3));
   });
-  return {loss, terms, grad_params, grad_theta};
+  return out;
 }
 
 }  // namespace granpinn

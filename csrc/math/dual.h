@@ -17,7 +17,7 @@ struct Dual {
   R value;
   R d[N];
 
-  GRANPINN_HD Dual() = default;
+  Dual() = default;
   GRANPINN_HD Dual(Scalar a) : value(a) {
     for (int i = 0; i < N; ++i) d[i] = R(Scalar(0));
   }

@@ -25,6 +25,14 @@ struct Physics {
   T pressure_floor;                  // under the root of I
 };
 
+constexpr int kPhysics = 8;
+
+// From the list of the operators: [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor].
+template <class T, class From>
+GRANPINN_HD Physics<T> physics_from(const From* a) {
+  return {T(a[0]), T(a[1]), T(a[2]), T(a[3]), T(a[4]), T(a[5]), T(a[6]), T(a[7])};
+}
+
 template <class R, class T>
 GRANPINN_HD R inertial_number(const R& gamma_dot, const R& p, const Physics<T>& c) {
   const R floored = maximum(absolute(p), R(c.pressure_floor));

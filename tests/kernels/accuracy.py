@@ -67,16 +67,19 @@ class Comparison:
         return self.ratio <= self.factor and gross <= GROSS_FACTOR
 
 
-def compare(row: Configuration, ops: Any) -> list[Comparison]:
-    """Every output and every derivative of `ops` for one row of the table, in float32."""
+def compare(row: Configuration, ops: Any, rival: Any = reference) -> list[Comparison]:
+    """Every output and every derivative of `ops` for one row of the table, in float32.
+
+    `rival` is the module that gives the truth in float64 and the error to stay close to in float32.
+    """
     networks = []
     for network in range(NETWORKS[row.points]):
         torch.set_num_threads(1)
-        pool = pooled(row, network)
+        pool = pooled(row, network, rival)
         pool_32 = pool.to(torch.float32)
-        truth = _oracle(row, pool)
-        rounded = _oracle(row, replace(pool, params=_rounded(pool.params)))
-        autograd = _oracle(row, pool_32)
+        truth = _oracle(row, pool, rival)
+        rounded = _oracle(row, replace(pool, params=_rounded(pool.params)), rival)
+        autograd = _oracle(row, pool_32, rival)
         torch.set_num_threads(row.threads)
         networks.append((_kernel(row, pool_32, ops), autograd, rounded, truth))
     return [
@@ -87,12 +90,10 @@ def compare(row: Configuration, ops: Any) -> list[Comparison]:
     ]
 
 
-def _oracle(row: Configuration, pool: Problem) -> dict[str, Tensor]:
+def _oracle(row: Configuration, pool: Problem, module: Any) -> dict[str, Tensor]:
     """Outputs at all points in one call, the losses in one call for each draw of points."""
     at_points = pool.part(0, CALLS_AT_POINTS[row.points] * row.points)
-    return outputs_at_points(reference, at_points, _cotangent(at_points)) | _losses(
-        reference, row, pool
-    )
+    return outputs_at_points(module, at_points, _cotangent(at_points)) | _losses(module, row, pool)
 
 
 def _kernel(row: Configuration, pool: Problem, ops: Any) -> dict[str, Tensor]:
@@ -159,22 +160,22 @@ def _losses(module: Any, row: Configuration, pool: Problem) -> dict[str, Tensor]
     }
 
 
-def pooled(row: Configuration, network: int) -> Problem:
+def pooled(row: Configuration, network: int, module: Any = reference) -> Problem:
     """The pool of points of a row, with weight 0 for the equations where the module says so."""
     calls = max(CALLS_AT_POINTS[row.points], CALLS_OF_LOSS[row.points])
     enlarged = replace(row, points=calls * row.points, surface_points=calls * row.surface_points)
     pool = problem(enlarged, network)
-    left_out = near_a_switch(pool) | amplifies_rounding(pool)
+    left_out = near_a_switch(pool, module) | amplifies_rounding(pool, module)
     if pool.point_weights.ndim == left_out.ndim:  # members that share their points
         left_out = left_out.any(0)
     pool.point_weights[..., 1] *= ~left_out
     return pool
 
 
-def near_a_switch(case: Problem) -> Tensor:
+def near_a_switch(case: Problem, module: Any) -> Tensor:
     """Points [N] (or [E, N]) within `NEAR` of a limit of the viscosity or of p_floor."""
     d, _, _, eta_min, eta_max, U, P, p_floor = case.physics
-    jet = reference.network_jet(*case.network, 1).movedim(-3, 0)
+    jet = module.network_jet(*case.network, 1).movedim(-3, 0)
     p = pressure(jet[0], P)
     u_x, u_y, v_x, v_y = (U * jet[channel, ..., k] for k in (0, 1) for channel in (1, 2))
     gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + (u_y + v_x) ** 2 + SMOOTHING)
@@ -187,7 +188,7 @@ def near_a_switch(case: Problem) -> Tensor:
     return near
 
 
-def amplifies_rounding(case: Problem) -> Tensor:
+def amplifies_rounding(case: Problem, module: Any) -> Tensor:
     """Points [N] (or [E, N]) whose residuals answer a rounding of the weights far too strongly.
 
     The answer is measured in float64, by moving the weights by about one float32 epsilon.
@@ -195,8 +196,10 @@ def amplifies_rounding(case: Problem) -> Tensor:
 
     def residuals(params: Tensor) -> Tensor:
         moved = replace(case, params=params)
-        strong = strong_residual(reference, moved)
-        return strong if case.form == "strong" else torch.cat([strong, mixed_residuals(moved)], -1)
+        strong = strong_residual(module, moved)
+        if case.form == "strong":
+            return strong
+        return torch.cat([strong, mixed_residuals(module, moved)], -1)
 
     exact = residuals(case.params)
     moved = [residuals(_rounded(case.params, seed)) for seed in (1, 2)]
@@ -213,12 +216,13 @@ def strong_residual(module: Any, case: Problem) -> Tensor:
     return torch.stack([strong_residual(module, case.member(e)) for e in range(len(case.params))])
 
 
-def mixed_residuals(case: Problem) -> Tensor:
-    """The five residuals [N, 5] (or [E, N, 5]) of the oracle in the mixed form."""
+def mixed_residuals(module: Any, case: Problem) -> Tensor:
+    """The five residuals [N, 5] (or [E, N, 5]) of the mixed form."""
     if case.params.ndim == 1:
-        raw = reference.network(case.params, *case.network[2:])
-        return reference.residuals(raw, case.points, case.theta, case.physics, "mixed").detach()
-    return torch.stack([mixed_residuals(case.member(e)) for e in range(len(case.params))])
+        jets = module.network_jet(*case.network, 1).detach()
+        residuals: Tensor = module.pointwise_residuals(jets, case.theta, case.physics, "mixed")
+        return residuals
+    return torch.stack([mixed_residuals(module, case.member(e)) for e in range(len(case.params))])
 
 
 def _rounded(params: Tensor, seed: int = 0) -> Tensor:

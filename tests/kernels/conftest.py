@@ -1,4 +1,7 @@
-"""Shared by the kernel tests: the ops under test, and a thread count that a test may change."""
+"""Shared by the kernel tests: the ops under test, and a thread count that a test may change.
+
+The fixture `ops` runs a test once for each device, `pytest -k cuda` picks the GPU's.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,34 @@ from types import ModuleType
 import pytest
 import torch
 
+from .devices import OnDevice
+
 
 @pytest.fixture
-def ops() -> ModuleType:
+def cpu_ops() -> ModuleType:
     """granpinn.ops, imported on first use: the oracle's own tests run without compiled kernels."""
     from granpinn import ops
 
     return ops
+
+
+@pytest.fixture
+def cuda_ops(cpu_ops: ModuleType) -> ModuleType:
+    """granpinn.ops on the GPU, for tensors of the CPU."""
+    from granpinn import _C
+
+    if not torch.cuda.is_available():
+        pytest.skip("torch finds no GPU")
+    missing = _C.build_info()["cuda_missing"]
+    if missing:
+        pytest.skip(f"granpinn was built without CUDA kernels: {missing}")
+    return OnDevice(cpu_ops, "cuda")
+
+
+@pytest.fixture(params=["cpu", "cuda"])
+def ops(request: pytest.FixtureRequest) -> ModuleType:
+    module: ModuleType = request.getfixturevalue(f"{request.param}_ops")
+    return module
 
 
 @pytest.fixture(autouse=True)

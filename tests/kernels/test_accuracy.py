@@ -1,7 +1,8 @@
 """K-1: every fused output and derivative, no worse than plain float32 autograd. See accuracy.py.
 
 60 rows of the table run always; the others, up to 500, with `-m long`. `python -m
-bench.kernel_accuracy` publishes medians and worst ratios.
+bench.kernel_accuracy` publishes medians and worst ratios. K-5: the CUDA kernels, no worse than the
+CPU's, on 200 rows: 40 always, the others with `-m long`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,19 @@ def test_no_worse_than_float32_autograd(row: Configuration, ops: ModuleType) -> 
     assert not failed
     # grad theta vanishes where a limit of the viscosity holds at every point
     assert {c.name for c in comparisons if c.norm == 0} <= {"grad theta"}
+
+
+@pytest.mark.parametrize(
+    "row",
+    [*ROWS[:40], *(pytest.param(row, marks=pytest.mark.long) for row in ROWS[40:200])],
+    ids=str,
+)
+def test_cuda_no_worse_than_the_cpu(
+    row: Configuration, cpu_ops: ModuleType, cuda_ops: ModuleType
+) -> None:
+    """With the CPU kernels in float64 for the truth: the rule of K-1, without nested autograd."""
+    comparisons = compare(row, cuda_ops, cpu_ops)
+    assert not [comparison for comparison in comparisons if not comparison.passed]
 
 
 def test_the_table_covers_what_it_promises() -> None:

@@ -26,7 +26,7 @@ def test_inertial_number_is_finite_without_pressure() -> None:
     torch.testing.assert_close(inertia, torch.tensor([0.04 / 1e-2, 0.04 / 0.5]))
 
 
-@pytest.mark.parametrize("module", ["reference", "ops"])
+@pytest.mark.parametrize("module", ["reference", "cpu_ops", "cuda_ops"])
 @pytest.mark.parametrize(
     ("gamma_dot", "p", "eta"),
     [
@@ -42,7 +42,7 @@ def test_limits(
     module: str, gamma_dot: float, p: float, eta: float, request: pytest.FixtureRequest
 ) -> None:
     """A limit holds exactly, and there every derivative is zero."""
-    viscosity = (reference if module == "reference" else request.getfixturevalue("ops")).viscosity
+    viscosity = (reference if module == "reference" else request.getfixturevalue(module)).viscosity
     inputs = [
         torch.tensor(value, dtype=torch.float64, requires_grad=True)
         for value in ([gamma_dot], [p], THETA)

@@ -1,0 +1,55 @@
+// A warp's stream of hidden weights: from L2 through a ring of stages in shared memory.
+//
+// The packed weights of a tile lie in the order of their use, so the stream runs on across layers
+// and tiles: while a layer's activations are computed, the next layer's weights arrive.
+#pragma once
+
+#include <cuda_pipeline_primitives.h>
+
+#include "layout.h"
+
+namespace granpinn::cuda::fused {
+
+__device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
+
+template <int H, int Stages>
+class WeightStream {
+ public:
+  static constexpr int kFloats = Stages * kStage;  // of shared memory, per warp
+
+  // `packed` holds the warps' streams one after another, `products` products long.
+  __device__ WeightStream(const float* packed, int products, float* ring)
+      : end_(products * (H / kBlockK) * kStage), ring_(ring + 4 * (threadIdx.x % 32)) {
+    if (products == 0) return;
+    from_ = packed + threadIdx.x / 32 * std::int64_t(end_) + 4 * (threadIdx.x % 32);
+    for (int i = 0; i < Stages - 1; ++i) fetch(i);
+  }
+
+  // The next stage, complete for all lanes, at this lane's four floats; valid until the next call.
+  __device__ const float* next() {
+    __pipeline_wait_prior(Stages - 2);
+    __syncwarp();
+    const int slot = slot_;
+    slot_ = slot_ + 1 == Stages ? 0 : slot_ + 1;
+    fetch(slot == 0 ? Stages - 1 : slot - 1);
+    return ring_ + slot * kStage;
+  }
+
+  __device__ void drain() { __pipeline_wait_prior(0); }
+
+ private:
+  __device__ void fetch(int slot) {
+    for (int i = 0; i < kStage; i += 128)
+      __pipeline_memcpy_async(ring_ + slot * kStage + i, from_ + ahead_ + i, 16);
+    __pipeline_commit();
+    ahead_ = ahead_ + kStage == end_ ? 0 : ahead_ + kStage;
+  }
+
+  int end_;  // of the stream, in floats
+  float* ring_;
+  const float* from_ = nullptr;
+  int ahead_ = 0;
+  int slot_ = 0;
+};
+
+}  // namespace granpinn::cuda::fused

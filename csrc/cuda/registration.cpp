@@ -1,0 +1,14 @@
+// Puts the CUDA kernels behind the operators; the schemas are in torch_library.cpp.
+#include <torch/library.h>
+
+#include "ops.h"
+
+TORCH_LIBRARY_IMPL(granpinn, CUDA, m) {
+  m.impl("network_jet", &granpinn::cuda::network_jet);
+  m.impl("network_jet_backward", &granpinn::cuda::network_jet_backward);
+  m.impl("residual_loss", &granpinn::cuda::residual_loss);
+  m.impl("viscosity", &granpinn::cuda::viscosity);
+  m.impl("viscosity_backward", &granpinn::cuda::viscosity_backward);
+  m.impl("pointwise_residuals", &granpinn::cuda::pointwise_residuals);
+  m.impl("sample_indices", &granpinn::cuda::sample_indices);
+}

@@ -1,0 +1,71 @@
+// granpinn::residual_loss on the GPU: the fused kernels where they fit, else layer after layer.
+#include <ATen/cuda/CUDAContext.h>
+
+#include "fused/fused_loss.h"
+#include "ops.h"
+
+namespace granpinn::cuda {
+
+namespace {
+
+template <class T>
+DeviceLoss<T> device_loss(const LossTensors& in, Ints widths, const LossResult& out) {
+  DeviceLoss<T> a{};
+  a.net = device_network<T>(in.params, widths, in.count, in.members());
+  a.net.input.shift = batched<T>(in.input_shift);
+  a.net.input.scale = batched<T>(in.input_scale);
+  a.form = in.form;
+  a.n = in.n;
+  a.m = in.m;
+  a.theta = batched<T>(in.theta);
+  a.points = batched<T>(in.points);
+  a.velocity = batched<T>(in.velocity);
+  a.point_weights = batched<T>(in.point_weights);
+  a.surface_points = batched<T>(in.surface_points);
+  a.surface_pressure = batched<T>(in.surface_pressure);
+  a.term_weights = batched<T>(in.term_weights);
+  a.physics = batched<T>(in.physics);
+  a.loss = std::get<0>(out).mutable_data_ptr<T>();
+  a.terms = std::get<1>(out).mutable_data_ptr<T>();
+  a.grad_params = std::get<2>(out).mutable_data_ptr<T>();
+  a.grad_theta = std::get<3>(out).mutable_data_ptr<T>();
+  return a;
+}
+
+template <class T>
+cudaError_t evaluate(const DeviceLoss<T>& a, bool fast, const at::Tensor& params) {
+  const auto stream = c10::cuda::getCurrentCUDAStream();
+  if constexpr (std::is_same_v<T, float>) {
+    if (fused::supports(a)) {
+      const auto plan =
+          fused::make_plan(a, fast, at::cuda::getCurrentDeviceProperties()->multiProcessorCount);
+      const at::Tensor memory = scratch(fused::scratch_size(a, plan), params);
+      return fused::loss(a, plan, memory.mutable_data_ptr(), stream);
+    }
+  }
+  const at::Tensor memory = scratch(layered_loss_scratch(a), params);
+  return layered_loss(a, memory.mutable_data_ptr(), stream);
+}
+
+}  // namespace
+
+LossResult residual_loss(const at::Tensor& params, const at::Tensor& theta,
+                         const at::Tensor& points, const at::Tensor& velocity,
+                         const at::Tensor& point_weights, const at::Tensor& surface_points,
+                         const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                         Ints widths, const at::Tensor& input_shift, const at::Tensor& input_scale,
+                         const at::Tensor& physics, c10::string_view form,
+                         c10::string_view precision) {
+  const LossTensors in =
+      loss_tensors(params, theta, points, velocity, point_weights, surface_points, surface_pressure,
+                   term_weights, widths, input_shift, input_scale, physics, form, precision);
+  const c10::cuda::CUDAGuard guard(params.device());
+  LossResult out = in.results();
+  const bool fast = fast_precision(precision);
+  AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "residual_loss", [&] {
+    check(evaluate(device_loss<scalar_t>(in, widths, out), fast, in.params), "residual_loss");
+  });
+  return out;
+}
+
+}  // namespace granpinn::cuda

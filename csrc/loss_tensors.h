@@ -1,0 +1,79 @@
+// The arguments and results of residual_loss as checked tensors. Shared by all devices.
+#pragma once
+
+#include <tuple>
+
+#include "arguments.h"
+
+namespace granpinn {
+
+using LossResult = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor>;
+
+// Everything contiguous, of one type and on one device.
+struct LossTensors {
+  Form form;
+  bool fast;              // precision
+  std::int64_t count, E;  // parameters; ensemble size, 0 without the axis
+  std::int64_t n, m;      // interior and surface points
+  at::Tensor params;
+  Shared theta, points, velocity, point_weights, surface_points, surface_pressure, term_weights;
+  Shared input_shift, input_scale, physics;
+
+  std::int64_t members() const { return E ? E : 1; }
+
+  // loss, terms, grad_params, grad_theta, not filled in
+  LossResult results() const {
+    const auto leading = [&](std::vector<std::int64_t> shape) {
+      if (E) shape.insert(shape.begin(), E);
+      return at::empty(shape, params.options());
+    };
+    return {leading({}), leading({kTerms}), leading({count}), leading({3})};
+  }
+};
+
+inline void check_outputs(Form form, c10::string_view name, Ints widths) {
+  const std::int64_t K = widths.back();
+  TORCH_CHECK_VALUE(form == Form::mixed    ? K == 5
+                    : form == Form::strong ? K == 3
+                                           : K == 3 || K == 5,
+                    "the ", name, " form takes a network with ",
+                    form == Form::mixed    ? "5"
+                    : form == Form::strong ? "3"
+                                           : "3 or 5",
+                    " outputs, got widths ", widths);
+}
+
+inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& theta,
+                                const at::Tensor& points, const at::Tensor& velocity,
+                                const at::Tensor& point_weights, const at::Tensor& surface_points,
+                                const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                                Ints widths, const at::Tensor& input_shift,
+                                const at::Tensor& input_scale, const at::Tensor& physics,
+                                c10::string_view form, c10::string_view precision) {
+  LossTensors in{};
+  in.count = parameter_count(widths);
+  in.fast = fast_precision(precision);
+  check_physics(physics.size(-1));
+  in.E = ensemble_size(params, in.count);
+  in.form = form_of(form);
+  check_outputs(in.form, form, widths);
+  in.params = params.contiguous();
+  const auto checked = [&](const char* name, const at::Tensor& a, std::vector<std::int64_t> shape) {
+    return shared(name, a, params, in.E, std::move(shape));
+  };
+  in.points = checked("points", points, {-1, 3});
+  in.surface_points = checked("surface_points", surface_points, {-1, 3});
+  in.n = points.size(-2);
+  in.m = surface_points.size(-2);
+  in.theta = checked("theta", theta, {3});
+  in.velocity = checked("velocity", velocity, {in.n, 2});
+  in.point_weights = checked("point_weights", point_weights, {in.n, 2});
+  in.surface_pressure = checked("surface_pressure", surface_pressure, {in.m});
+  in.term_weights = checked("term_weights", term_weights, {kTerms});
+  in.input_shift = checked("input_shift", input_shift, {3});
+  in.input_scale = checked("input_scale", input_scale, {3});
+  in.physics = checked("physics", physics, {kPhysics});
+  return in;
+}
+
+}  // namespace granpinn

@@ -1,0 +1,30 @@
+"""Every CUDA source compiles without a warning, where nvcc is installed.
+
+The build compiles them only where torch is a CUDA build; elsewhere this test is what tells.
+"""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted((ROOT / "csrc" / "cuda").rglob("*.cu"))
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_it_compiles(source: Path, tmp_path: Path) -> None:
+    nvcc = shutil.which("nvcc")
+    if nvcc is None:
+        pytest.skip("nvcc is not installed")
+    command = [nvcc, "-std=c++17", "--expt-relaxed-constexpr", "-arch=sm_90", "-I", ROOT / "csrc"]
+    command += ["-Werror", "all-warnings", "-Xcompiler=-Wall,-Wextra"]
+    command += ["-c", source, "-o", tmp_path / "object.o"]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_there_is_something_to_compile() -> None:
+    assert SOURCES
