@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
+
+from granpinn.data.format import FORMAT_NAME
 from granpinn.importers import (
     arrays,
     basilisk,
@@ -75,10 +78,20 @@ def detect(path: Path) -> str:
             return name
     if _headerless_pivlab(head):
         return "pivlab"
+    if _is_flow_file(path):
+        raise DataFileError(f"{path} is a flow file already: python -m granpinn.train {path}")
     raise DataFileError(
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
         "the vectors as plain arrays (.npz) or a table"
     )
+
+
+def _is_flow_file(path: Path) -> bool:
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format_name") == FORMAT_NAME.encode())
+    except OSError:  # no HDF5
+        return False
 
 
 def _headerless_pivlab(head: bytes) -> bool:

@@ -23,6 +23,8 @@ def read_vectors(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     format: str = AUTO,
     options: dict[str, Any] | None = None,
+    *,
+    count: bool = False,
 ) -> VectorFields:
     """The vectors of one file or of a series of files, as the instrument gives them.
 
@@ -31,6 +33,7 @@ def read_vectors(
             as "run/PIVlab_*.txt".
         format: a key of `FORMATS`, or "auto".
         options: values for the readers' own arguments.
+        count: count files of one frame each through, whatever times they hold.
 
     Raises:
         DataFileError: a file cannot be used; the message is one sentence.
@@ -48,10 +51,18 @@ def read_vectors(
                 "convert one kind of files at a time"
             )
         name = found
-        parts.append(read_file(file, name, options or {}))
+        part = read_file(file, name, options or {})
+        parts.append(_counted(part) if count else part)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
+
+
+def _counted(part: VectorFields) -> VectorFields:
+    """A file of one frame without its own time; a file of many knows theirs."""
+    if np.unique(part.t).size > 1:
+        return part
+    return replace(part, t=np.zeros_like(part.t), time_unit="frame")
 
 
 def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
@@ -123,11 +134,14 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
 def _times(parts: list[VectorFields]) -> list[Any]:
     """Times of the parts; frames that every file counts from 0 are counted through."""
     times = [part.t for part in parts]
-    if parts[0].time_unit != "frame":
-        return times
     ascending = all(a.max() < b.min() for a, b in itertools.pairwise(times))
-    if ascending:
+    if ascending or parts[0].scattered:
         return times
+    if parts[0].time_unit != "frame":
+        raise DataFileError(
+            f"the files must have times that increase with their names, got {times[0][0]:g} and "
+            f"{times[1][0]:g} in the first two: give --times, or --time-unit frame to count them"
+        )
     if not all(t.min() == 0 for t in times):
         raise DataFileError(
             "the files must have frame numbers that increase with their names, got others: rename "

@@ -30,7 +30,8 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
         options: dict[str, Any] = {"window": settings.track_window}
         if settings.fields:
             options["names"] = _names(settings.fields)
-        fields = read_vectors(source, settings.format, options)
+        count = settings.times is not None or settings.time_unit == "frame"
+        fields = read_vectors(source, settings.format, options, count=count)
     if settings.times is not None:
         fields = _with_times(fields, settings.times, source)
     if settings.dimensionless and {fields.length_unit, fields.velocity_unit} - {None, "1", "-"}:

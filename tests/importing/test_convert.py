@@ -267,3 +267,26 @@ def _settings(flags: list[str]) -> dict[str, Any]:
     """The settings of a command line."""
     settings = parse(["a", "--out", "b.h5", *flags])[2]
     return {name: value for name, value in vars(settings).items() if value is not None}
+
+
+def test_files_that_hold_the_same_time(tmp_path: Path) -> None:
+    """Some programs write no true times: they can be counted, or given."""
+    vectors = {"y": scene.Y_DOWN, "x": scene.X, "u": 1 + scene.velocity()[0][:1]}
+    units = {"length_unit": "mm", "time_unit": "s", "velocity_unit": "mm/s"}
+    for k in range(3):
+        np.savez(tmp_path / f"a{k}.npz", t=[7.5], v=vectors["u"], **vectors, **units)
+    files = str(tmp_path / "a*.npz")
+    with pytest.raises(DataFileError, match="times that increase with their names, got 7.5 and 7"):
+        read(files, surface="none", **PLAIN)
+    counted = read(files, surface="none", time_unit="frame", frame_rate="10 Hz", **PLAIN)
+    np.testing.assert_allclose(counted.t, [0.05, 0.15, 0.25])
+    (tmp_path / "times.txt").write_text("t [ms]\n1\n2\n4\n")
+    given = read(files, surface="none", times=str(tmp_path / "times.txt"), **PLAIN)
+    np.testing.assert_allclose(given.t, [1e-3, 2e-3, 4e-3])
+
+
+def test_a_flow_file_needs_no_conversion(tmp_path: Path, series: list[str], capsys: Any) -> None:
+    out = tmp_path / "flow.h5"
+    assert run(*series, "--out", out, *CAMERA, *MATERIAL) == 0
+    assert run(out, "--out", tmp_path / "other.h5") == 2
+    assert "is a flow file already: python -m granpinn.train" in capsys.readouterr().err
