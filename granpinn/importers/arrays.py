@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.gaps import split_gaps
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 MAX_BYTES = 2**32
@@ -88,6 +88,7 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         validity=_codes(arrays, np.isfinite(u + v), path),
         **{name: str(np.asarray(arrays[name])) for name in TEXTS if name in arrays},
         y_down=bool(np.asarray(arrays["y_down"])) if "y_down" in arrays else None,
+        facts={} if {"validity", "mask"} & set(arrays) else {"mask": GAPS},
     )
 
 

@@ -12,6 +12,7 @@ from granpinn.data.flow import Flow, Surface
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.frame import Frame, frame_of, missing_units
+from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
@@ -63,6 +64,12 @@ def convert(
     flow = make(si, settings, frame, line, constants)
     for text in _summary(flow, material):
         tell(text)
+    inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
+    if inferred and line is None and flow.surface is not None:
+        tell(
+            "the files do not say what is masked: the free surface is the edge of the vectors; "
+            "give --mask or --surface if the PIV program lost vectors there"
+        )
     return flow
 
 

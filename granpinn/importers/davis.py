@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.gaps import split_gaps
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
@@ -174,5 +174,5 @@ def read_text_export(path: Path) -> VectorFields:
         time_unit="frame",
         velocity_unit="px/frame" if found in ("pixel", "px") else found,
         y_down=y_points_down(table[:, 1]) if found in ("pixel", "px") else False,
-        facts={"davis": head[1]},
+        facts={"davis": head[1], "mask": GAPS},
     )

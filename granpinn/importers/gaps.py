@@ -10,6 +10,8 @@ from scipy.ndimage import binary_fill_holes
 from granpinn.data.particles import closed
 from granpinn.importers.vectors import Bool, Int8, Validity
 
+GAPS = "gaps"  # the fact "mask" of files whose mask is what this module makes of them
+
 
 def split_gaps(measured: Bool) -> Int8:
     """VALID where there is a vector; gaps among the vectors INVALID, all outside MASKED.

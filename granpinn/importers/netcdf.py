@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.gaps import split_gaps
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
 
 MAX_BYTES = 2**32
@@ -88,7 +88,7 @@ def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
         time_unit=unit["t"] if timed and unit["t"] else "frame",
         velocity_unit=unit["u"],
         y_down=None,
-        facts={"delta_t": str(data.attrs.get("delta_t", ""))},
+        facts={"delta_t": str(data.attrs.get("delta_t", "")), "mask": GAPS},
     )
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.importers.gaps import split_gaps
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
 from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
 
@@ -57,7 +57,7 @@ def read(path: Path) -> VectorFields:
         **grids,
         time_unit="frame",
         y_down=y_points_down(table[:, 1]),
-        facts={"vector_types": "no" if codes is None else "yes"},
+        facts={"vector_types": "no", "mask": GAPS} if codes is None else {"vector_types": "yes"},
     )
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.importers.gaps import split_gaps
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
 from granpinn.importers.vectors import (
     DataFileError,
@@ -67,7 +67,7 @@ def read(path: Path) -> VectorFields:
     grids = to_grid(path, dict(zip("xyuv", table.T[:4], strict=True)), codes)
     if codes is None:
         grids["validity"] = split_gaps(np.isfinite(grids["u"] + grids["v"]))
-    facts = {"vector_types": "no" if codes is None else "yes"}
+    facts = {"vector_types": "yes"} if codes is not None else {"vector_types": "no", "mask": GAPS}
     if factor := _FACTOR.search(head):
         facts["meters_per_pixel"] = factor[1]
     velocity_unit = units.get("u")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granpinn.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
 from granpinn.importers.vectors import warn_of_zeros
@@ -240,3 +241,13 @@ def test_vc7_samples() -> None:
     assert urban.sigma_u is not None
     for fields in (jet, urban):
         assert not ((fields.u == 0) & (fields.v == 0)).any()
+
+
+def test_a_mask_that_is_made_of_gaps_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(davis(tmp_path / f"B{k}.txt", k)) for k in range(scene.FRAMES)]
+    material = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3"]
+    more = ["--solid-fraction", "0.6", "--frame-rate", "9 Hz", "--out", str(tmp_path / "f.h5")]
+    assert main([*files, *material, *more]) == 0
+    assert "the free surface is the edge of the vectors" in capsys.readouterr().out
