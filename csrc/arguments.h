@@ -130,6 +130,13 @@ inline bool fast_precision(c10::string_view name) {
   return name == "fast";
 }
 
+// A stack of matrices, [..., m, n].
+inline void check_matrices(const at::Tensor& G) {
+  TORCH_CHECK_TYPE(G.scalar_type() == at::kFloat || G.scalar_type() == at::kDouble,
+                   "G must be float32 or float64, got ", shape_of(G));
+  TORCH_CHECK_VALUE(G.dim() >= 2, "G must be [..., m, n], got ", shape_of(G));
+}
+
 inline int channels_of(std::int64_t order) {
   TORCH_CHECK_VALUE(order >= 0 && order <= 2, "order must be 0, 1 or 2, got ", order);
   return order == 0 ? 1 : order == 1 ? 4 : 7;

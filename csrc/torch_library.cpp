@@ -31,6 +31,27 @@ TORCH_LIBRARY(granpinn, m) {
       "float eta_min, float eta_max, float p_floor) -> (Tensor, Tensor, Tensor)");
   m.def("pointwise_residuals(Tensor raw_jets, Tensor theta, float[] physics, str form) -> Tensor");
   m.def("sample_indices(Tensor step, int seed, int stream, int count, int population) -> Tensor");
+  m.def("orthogonalize(Tensor G) -> Tensor");
+  m.def(
+      "draw_batch(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
+      "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
+      "Tensor term_weights, int interior, int surface, int share) "
+      "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
+  m.def(
+      "check_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
+      "Tensor counts, Tensor loss, Tensor grad_params, Tensor grad_theta) -> ()");
+  m.def(
+      "update_params(Tensor counter, Tensor table, Tensor slower, Tensor(a!) fault, "
+      "Tensor counts, Tensor gradient, Tensor(b!) params, Tensor(c!) first, Tensor(d!) second, "
+      "Tensor(e!) direction, int[] matrices, float[] adam, float momentum) -> ()");
+  m.def(
+      "descend(Tensor counter, Tensor table, Tensor slower, Tensor(a!) fault, Tensor counts, "
+      "Tensor U, Tensor(b!) params, int offset, int apart, float learning_rate) -> ()");
+  m.def(
+      "finish_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
+      "Tensor(c!) counts, Tensor grad_theta, Tensor(d!) q, Tensor(e!) first, Tensor(f!) second, "
+      "Tensor(g!) theta, Tensor params, Tensor(h!) average_params, Tensor(i!) average_q, "
+      "float[] adam, str variables, bool law_moves) -> ()");
 }
 
 TORCH_LIBRARY_IMPL(granpinn, CPU, m) {
@@ -41,6 +62,7 @@ TORCH_LIBRARY_IMPL(granpinn, CPU, m) {
   m.impl("viscosity_backward", &granpinn::viscosity_backward_cpu);
   m.impl("pointwise_residuals", &granpinn::pointwise_residuals_cpu);
   m.impl("sample_indices", &granpinn::sample_indices_cpu);
+  m.impl("orthogonalize", &granpinn::orthogonalize_cpu);
 }
 
 PYBIND11_MODULE(_C, m) {

@@ -15,17 +15,28 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
+    from granpinn.ensemble import identify_many
     from granpinn.identification import identify
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
 __version__ = "0.1.0"
-__all__ = ["Config", "Result", "__version__", "identify", "read_flow", "simulate", "write_flow"]
+__all__ = [
+    "Config",
+    "Result",
+    "__version__",
+    "identify",
+    "identify_many",
+    "read_flow",
+    "simulate",
+    "write_flow",
+]
 
 _HOMES = {
     "Config": "granpinn.config",
     "Result": "granpinn.results",
     "identify": "granpinn.identification",
+    "identify_many": "granpinn.ensemble",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",

@@ -29,7 +29,8 @@ def plan(training: Training, deadline: float, at_most: int) -> Schedule:
         for alone, weight in ((True, prefit), (False, 1 - prefit))
         if weight > 0
     )
-    return Schedule(_steps(deadline, pace, at_most), schedule.settings)
+    (total,) = training.processes.first([_steps(deadline, pace, at_most)])
+    return Schedule(int(total), schedule.settings)
 
 
 def corrected(
@@ -57,10 +58,14 @@ def _pace(training: Training, velocity_alone: bool) -> float:
     training.remember()
     times: list[float] = []
     begin = time.monotonic()
-    while len(times) < WARM_UP + 3 or time.monotonic() - begin < PROBE_SECONDS:
-        start = time.monotonic()
+    while any(
+        training.processes.first(
+            [len(times) < WARM_UP + 3, time.monotonic() - begin < PROBE_SECONDS]
+        )
+    ):
+        start, before = time.monotonic(), training.step
         training.advance()
-        times.append(time.monotonic() - start)
+        times.append((time.monotonic() - start) / (training.step - before))
     training.restore()
     training.schedule = schedule
     return statistics.median(times[WARM_UP:])

@@ -1,9 +1,10 @@
 """Notice what must stop a run: a number that is not finite, or a signal.
 
 Loss and gradients are tested before the update that would use them, the parameters after it, so
-that a NaN is seen in the step that makes it. The training loop then goes back to its last good
-state once, at half the learning rate: a run that diverged because its steps were too long
-recovers. When it happens again, the run stops and names the tensor.
+that a NaN is seen in the step that makes it (csrc/step.h; granpinn/control.py reads what was
+found). The training loop then goes back to its last good state once, at half the learning rate: a
+run that diverged because its steps were too long recovers. When it happens again, the run stops
+and names the tensor; of several members, those that it happened to stop.
 """
 
 from __future__ import annotations
@@ -20,7 +21,15 @@ from torch import Tensor
 
 
 class NonFiniteError(ArithmeticError):
-    """A tensor of the training state holds a NaN or an infinity; the message names it."""
+    """A tensor of the training state holds a NaN or an infinity; the message names it.
+
+    Attributes:
+        members: the members of the run that it happened to, each with its own sentence.
+    """
+
+    def __init__(self, message: str, members: Mapping[int, str] | None = None) -> None:
+        super().__init__(message)
+        self.members = dict(members or {})
 
 
 class Interrupted(KeyboardInterrupt):
@@ -29,19 +38,6 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, signum: int, message: str) -> None:
         super().__init__(message)
         self.signum = signum
-
-
-def first_nonfinite(tensors: Mapping[str, Tensor]) -> str | None:
-    """Name of the first tensor that holds a NaN or an infinity.
-
-    A sum is finite only if every term is (a sum that overflows counts as not finite), which makes
-    one short pass per tensor and one transfer to the host for all of them.
-    """
-    sums = torch.stack([tensor.sum() for tensor in tensors.values()])
-    if bool(torch.isfinite(sums.sum())):
-        return None
-    finite = torch.isfinite(sums).tolist()
-    return next((name for name, good in zip(tensors, finite, strict=True) if not good), None)
 
 
 def require_finite(tensors: Mapping[str, Tensor]) -> None:

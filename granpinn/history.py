@@ -11,9 +11,11 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,15 @@ class Row:
 
 
 COLUMNS = tuple(f.name for f in fields(Row))
+
+
+def median(rows: Sequence[Row]) -> Row:
+    """The medians, column by column, of one row of every member."""
+    if len(rows) == 1:
+        return rows[0]
+    columns = zip(*(vars(row).values() for row in rows), strict=True)
+    step, *values = (float(np.median(column)) for column in columns)
+    return Row(int(step), *values)
 
 
 class History:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from granpinn import arguments, fields, prediction, problem, results, scoring
 from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, check_flow, read_flow, training_set
-from granpinn.objective import Objective
+from granpinn.objective import Member, Objective
+from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
 from granpinn.progress import Progress, Silent
 from granpinn.results import Parameter, Parameters, Result
@@ -52,6 +54,8 @@ def identify(
 ) -> Result:
     """Identify mu_s and mu_2 of a flow, with the velocity and pressure fields that go with them.
 
+    In a group of processes (granpinn/parallel.py) all work on this one flow; the first one writes.
+
     Args:
         flow: a flow, or the path of a flow file.
         config: settings, by default the default recipe; its `flow` and `out` are not used.
@@ -65,36 +69,83 @@ def identify(
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written where there is a folder.
     """
     begin = time.monotonic()
-    config = config or Config()
-    device = choose_device(config.device)
+    case = pose(flow, config or Config())
+    together = processes(choose_device(case.config.device))
+    folder = None if run_dir is None else Path(run_dir)
+    if together.rank > 0:
+        progress = None
+    elif folder is not None:
+        prepare(folder, case.config)
+    together.wait()
+    run = start([case], case.config, folder, progress, begin, together=together)
+    run.train()
+    return finish(case, run, 0, folder if together.rank == 0 else None)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flow, the settings to identify it with, and what training sees of it.
+
+    Attributes:
+        config: with the seed and the I0 of this case.
+    """
+
+    flow: Flow
+    config: Config
+    scales: Scales
+    member: Member
+
+
+def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
+    """Read and check a flow, and make the problem that the training solves."""
+    choose_device(config.device)
     if isinstance(flow, Flow):
         check_flow(flow)
     else:
         flow = read_flow(flow)
-
     # What training sees has neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
     scales = Scales.from_flow(seen)
     data = training_set(seen, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(seen, scales, data, config)
-    objective = Objective(posed, data, config.batch, config.seed, device)
+    return Case(flow, config, scales, Member(posed, data, config.seed, config.I0))
+
+
+def start(
+    cases: Sequence[Case],
+    config: Config,
+    folder: Path | None,
+    progress: Progress | None,
+    begin: float,
+    members: Sequence[Path | None] | None = None,
+    together: Processes | None = None,
+) -> Run:
+    """The run that trains the cases side by side; it counts its time limit from `begin`."""
+    device = choose_device(config.device)
+    together = together or Alone()
+    share = (together.rank, together.size)
+    objective = Objective([case.member for case in cases], config.batch, device, share)
     deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
         deadline = begin + config.max_time - kept
-    folder = None if run_dir is None else _prepare(Path(run_dir), config)
     progress = progress or Silent()
-    run = Run(objective, config, folder, progress, deadline)
+    run = Run(objective, config, folder, progress, deadline, members, together)
+    many = f"{len(cases)} members, " if len(cases) > 1 else ""
+    many += f"{together.size} processes, " if together.size > 1 else ""
     progress.message(
-        f"{len(objective.points)} points, {len(objective.surface_points)} surface points, "
-        f"{posed.spec.n_params} network parameters, {config.dtype} on {device}"
+        f"{many}{len(objective.points)} points, {len(objective.surface_points)} surface "
+        f"points, {objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
-    run.train()
+    return run
 
-    model = Model(posed, *run.training.solution(), scales)
-    maps = predict(flow, model)
-    result = _result(flow, config, run, model, maps)
+
+def finish(case: Case, run: Run, member: int, folder: Path | None) -> Result:
+    """The result of a trained member, written to its folder where it has one."""
+    model = Model(case.member.problem, *run.training.solution(member), case.scales)
+    maps = predict(case.flow, model)
+    result = _result(case, run, member, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
         fields.write_fields(maps, folder / "fields.h5")
@@ -124,7 +175,7 @@ def choose_device(name: str) -> torch.device:
     return torch.device("cuda" if usable and name != "cpu" else "cpu")
 
 
-def _prepare(folder: Path, config: Config) -> Path:
+def prepare(folder: Path, config: Config) -> Path:
     """Make the run folder and write config.toml to it; never mix two runs."""
     taken = [name for name in ("results.json", "history.csv") if (folder / name).exists()]
     if taken and not config.resume:
@@ -143,17 +194,17 @@ def _prepare(folder: Path, config: Config) -> Path:
     return folder
 
 
-def _result(flow: Flow, config: Config, run: Run, model: Model, maps: fields.Fields) -> Result:
+def _result(case: Case, run: Run, member: int, model: Model, maps: fields.Fields) -> Result:
+    flow, config, data = case.flow, case.config, case.member.data
     mu_s, mu_2, _ = model.theta.tolist()
     parameters = Parameters(
         Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(config.I0, fixed=True)
     )
-    p = model.problem
     at_particles = prediction.velocity_at_particles(
-        flow, p.spec, model.params, p.physics, model.scales
+        flow, model.problem.spec, model.params, model.problem.physics, model.scales
     )
     scores = scoring.score(flow, maps, parameters, at_particles)
-    steps = run.training.step
+    steps, failure = run.training.step, run.training.lost.get(member)
     return Result(
         parameters=parameters,
         level=config.level,
@@ -161,8 +212,8 @@ def _result(flow: Flow, config: Config, run: Run, model: Model, maps: fields.Fie
         recipe=config.recipe,
         seed=config.seed,
         data=results.DataSummary(
-            n_points=len(run.training.objective.points),
-            n_surface=len(run.training.objective.surface_points),
+            n_points=len(data.points),
+            n_surface=len(data.surface_points),
             noise=config.noise,
             n_frames=int(flow.t.size),
         ),
@@ -171,7 +222,8 @@ def _result(flow: Flow, config: Config, run: Run, model: Model, maps: fields.Fie
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
         settings=dataclasses.asdict(config),
-        stopped=run.stopped,
+        stopped=run.stopped if failure is None else "diverged",
+        failure=failure,
         truth=flow.truth,
         error_percent=scores.error_percent,
         zones=scores.zones,

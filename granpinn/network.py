@@ -45,6 +45,11 @@ def n_params(widths: Sequence[int]) -> int:
     return sum(n_out * (n_in + 1) for n_in, n_out in pairwise(widths))
 
 
+def layer_offsets(widths: Sequence[int]) -> list[int]:
+    """Where W of each layer begins in the flat parameter vector."""
+    return [n_params(widths[: layer + 1]) for layer in range(len(widths) - 1)]
+
+
 def views(params: Tensor, widths: Sequence[int]) -> list[tuple[Tensor, Tensor]]:
     """(W [out, in], b [out]) of every layer, sharing memory with params [P]."""
     if params.shape != (n_params(widths),):

@@ -1,140 +1,157 @@
-"""One optimization step on flat vectors: Adam, or Muon on the hidden matrices with Adam elsewhere.
+"""One update of E networks and friction laws: Adam, or Muon on the hidden matrices with Adam else.
 
-The state lives in a few flat tensors (`tensors`), which is all that a checkpoint needs.
+The state lives in a few tensors with a leading axis of members, which is all that a checkpoint
+needs. The arithmetic is in csrc/step.h; here is only which parameters are matrices.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.optim.adam import adam
 
+from granpinn import step_ops  # noqa: F401  (registers the shapes of the operators)
 from granpinn.config import Optimizer
-from granpinn.network import views
+from granpinn.control import Control
+from granpinn.network import layer_offsets
+from granpinn.scalars import Scalars
 
 BETA_1 = 0.9
 
+_ops = torch.ops.granpinn
 
-class FlatOptimizer:
-    """Updates the network's params [P] and the rheology scalars [2] in place."""
+
+@dataclass(frozen=True)
+class Group:
+    """`count` successive hidden matrices [m, n] in a parameter vector, from `offset` on.
+
+    They lie a bias apart from each other: matrix l begins at offset + l (m n + m).
+    """
+
+    offset: int
+    count: int
+    m: int
+    n: int
+
+    @property
+    def apart(self) -> int:
+        return self.m * self.n + self.m
+
+    def of(self, flat: Tensor) -> Tensor:
+        """The matrices [E, count, m, n] in flat [E, P], as a view."""
+        shape = (flat.shape[0], self.count, self.m, self.n)
+        strides = (flat.stride(0), self.apart, self.n, 1)
+        return flat.as_strided(shape, strides, flat.storage_offset() + self.offset)
+
+
+class BatchOptimizer:
+    """Updates params [E, P] and the rheology scalars q [E, 2] in place, and their averages.
+
+    Attributes:
+        average_params, average_q: means over the steps that the control table gives a weight.
+    """
 
     def __init__(
-        self, params: Tensor, scalars: Tensor, widths: Sequence[int], settings: Optimizer
+        self,
+        params: Tensor,
+        scalars: Scalars,
+        widths: Sequence[int],
+        settings: Optimizer,
+        control: Control,
     ) -> None:
-        self.settings = settings
-        hidden = range(1, len(widths) - 2) if settings.method == "muon" else range(0)
-        self._matrices = [views(params, widths)[layer][0] for layer in hidden]
-        self._slices = _runs_outside(params, self._matrices)
-        self._network = _Adam([params[s] for s in self._slices], settings)
-        self._scalars = _Adam([scalars], settings)
-        self._momenta = [torch.zeros_like(W) for W in self._matrices]
-        self._matrix_slices = [_slice_of(W) for W in self._matrices]
+        self.params, self.scalars, self.control, self.settings = params, scalars, control, settings
+        self.groups = hidden_groups(widths) if settings.method == "muon" else []
+        self.matrices = [
+            number
+            for g in self.groups
+            for i in range(g.count)
+            for number in (g.offset + i * g.apart, g.m * g.n)
+        ]
+        q = scalars.values
+        self.counts = torch.zeros(len(params), 2, dtype=torch.int64, device=params.device)
+        self.first, self.second = torch.zeros_like(params), torch.zeros_like(params)
+        self.first_q, self.second_q = torch.zeros_like(q), torch.zeros_like(q)
+        self.direction = torch.zeros_like(params)
+        self.average_params, self.average_q = params.clone(), q.clone()
 
-    def step(self, grad_params: Tensor, grad_scalars: Tensor | None, factor: float) -> None:
-        """One update at `factor` times the learning rates of the settings.
+    def step(
+        self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor, law_moves: bool = True
+    ) -> None:
+        """One update, if all is finite; `control` says at which learning rates and of which step.
 
         Args:
-            grad_params: d loss / d params [P].
-            grad_scalars: d loss / d q [2], None while the scalars are not trained.
+            loss: [E].
+            grad_params: d loss / d params [E, P].
+            grad_theta: d loss / d theta [E, 3].
+            law_moves: False while the friction law is not trained.
         """
-        s = self.settings
-        self._network.step([grad_params[i] for i in self._slices], factor * s.learning_rate)
-        if grad_scalars is not None:
-            self._scalars.step([grad_scalars], factor * s.scalars_learning_rate)
-        for W, B, i in zip(self._matrices, self._momenta, self._matrix_slices, strict=True):
-            muon(W, grad_params[i].view_as(W), B, factor * s.muon_learning_rate, s.momentum)
+        s, c, Q = self.settings, self.control, self.scalars
+        state = (c.counter, c.table, c.slower, c.fault, self.counts)
+        rest = [BETA_1, s.beta_2, s.epsilon]
+        _ops.check_step(*state, loss, grad_params, grad_theta)
+        _ops.update_params(
+            *state,
+            grad_params,
+            self.params,
+            self.first,
+            self.second,
+            self.direction,
+            self.matrices,
+            [s.learning_rate, *rest],
+            s.momentum,
+        )
+        for g in self.groups:
+            U = _ops.orthogonalize(g.of(self.direction))
+            rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
+            _ops.descend(*state, U, self.params, g.offset, g.apart, rate)
+        _ops.finish_step(
+            *state,
+            grad_theta,
+            Q.values,
+            self.first_q,
+            self.second_q,
+            Q.theta,
+            self.params,
+            self.average_params,
+            self.average_q,
+            [s.scalars_learning_rate, *rest],
+            Q.variables,
+            law_moves,
+        )
 
     def reset(self) -> None:
         """Forget all momenta: the loss is another one from here on."""
-        for tensor in self.tensors().values():
+        for tensor in self.momenta().values():
             tensor.zero_()
+
+    def momenta(self) -> dict[str, Tensor]:
+        """What an update depends on besides the parameters, by name, live; [E, ...] each."""
+        return {
+            "optimizer.counts": self.counts,
+            "optimizer.first": self.first,
+            "optimizer.second": self.second,
+            "optimizer.scalars.first": self.first_q,
+            "optimizer.scalars.second": self.second_q,
+        }
 
     def tensors(self) -> dict[str, Tensor]:
         """Every tensor of the state by name, live: copying into them restores it."""
-        found = self._network.tensors("network") | self._scalars.tensors("scalars")
-        return found | {f"muon.momentum.{i}": B for i, B in enumerate(self._momenta)}
+        averages = {"average.params": self.average_params, "average.scalars": self.average_q}
+        return averages | self.momenta()
 
 
-class _Adam:
-    """Adam (Kingma & Ba, 2015) through torch's fused kernel."""
-
-    def __init__(self, params: list[Tensor], settings: Optimizer) -> None:
-        self.params = params
-        self.settings = settings
-        self.first = [torch.zeros_like(p) for p in params]
-        self.second = [torch.zeros_like(p) for p in params]
-        self.steps = [torch.zeros((), dtype=torch.float32, device=p.device) for p in params]
-
-    def step(self, grads: list[Tensor], learning_rate: float) -> None:
-        adam(
-            self.params,
-            grads,
-            self.first,
-            self.second,
-            [],
-            self.steps,
-            fused=True,
-            amsgrad=False,
-            beta1=BETA_1,
-            beta2=self.settings.beta_2,
-            lr=learning_rate,
-            weight_decay=0.0,
-            eps=self.settings.epsilon,
-            maximize=False,
-        )
-
-    def tensors(self, name: str) -> dict[str, Tensor]:
-        kinds = {"first": self.first, "second": self.second, "steps": self.steps}
-        return {
-            f"adam.{name}.{kind}.{i}": t for kind, ts in kinds.items() for i, t in enumerate(ts)
-        }
-
-
-def _runs_outside(params: Tensor, matrices: list[Tensor]) -> list[slice]:
-    """The contiguous runs of params [P] that belong to no matrix."""
-    runs, start = [], 0
-    for i in map(_slice_of, matrices):
-        runs.append(slice(start, i.start))
-        start = i.stop
-    return [*runs, slice(start, params.numel())]
-
-
-def _slice_of(W: Tensor) -> slice:
-    """Where a matrix lies in the vector that it is a view of."""
-    start = int(W.storage_offset())
-    return slice(start, start + W.numel())
-
-
-def muon(W: Tensor, G: Tensor, B: Tensor, learning_rate: float, momentum: float) -> None:
-    """One Muon update of W [m, n] from its gradient G and its momentum B, both [m, n].
-
-    Jordan et al., "Muon: an optimizer for hidden layers in neural networks" (2024): the
-    Nesterov-averaged gradient with its singular values set to about 1.
-    """
-    B.lerp_(G, 1 - momentum)
-    scale = math.sqrt(max(1.0, W.shape[0] / W.shape[1]))  # 1 for square matrices
-    W.sub_(orthogonalized(G.lerp(B, momentum)), alpha=learning_rate * scale)
-
-
-def orthogonalized(G: Tensor, steps: int = 5) -> Tensor:
-    """U V^T of G = U S V^T to about 30 %, by `steps` Newton-Schulz iterations (quintic).
-
-    In the precision of G: torch.optim.Muon has bfloat16 here, which is slow on processors without
-    it and rounds the update to three digits.
-    """
-    a, b, c = 3.4445, -4.7750, 2.0315
-    X: Tensor = G / torch.linalg.vector_norm(G).clamp(min=1e-30)
-    if tall := G.shape[0] > G.shape[1]:
-        X = X.T
-    for _ in range(steps):
-        A = X @ X.T
-        X = torch.addmm(X, torch.addmm(A, A, A, beta=b, alpha=c), X, beta=a)
-    return X.T if tall else X
-
-
-def average_into(average: Tensor, value: Tensor, count: int) -> None:
-    """Make `average`, the mean of count - 1 values, the mean of count values."""
-    average.lerp_(value, 1 / count)
+def hidden_groups(widths: Sequence[int]) -> list[Group]:
+    """The matrices between hidden layers; neighbours of one square shape make a group."""
+    groups: list[Group] = []
+    offsets = layer_offsets(widths)
+    for layer in range(1, len(widths) - 2):
+        n, m = widths[layer], widths[layer + 1]
+        last = groups[-1] if groups else None
+        if last and (last.m, last.n) == (m, n):
+            groups[-1] = Group(last.offset, last.count + 1, m, n)
+        else:
+            groups.append(Group(offsets[layer], 1, m, n))
+    return groups

@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.network import OUTPUTS, NetworkSpec
@@ -68,7 +71,9 @@ def _term_weights(config: Config, scales: Scales) -> list[float]:
     return [sigma**-2 for sigma in sigmas]
 
 
-def velocity_relaxation(settings: Weights, weight: float, misfit: float, done: float) -> float:
+def velocity_relaxation(
+    settings: Weights, weight: npt.ArrayLike, misfit: npt.ArrayLike, done: float
+) -> npt.NDArray[np.float64]:
     """Factor on the weight of the velocity term of noisy data, 1 for clean data.
 
     sigma_velocity is what the network cannot resolve, and it is too strict for noisy data: the
@@ -77,9 +82,10 @@ def velocity_relaxation(settings: Weights, weight: float, misfit: float, done: f
     too much: the friction law would bend the velocity instead (docs/method.md).
 
     Args:
-        weight: 1/sigma_velocity^2.
-        misfit: rms misfit of one velocity component after the pre-fit, dimensionless.
+        weight: 1/sigma_velocity^2, of one or of many members.
+        misfit: rms misfit of one velocity component after the pre-fit, dimensionless; likewise.
         done: how much of the stage after the pre-fit is over, in [0, 1].
     """
-    ratio = settings.noise_part * misfit * math.sqrt(weight)
-    return float(max(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise)))
+    ratio = settings.noise_part * np.asarray(misfit) * np.sqrt(weight)
+    relaxation = np.maximum(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise))
+    return np.asarray(relaxation, dtype=np.float64)

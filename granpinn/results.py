@@ -151,6 +151,12 @@ class Input:
 
 @dataclass(frozen=True)
 class Result:
+    """Everything about one identification.
+
+    `failure` says why the training of a member of a batch ended before the others; its numbers are
+    then those of its last good state, and `stopped` is "diverged".
+    """
+
     parameters: Parameters
     level: str
     form: str
@@ -163,6 +169,7 @@ class Result:
     input: Input
     settings: dict[str, Any] = field(default_factory=dict)
     stopped: str = "steps"
+    failure: str | None = None
     truth: Truth | None = None
     error_percent: ErrorPercent = field(default_factory=ErrorPercent)
     zones: Zones | None = None
@@ -234,7 +241,7 @@ def plain(value: Any) -> Any:
 def write_results(result: Result, path: str | Path) -> None:
     """Write results.json.  The result is decoded first: what cannot be read is not written."""
     content = result.to_dict()
-    _from_dict(content, "the result")
+    from_dict(content)
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     with atomic_path(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -251,14 +258,15 @@ def read_results(path: str | Path) -> Result:
         ) from None
     except (OSError, ValueError, RecursionError) as error:
         raise ResultsFileError(f"{path} could not be read as strict JSON: {error}") from None
-    return _from_dict(content, path.name)
+    return from_dict(content, path.name)
 
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is not a JSON number, expected null")
 
 
-def _from_dict(content: Any, where: str) -> Result:
+def from_dict(content: Any, where: str = "the result") -> Result:
+    """The inverse of `Result.to_dict`; ResultsFileError says in one sentence what is wrong."""
     if not isinstance(content, dict):
         raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
     content = dict(content)

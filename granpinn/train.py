@@ -2,6 +2,9 @@
 
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report.
 
+`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes, each with its GPU where there
+are some, share every batch.
+
 Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
 """
 
@@ -11,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn import progress, report
+from granpinn import parallel, progress, report
 from granpinn.arguments import parse
 from granpinn.checkpoint import CheckpointError
 from granpinn.config import Config, ConfigError
@@ -23,7 +26,9 @@ from granpinn.identification import identify
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
     try:
-        return _train(parse(sys.argv[1:] if argv is None else argv))
+        config = parse(sys.argv[1:] if argv is None else argv)
+        with parallel.joined() as rank:
+            return _train(config, rank)
     except (ConfigError, FlowFileError) as error:
         return _fail(2, str(error))
     except (CheckpointError, NonFiniteError, OSError) as error:
@@ -34,14 +39,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(130, "stopped before or after the training")
 
 
-def _train(config: Config) -> int:
+def _train(config: Config, rank: int) -> int:
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
-    listener = progress.automatic()
-    if config.tensorboard:
+    listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
+    if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     result = identify(config.flow, config, run_dir=folder, progress=listener)
+    if rank > 0:
+        return 0
     print(result)
     page = report.build(folder)
     print(f"report: {page}")

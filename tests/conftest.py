@@ -1,6 +1,7 @@
 """What every test shares: a seed made from the test's own name, and figures without a display."""
 
 import hashlib
+import importlib
 import os
 import random
 
@@ -19,3 +20,17 @@ def seed(request: pytest.FixtureRequest) -> int:
     np.random.seed(value)  # noqa: NPY002 - code under test may use the global state
     torch.manual_seed(value)
     return value
+
+
+@pytest.fixture(params=["cpu", "cuda"])
+def device(request: pytest.FixtureRequest) -> torch.device:
+    """Each device in turn; a GPU where there is one and kernels for it were built."""
+    name = str(request.param)
+    if name == "cuda":
+        importlib.import_module("granpinn.ops")
+        operator = "granpinn::draw_batch"
+        if not torch._C._dispatch_has_kernel_for_dispatch_key(operator, "CUDA"):
+            pytest.skip("granpinn was built without CUDA kernels")
+        if not torch.cuda.is_available():
+            pytest.skip("torch finds no GPU")
+    return torch.device(name)

@@ -83,6 +83,8 @@ struct KernelTable {
   // eta [n] and its derivatives [n, 5] by gamma_dot, p, mu_s, mu_2, I0 (where not null).
   void (*viscosity)(const Physics<T>&, const T* theta, const T* gamma_dot, const T* p,
                     std::int64_t n, T* eta, T* derivatives);
+  // The orthogonal factor of G [m, n], roughly; see orthogonalize.h, also for the workspace.
+  void (*orthogonalize)(const T* G, std::int64_t m, std::int64_t n, T* out, T* workspace);
   // Multiply-adds in registers, for the benchmarks; returns how many operations they were.
   double (*multiply_add)(std::int64_t rounds, T* sink);
 };

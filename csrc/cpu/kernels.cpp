@@ -7,6 +7,7 @@
 #include "fma_peak.h"
 #include "math/form_gradient.h"
 #include "mlp_tile.h"
+#include "orthogonalize.h"
 
 namespace granpinn {
 namespace GRANPINN_SIMD_NAMESPACE {
@@ -249,6 +250,7 @@ constexpr KernelTable<T> kTable = {GRANPINN_STRING(GRANPINN_SIMD_NAMESPACE),
                                    loss<T>,
                                    residuals<T>,
                                    viscosity_values<T>,
+                                   orthogonalize<T>,
                                    multiply_add<T>};
 
 const KernelTable<float>& table_float() { return kTable<float>; }

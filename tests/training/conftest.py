@@ -11,7 +11,7 @@ import torch
 from granpinn import problem, recipes
 from granpinn.config import Config
 from granpinn.data import Flow, training_set, write_flow
-from granpinn.objective import Objective
+from granpinn.objective import Member, Objective
 from granpinn.progress import Silent
 from granpinn.run import Run
 from granpinn.scales import Scales
@@ -37,7 +37,8 @@ def make_objective(config: Config, flow: Flow) -> Objective:
     scales = Scales.from_flow(flow)
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
-    return Objective(posed, data, config.batch, config.seed, torch.device("cpu"))
+    member = Member(posed, data, config.seed, config.I0)
+    return Objective([member], config.batch, torch.device("cpu"))
 
 
 def make_training(config: Config, flow: Flow) -> Training:

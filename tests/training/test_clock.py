@@ -88,7 +88,7 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
     assert 0.9 * 500 < ticking.now - 100.0 <= 500
     assert run.stopped == "max_time"
     assert run.training.schedule.progress(run.training.step) == 1
-    rates = [row.learning_rate for row in run.history.rows]
+    rates = [row.learning_rate for row in run.histories[0].rows]
     assert rates[-1] < 0.02 * max(rates)
     assert totals[-1] == run.training.step
 

@@ -11,8 +11,9 @@ import pytest
 import torch
 
 from granpinn import checkpoint
+from granpinn.control import Control
 from granpinn.data import Flow
-from granpinn.guard import NonFiniteError, first_nonfinite
+from granpinn.guard import NonFiniteError
 from granpinn.objective import Evaluation
 from granpinn.progress import Silent
 from granpinn.run import Run
@@ -25,28 +26,28 @@ BAD_STEP = 23  # counts from 0; rows and snapshots are at 20 and 25
 def poison(run: Run, target: str, value: float, times: int) -> list[int]:
     """Put `value` into a tensor of step BAD_STEP, `times` times; the steps where that happened."""
     objective, training = run.training.objective, run.training
-    real = objective.everything
+    real = objective.evaluate
     poisoned: list[int] = []
 
-    def everything(
-        step: int, params: torch.Tensor, theta: torch.Tensor, relaxation: float
+    def evaluate(
+        control: Control, params: torch.Tensor, theta: torch.Tensor, velocity_alone: bool
     ) -> Evaluation:
-        e = real(step, params, theta, relaxation)
-        if step != BAD_STEP or len(poisoned) == times:
+        e = real(control, params, theta, velocity_alone)
+        if int(control.counter[0]) != BAD_STEP or len(poisoned) == times:
             return e
-        poisoned.append(step)
+        poisoned.append(training.step)
         if target == "loss":
             return replace(e, loss=e.loss + value)
         if target == "parameter":
-            params[3] = value
+            params[0, 3] = value
         elif target == "scalar":
-            training.scalars.values[1] = value
+            training.scalars.values[0, 1] = value
         else:
             tensor = getattr(e, target)
-            tensor[1] = value
+            tensor[0, 1] = value
         return e
 
-    objective.everything = everything  # type: ignore[method-assign]
+    objective.evaluate = evaluate  # type: ignore[method-assign]
     return poisoned
 
 
@@ -82,8 +83,8 @@ def test_the_first_time_the_run_goes_back_and_on_more_slowly(
     run.train()
     assert poisoned == [BAD_STEP]
     assert run.training.finished
-    assert run.training.slower == 0.5
-    assert [row.step for row in run.history.rows] == list(range(5, 41, 5))
+    assert run.training.slower == [0.5]
+    assert [row.step for row in run.histories[0].rows] == list(range(5, 41, 5))
     assert len(messages) == 1
     assert NAMES[target] in messages[0]
     assert "back to step 20" in messages[0]
@@ -113,7 +114,7 @@ def test_the_rollback_uses_half_the_learning_rate_from_the_snapshot_on(flow: Flo
     twin = make_training(tiny(), flow)
     for step in range(40):
         if step == 20:
-            twin.slower = 0.5
+            twin.slower = [0.5]
         twin.advance()
     assert torch.equal(run.training.params, twin.params)
 
@@ -124,10 +125,3 @@ def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> Non
     getattr(objective, name)[1, 0] = math.nan
     with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
         Run(objective, tiny(), None, Silent(), None)
-
-
-def test_first_nonfinite_names_the_first() -> None:
-    good, bad = torch.ones(3), torch.tensor([1.0, math.inf])
-    assert first_nonfinite({"a": good, "b": good}) is None
-    assert first_nonfinite({"a": good, "b": bad, "c": bad}) == "b"
-    assert first_nonfinite({"a": torch.tensor([math.inf, -math.inf])}) == "a"

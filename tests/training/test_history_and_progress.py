@@ -97,7 +97,7 @@ def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
 def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> None:
     run = make_run(tiny(weights__noise_part=0.0), flow, tmp_path / "run")
     run.train()
-    prefit, whole = run.history.rows[0], run.history.rows[-1]
+    prefit, whole = run.histories[0].rows[0], run.histories[0].rows[-1]
     assert math.isnan(prefit.momentum)
     assert math.isfinite(prefit.velocity)
     assert all(math.isfinite(value) for value in vars(whole).values())
@@ -105,7 +105,7 @@ def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> N
         sum(
             weight * getattr(whole, name)
             for weight, name in zip(
-                run.training.objective.problem.term_weights, COLUMNS[3:8], strict=True
+                run.training.objective.members[0].problem.term_weights, COLUMNS[3:8], strict=True
             )
         ),
         rel=1e-5,

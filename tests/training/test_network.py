@@ -1,4 +1,4 @@
-"""The flat parameter vector: its layout, its start, and the scalars of the friction law."""
+"""The flat parameter vector: its layout and its start."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import pytest
 import torch
 
 from granpinn import ops
-from granpinn.config import Rheology
-from granpinn.network import NetworkSpec, initial_parameters, n_params, views
-from granpinn.scalars import Scalars
+from granpinn.network import NetworkSpec, initial_parameters, layer_offsets, n_params, views
 
 SPEC = NetworkSpec((3, 40, 50, 5), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), "mixed")
 
@@ -32,6 +30,12 @@ def test_views_share_memory_and_cover_everything() -> None:
         b += 1
     assert (params == 1).all()
     assert SPEC.n_params == n_params(SPEC.widths) == 40 * 4 + 50 * 41 + 5 * 51
+
+
+def test_offsets_are_where_the_views_begin() -> None:
+    params = torch.zeros(SPEC.n_params)
+    begins = [W.storage_offset() for W, _ in views(params, SPEC.widths)]
+    assert layer_offsets(SPEC.widths) == begins
 
 
 def test_views_refuse_another_length() -> None:
@@ -65,43 +69,3 @@ def test_the_start_has_the_spread_that_it_says() -> None:
     for W, b in views(initial_parameters(SPEC, 0, "glorot_uniform"), SPEC.widths):
         assert W.std() == pytest.approx(math.sqrt(2 / sum(W.shape)), rel=0.2)
         assert not b.any()
-
-
-@pytest.mark.parametrize("variables", ["log", "sigmoid"])
-def test_scalars_start_where_they_should_and_pull_gradients_back(variables: str) -> None:
-    like = torch.zeros(0, dtype=torch.float64)
-    scalars = Scalars(Rheology(variables=variables, mu_s=0.3, mu_2=0.7), 0.25, 0, like)  # type: ignore[arg-type]
-    expected = torch.tensor([0.3, 0.7, 0.25], dtype=torch.float64)
-    torch.testing.assert_close(scalars.theta(), expected)
-
-    q = scalars.values.clone().requires_grad_()
-    weights = torch.tensor([2.0, -3.0, 5.0], dtype=torch.float64)
-    (weights * scalars.theta(q)).sum().backward()
-    torch.testing.assert_close(scalars.pull_back(weights), q.grad)
-
-
-def test_every_q_is_a_friction_law() -> None:
-    like = torch.zeros(0, dtype=torch.float64)
-    log = Scalars(Rheology(), 0.3, 0, like)
-    sigmoid = Scalars(Rheology(variables="sigmoid"), 0.3, 0, like)
-    for q in torch.randn(50, 2, dtype=torch.float64) * 5:
-        mu_s, mu_2, _ = log.theta(q).tolist()
-        assert 0 < mu_s < mu_2
-        assert ((sigmoid.theta(q)[:2] >= 0) & (sigmoid.theta(q)[:2] <= 1)).all()
-
-
-def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
-    scalars = Scalars(Rheology(), 0.3, 0, torch.zeros(0, dtype=torch.float64))
-    scalars.values.copy_(torch.tensor([-50.0, 50.0]))
-    scalars.confine()
-    expected = torch.tensor([0.01, 3.01, 0.3], dtype=torch.float64)
-    torch.testing.assert_close(scalars.theta(), expected)
-
-
-def test_a_random_start_is_a_function_of_the_seed() -> None:
-    start = Rheology(variables="sigmoid", mu_s=None, mu_2=None)
-    like = torch.zeros(0)
-    draws = [Scalars(start, 0.3, seed, like).theta()[:2] for seed in (1, 1, 2)]
-    assert torch.equal(draws[0], draws[1])
-    assert not torch.equal(draws[0], draws[2])
-    assert all(0.05 <= d[0] <= d[1] <= 0.95 for d in draws)

@@ -11,10 +11,12 @@ import torch
 from granpinn import ops, problem, recipes, reference
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, add_noise, training_set
+from granpinn.objective import Evaluation
 from granpinn.problem import velocity_relaxation
 from granpinn.sampling import INTERIOR, SURFACE, draw
 from granpinn.scales import Scales
-from tests.training.conftest import make_objective, make_training, tiny
+from granpinn.training import Training
+from tests.training.conftest import make_training, tiny
 
 
 def posed(flow: Flow, config: Config) -> problem.Problem:
@@ -26,49 +28,57 @@ def posed(flow: Flow, config: Config) -> problem.Problem:
 @pytest.mark.parametrize("level", ["V0", "V1", "V2"])
 def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, flow: Flow) -> None:
     config = tiny(form=form, level=level, dtype="float64", seed=4)
-    objective = make_objective(config, flow)
     training = make_training(config, flow)
-    theta = training.scalars.theta()
-    found = objective.everything(9, training.params, theta)
+    objective, theta = training.objective, training.scalars.theta
+    found = evaluation(training, 9)
 
     i = ops.sample_indices(4, 9, INTERIOR, config.batch.interior, len(objective.points))
     j = torch.empty(0, dtype=torch.int64)
     if level != "V0":
         n_surface = len(objective.surface_points)
         j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
-    p = objective.problem
+    p = objective.members[0].problem
     expected = reference.residual_loss(
-        training.params,
-        theta,
+        training.params[0],
+        theta[0],
         objective.points[i],
         objective.velocity[i],
         objective.point_weights[i],
         objective.surface_points[j],
         objective.surface_pressure[j],
-        objective.term_weights,
+        objective.term_weights[0],
         p.spec.widths,
         p.spec.input_shift,
         p.spec.input_scale,
         p.physics,
         form,
     )
-    assert found.grad_theta is not None
     for ours, truth in zip(
         (found.loss, found.terms, found.grad_params, found.grad_theta), expected, strict=True
     ):
-        torch.testing.assert_close(ours, truth, rtol=1e-8, atol=1e-10)
+        torch.testing.assert_close(ours[0], truth, rtol=1e-8, atol=1e-10)
+
+
+def evaluation(
+    training: Training, step: int, velocity_alone: bool = False, relaxation: float = 1.0
+) -> Evaluation:
+    """What the step would be given, without making it."""
+    control = training.control
+    control.counter.copy_(torch.tensor([step, step, step]))
+    control.table[0, 2:] = relaxation
+    return training.objective.evaluate(
+        control, training.params, training.scalars.theta, velocity_alone
+    )
 
 
 def test_velocity_alone_is_the_first_term_of_everything(flow: Flow) -> None:
-    config = tiny(dtype="float64")
-    objective, training = make_objective(config, flow), make_training(config, flow)
-    theta = training.scalars.theta()
-    alone = objective.velocity_alone(3, training.params, theta)
-    objective.term_weights[1:] = 0
-    whole = objective.everything(3, training.params, theta)
-    assert alone.grad_theta is None
-    assert alone.terms[1:].isnan().all()
-    torch.testing.assert_close(alone.terms[0], whole.terms[0])
+    training = make_training(tiny(dtype="float64"), flow)
+    alone = evaluation(training, 3, velocity_alone=True)
+    training.objective.term_weights[:, 1:] = 0
+    whole = evaluation(training, 3)
+    assert not alone.grad_theta.any()
+    assert not alone.terms[:, 1:].any()
+    torch.testing.assert_close(alone.terms[:, 0], whole.terms[:, 0])
     torch.testing.assert_close(alone.loss, whole.loss)
     torch.testing.assert_close(alone.grad_params, whole.grad_params)
 
@@ -138,14 +148,14 @@ def test_an_infinite_sigma_leaves_a_term_out(flow: Flow) -> None:
 
 
 def test_the_misfit_is_that_of_the_velocity(flow: Flow) -> None:
-    config = tiny(dtype="float64")
-    objective, training = make_objective(config, flow), make_training(config, flow)
-    spec, physics = objective.problem.spec, objective.problem.physics
+    training = make_training(tiny(dtype="float64"), flow)
+    objective = training.objective
+    spec, physics = objective.spec, objective.members[0].problem.physics
     z = ops.network_value(
-        objective.points, training.params, spec.widths, spec.input_shift, spec.input_scale
+        objective.points, training.params[0], spec.widths, spec.input_shift, spec.input_scale
     )
     expected = (physics[5] * z[:, :2] - objective.velocity).square().mean().sqrt()
-    found = objective.misfit(0, training.params, training.scalars.theta())
+    (found,) = objective.misfit(0, training.params, training.scalars.theta)
     assert found == pytest.approx(float(expected), rel=0.1)
 
 
@@ -154,7 +164,7 @@ def test_the_velocity_weighs_less_where_the_data_are_noisy() -> None:
     weight = 0.003**-2
 
     def sigma(misfit: float, done: float) -> float:
-        return (weight * velocity_relaxation(settings, weight, misfit, done)) ** -0.5
+        return float(weight * velocity_relaxation(settings, weight, misfit, done)) ** -0.5
 
     assert [sigma(0.02, done) for done in (0, 0.3, 1)] == pytest.approx([0.003] * 3)
     assert sigma(0.2, 0) == pytest.approx(0.003)
@@ -164,13 +174,10 @@ def test_the_velocity_weighs_less_where_the_data_are_noisy() -> None:
 
 
 def test_relaxation_scales_the_velocity_term_alone(flow: Flow) -> None:
-    config = tiny(dtype="float64")
-    objective, training = make_objective(config, flow), make_training(config, flow)
-    theta = training.scalars.theta()
-    one = objective.everything(0, training.params, theta)
-    half = objective.everything(0, training.params, theta, 0.5)
+    training = make_training(tiny(dtype="float64"), flow)
+    one, half = evaluation(training, 0), evaluation(training, 0, relaxation=0.5)
     torch.testing.assert_close(one.terms, half.terms)
-    velocity = objective.term_weights[0] * one.terms[0]
+    velocity = training.objective.term_weights[:, 0] * one.terms[:, 0]
     torch.testing.assert_close(one.loss - half.loss, velocity / 2)
 
 
@@ -178,8 +185,8 @@ def test_noisy_data_are_noticed_after_the_prefit(flow: Flow) -> None:
     noisy = make_training(tiny(steps=20), add_noise(flow, 1.0, seed=0))
     while not noisy.finished:
         noisy.advance()
-    assert noisy.misfit > 0.1
-    row = noisy.row(0.0)
-    weights = noisy.objective.problem.term_weights
-    clean_loss = sum(w * t for w, t in zip(weights, noisy.last.terms.tolist(), strict=True))  # type: ignore[union-attr]
+    assert noisy.misfit[0] > 0.1
+    (row,) = noisy.rows(0.0)
+    weights = noisy.objective.members[0].problem.term_weights
+    clean_loss = sum(w * t for w, t in zip(weights, noisy.last.terms[0].tolist(), strict=True))  # type: ignore[union-attr]
     assert row.loss < 0.9 * clean_loss

@@ -1,134 +1,254 @@
-"""The optimizer against torch's own, on the same gradients."""
+"""The optimizer against torch's own, on the same gradients, for every member of an ensemble."""
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 
 import pytest
 import torch
+from torch import Tensor
 
-from granpinn.config import Optimizer
+from granpinn.config import Optimizer, Rheology
+from granpinn.control import Control
 from granpinn.network import n_params, views
-from granpinn.optimise import FlatOptimizer, average_into, orthogonalized
+from granpinn.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
+from granpinn.scalars import Scalars
 
-WIDTHS = (3, 20, 30, 25, 5)
-
-
-def make(method: str, **changes: Any) -> tuple[torch.Tensor, torch.Tensor, FlatOptimizer]:
-    params = torch.randn(n_params(WIDTHS), dtype=torch.float64)
-    scalars = torch.randn(2, dtype=torch.float64)
-    return (
-        params,
-        scalars,
-        FlatOptimizer(params, scalars, WIDTHS, Optimizer(method=method, **changes)),
-    )  # type: ignore[arg-type]
+WIDTHS = (3, 20, 30, 30, 30, 25, 5)
+P = n_params(WIDTHS)
+E = 3
 
 
-def gradients(step: int) -> tuple[torch.Tensor, torch.Tensor]:
+class Updates:
+    """An optimizer with its control on a device, and the calls of a training loop."""
+
+    def __init__(
+        self,
+        method: Any,
+        params: Tensor | None = None,
+        device: str | torch.device = "cpu",
+        **changes: Any,
+    ) -> None:
+        if params is None:
+            params = torch.randn(E, P, dtype=torch.float64)
+        self.params = params.clone().to(device)
+        seeds = range(len(params))
+        self.scalars = Scalars(Rheology(), [0.3] * len(params), seeds, self.params)
+        self.control = Control(len(params), self.params.device)
+        self.control.table.fill_(1)
+        self.control.table[:, 1] = 0
+        self.optimizer = BatchOptimizer(
+            self.params, self.scalars, WIDTHS, Optimizer(method=method, **changes), self.control
+        )
+
+    def step(self, step: int, law_moves: bool = True) -> None:
+        grad_params, grad_theta = (g.to(self.params) for g in gradients(step, len(self.params)))
+        self.optimizer.step(self.params.new_zeros(E), grad_params, grad_theta, law_moves)
+        assert not self.control.faults()
+
+    def copy(self) -> Updates:
+        """Another one in the same state, by its tensors alone."""
+        twin = Updates(self.optimizer.settings.method, self.params, self.params.device)
+        twin.optimizer.settings = self.optimizer.settings
+        twin.scalars.values.copy_(self.scalars.values)
+        twin.scalars.theta.copy_(self.scalars.theta)
+        for name, tensor in twin.optimizer.tensors().items():
+            tensor.copy_(self.optimizer.tensors()[name])
+        return twin
+
+
+def gradients(step: int, members: int = E) -> tuple[Tensor, Tensor]:
     generator = torch.Generator().manual_seed(step)
-    draw = torch.randn(n_params(WIDTHS) + 2, dtype=torch.float64, generator=generator)
-    return draw[:-2], draw[-2:]
+    draw = torch.randn(members, P + 3, dtype=torch.float64, generator=generator)
+    return draw[:, :-3].contiguous(), draw[:, -3:].contiguous()
 
 
-def test_adam_is_the_adam_of_torch() -> None:
-    params, scalars, optimizer = make("adam", learning_rate=1e-3, scalars_learning_rate=1e-2)
-    leaves = [params.clone().requires_grad_(), scalars.clone().requires_grad_()]
+def test_adam_is_the_adam_of_torch(device: torch.device) -> None:
+    ours = Updates("adam", device=device, learning_rate=1e-3, scalars_learning_rate=1e-2)
+    twin = Updates("adam", ours.params.cpu())
+    leaves = [twin.params.clone().requires_grad_(), twin.scalars.values.clone().requires_grad_()]
     rival = torch.optim.Adam(
         [{"params": [leaves[0]], "lr": 1e-3}, {"params": [leaves[1]], "lr": 1e-2}],
-        betas=(0.9, optimizer.settings.beta_2),
+        betas=(BETA_1, ours.optimizer.settings.beta_2),
     )
     for step in range(10):
-        grads = gradients(step)
-        optimizer.step(*grads, factor=1.0)
-        leaves[0].grad, leaves[1].grad = grads
+        grad_params, grad_theta = gradients(step)
+        leaves[0].grad = grad_params
+        (leaves[1].grad,) = torch.autograd.grad(twin.scalars.law(leaves[1]), leaves[1], grad_theta)
         rival.step()
-    torch.testing.assert_close(params, leaves[0].detach())
-    torch.testing.assert_close(scalars, leaves[1].detach())
+        ours.step(step)
+    torch.testing.assert_close(ours.params.cpu(), leaves[0].detach())
+    torch.testing.assert_close(ours.scalars.values.cpu(), leaves[1].detach())
+    torch.testing.assert_close(ours.scalars.theta.cpu(), twin.scalars.law(leaves[1].detach()))
 
 
-def test_muon_is_the_muon_of_torch_up_to_its_bfloat16() -> None:
-    params, _, optimizer = make("muon", muon_learning_rate=0.02, momentum=0.9)
-    start = params.clone()
-    leaves = [W.clone().requires_grad_() for W, _ in views(params, WIDTHS)[1:-1]]
-    rival = torch.optim.Muon(leaves, lr=0.02, momentum=0.9, weight_decay=0.0)
+def test_muon_is_the_muon_of_torch_up_to_its_bfloat16(device: torch.device) -> None:
+    ours = Updates("muon", device=device, muon_learning_rate=0.02, momentum=0.9)
+    start = ours.params.cpu().clone()
+    moved = [[W for W, _ in views(p, WIDTHS)[1:-1]] for p in start]
+    leaves = [[W.clone().requires_grad_() for W in Ws] for Ws in moved]
+    rival = torch.optim.Muon([*chain(*leaves)], lr=0.02, momentum=0.9, weight_decay=0.0)
     for step in range(5):
-        grads = gradients(step)
-        optimizer.step(*grads, factor=1.0)
-        for leaf, (G, _) in zip(leaves, views(grads[0], WIDTHS)[1:-1], strict=True):
-            leaf.grad = G
+        for Ws, grad in zip(leaves, gradients(step)[0], strict=True):
+            for leaf, (G, _) in zip(Ws, views(grad, WIDTHS)[1:-1], strict=True):
+                leaf.grad = G
         rival.step()
-    moved = [W for W, _ in views(params - start, WIDTHS)[1:-1]]
-    expected = [
-        leaf.detach() - W for leaf, (W, _) in zip(leaves, views(start, WIDTHS)[1:-1], strict=True)
-    ]
-    for ours, theirs in zip(moved, expected, strict=True):
-        assert (ours - theirs).norm() < 0.05 * theirs.norm()
+        ours.step(step)
+    for e in range(E):
+        change = [W for W, _ in views(ours.params[e].cpu() - start[e], WIDTHS)[1:-1]]
+        for mine, leaf, W in zip(change, leaves[e], moved[e], strict=True):
+            theirs = leaf.detach() - W
+            assert (mine - theirs).norm() < 0.05 * theirs.norm()
 
 
 def test_muon_leaves_the_first_and_last_layer_and_the_biases_to_adam() -> None:
-    params, _, optimizer = make("muon")
-    rest = params.clone()
-    adam = FlatOptimizer(rest, torch.zeros(2, dtype=torch.float64), WIDTHS, Optimizer("adam"))
-    grads = gradients(0)
-    optimizer.step(*grads, factor=0.5)
-    adam.step(*grads, factor=0.5)
-    ours, theirs = views(params, WIDTHS), views(rest, WIDTHS)
-    for layer in range(4):
-        assert torch.equal(ours[layer][1], theirs[layer][1])
-        assert torch.equal(ours[layer][0], theirs[layer][0]) is (layer in (0, 3))
+    muon = Updates("muon")
+    adam = Updates("adam", muon.params)
+    for one in (muon, adam):
+        one.control.table[:, 0] = 0.5
+        one.step(0)
+    for e in range(E):
+        ours, theirs = views(muon.params[e], WIDTHS), views(adam.params[e], WIDTHS)
+        for layer in range(6):
+            assert torch.equal(ours[layer][1], theirs[layer][1])
+            assert torch.equal(ours[layer][0], theirs[layer][0]) is (layer in (0, 5))
 
 
-@pytest.mark.parametrize("shape", [(30, 30), (20, 50), (50, 20)])
-def test_newton_schulz_makes_singular_values_about_one(shape: tuple[int, int]) -> None:
-    X = orthogonalized(torch.randn(shape, dtype=torch.float64))
-    values = torch.linalg.svdvals(X)
-    assert X.shape == shape
-    assert values.max() < 1.3
-    assert values.median() > 0.6
+def test_hidden_matrices_of_one_shape_are_one_batch() -> None:
+    groups = hidden_groups(WIDTHS)
+    assert [(g.count, g.m, g.n) for g in groups] == [(1, 30, 20), (2, 30, 30), (1, 25, 30)]
+    flat = torch.arange(2.0 * P).view(2, P)
+    for e in range(2):
+        hidden = [W for W, _ in views(flat[e], WIDTHS)[1:-1]]
+        for W, found in zip(hidden, [M for g in groups for M in g.of(flat)[e]], strict=True):
+            assert torch.equal(W, found)
+    assert hidden_groups((3, 8, 5)) == []
+    assert hidden_groups((3, 128, 128, 128, 128, 5)) == [Group(512, 3, 128, 128)]
 
 
-def test_newton_schulz_of_zero_is_zero() -> None:
-    assert not orthogonalized(torch.zeros(4, 4)).any()
-
-
-@pytest.mark.parametrize("method", ["adam", "muon"])
-def test_its_tensors_are_its_whole_state(method: str) -> None:
-    params, scalars, optimizer = make(method)
-    optimizer.step(*gradients(0), factor=1.0)
-    twin_params, twin_scalars, twin = make(method)
-    twin_params.copy_(params)
-    twin_scalars.copy_(scalars)
-    for name, tensor in twin.tensors().items():
-        tensor.copy_(optimizer.tensors()[name])
-    for step in (1, 2):
-        optimizer.step(*gradients(step), factor=0.7)
-        twin.step(*gradients(step), factor=0.7)
-    assert torch.equal(params, twin_params)
-    assert torch.equal(scalars, twin_scalars)
+def test_its_tensors_are_its_whole_state() -> None:
+    for method in ("adam", "muon"):
+        one = Updates(method)
+        one.control.table[:, 1] = 0.25
+        one.step(0)
+        twin = one.copy()
+        twin.control.table.copy_(one.control.table)
+        for step in (1, 2):
+            one.step(step)
+            twin.step(step)
+        assert torch.equal(one.params, twin.params)
+        assert torch.equal(one.scalars.values, twin.scalars.values)
+        assert torch.equal(one.optimizer.average_params, twin.optimizer.average_params)
 
 
 def test_reset_is_a_new_optimizer() -> None:
-    params, scalars, optimizer = make("muon")
-    optimizer.step(*gradients(0), factor=1.0)
-    optimizer.reset()
-    fresh_params, fresh_scalars = params.clone(), scalars.clone()
-    fresh = FlatOptimizer(fresh_params, fresh_scalars, WIDTHS, optimizer.settings)
-    optimizer.step(*gradients(1), factor=1.0)
-    fresh.step(*gradients(1), factor=1.0)
-    assert torch.equal(params, fresh_params)
-    assert torch.equal(scalars, fresh_scalars)
+    one = Updates("muon")
+    one.step(0)
+    one.optimizer.reset()
+    fresh = Updates("muon", one.params)
+    fresh.scalars.values.copy_(one.scalars.values)
+    one.step(1)
+    fresh.step(1)
+    assert torch.equal(one.params, fresh.params)
+    assert torch.equal(one.scalars.values, fresh.scalars.values)
 
 
-def test_scalars_without_a_gradient_stay() -> None:
-    _, scalars, optimizer = make("muon")
-    before = scalars.clone()
-    optimizer.step(gradients(0)[0], None, factor=1.0)
-    assert torch.equal(scalars, before)
+def test_the_law_stays_while_it_is_not_trained() -> None:
+    one = Updates("muon")
+    before = one.scalars.values.clone(), one.scalars.theta.clone()
+    one.step(0, law_moves=False)
+    assert torch.equal(one.scalars.values, before[0])
+    assert torch.equal(one.scalars.theta, before[1])
+    assert one.optimizer.counts.tolist() == [[1, 0]] * E
 
 
-def test_the_average_is_the_mean() -> None:
-    values = torch.randn(5, 3, dtype=torch.float64)
-    average = torch.zeros(3, dtype=torch.float64)
-    for count, value in enumerate(values, start=1):
-        average_into(average, value, count)
-    torch.testing.assert_close(average, values.mean(0))
+def test_the_average_is_the_mean(device: torch.device) -> None:
+    one = Updates("muon", device=device)
+    states = []
+    for count in range(5):
+        one.control.table[count, 1] = 1 / (count + 1)
+        one.step(count)
+        states.append((one.params.clone(), one.scalars.values.clone()))
+    params, q = (torch.stack(values).mean(0) for values in zip(*states, strict=True))
+    torch.testing.assert_close(one.optimizer.average_params, params)
+    torch.testing.assert_close(one.optimizer.average_q, q)
+
+
+@pytest.mark.parametrize("method", ["adam", "muon"])
+def test_a_member_of_an_ensemble_has_the_bits_of_one_alone(method: str) -> None:
+    together = Updates(method)
+    alone = [Updates(method, together.params[e : e + 1]) for e in range(E)]
+    for e, one in enumerate(alone):
+        one.scalars.values.copy_(together.scalars.values[e])
+    for step in range(3):
+        grad_params, grad_theta = gradients(step)
+        together.step(step)
+        for e, one in enumerate(alone):
+            own = slice(e, e + 1)
+            one.optimizer.step(
+                torch.zeros_like(grad_params[own, 0]), grad_params[own], grad_theta[own]
+            )
+    for e, one in enumerate(alone):
+        assert torch.equal(one.params[0], together.params[e])
+        assert torch.equal(one.scalars.theta[0], together.scalars.theta[e])
+
+
+def test_each_step_reads_its_own_row_of_the_table() -> None:
+    """Learning rates, and members that go more slowly."""
+    one = Updates("adam", learning_rate=1e-2, epsilon=1e-30)
+    one.control.table[:3, 0] = torch.tensor([1.0, 0.25, 0.0])
+    one.control.slower.copy_(torch.tensor([1.0, 0.5, 1.0]))
+    one.control.counter.copy_(torch.tensor([70, 70, 70]))
+    grad = torch.ones(E, P, dtype=torch.float64)
+    for rate in (1e-2, 2.5e-3, 0.0):
+        before = one.params.clone()
+        one.optimizer.step(torch.zeros(E, dtype=torch.float64), grad, grad[:, :3].contiguous())
+        moved = before - one.params
+        for e, slower in enumerate((1, 0.5, 1)):
+            torch.testing.assert_close(moved[e], torch.full_like(moved[e], rate * slower))
+    assert one.control.counter[0] == 73
+
+
+FAULTY = {
+    "loss": ("loss", "loss"),
+    "grad_params": ("gradient of the network parameters", "grad_params"),
+    "grad_theta": ("gradient of the rheology", "grad_theta"),
+    "params": ("network parameters", "params"),
+    "scalars": ("rheology scalars", "scalars"),
+    "overflow": ("network parameters", "grad_params"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTY)
+@pytest.mark.parametrize("method", ["adam", "muon"])
+def test_a_faulty_member_is_frozen_and_the_others_go_on(
+    case: str, method: str, device: torch.device
+) -> None:
+    one = Updates(method, device=device)
+    healthy = one.copy()
+    name, target = FAULTY[case]
+    grad_params, grad_theta = (g.to(device) for g in gradients(0))
+    tensors = {
+        "loss": torch.zeros(E, 1, dtype=torch.float64, device=device),
+        "grad_params": grad_params,
+        "grad_theta": grad_theta,
+        "params": one.params,
+        "scalars": one.scalars.values,
+    }
+    tensors[target][1, -1] = 1e300 if case == "overflow" else float("nan")
+    start = one.params.clone()
+    one.optimizer.step(tensors["loss"][:, 0].contiguous(), grad_params, grad_theta)
+    assert one.control.faults() == {1: f"the {name} became NaN or infinite in step 1"}
+    if case in ("loss", "grad_params", "grad_theta"):
+        assert torch.equal(one.params[1], start[1])
+    frozen = one.params[1].clone()
+    grad_params, grad_theta = (g.to(device) for g in gradients(1))
+    one.optimizer.step(tensors["loss"].new_zeros(E), grad_params, grad_theta)
+    assert one.control.faults() == {1: f"the {name} became NaN or infinite in step 1"}
+    torch.testing.assert_close(one.params[1], frozen, rtol=0, atol=0, equal_nan=True)
+    healthy.step(0)
+    healthy.step(1)
+    for e in (0, 2):
+        assert torch.equal(one.params[e], healthy.params[e])
+        assert torch.equal(one.scalars.theta[e], healthy.scalars.theta[e])

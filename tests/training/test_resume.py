@@ -76,7 +76,7 @@ def test_resuming_at_ten_random_steps_changes_no_bit(
         for key, tensor in resumed.training.tensors().items():
             assert torch.equal(tensor, expected[key]), key
         assert resumed.training.plain_state() == whole.training.plain_state()
-        assert without_time(resumed.history.rows) == without_time(whole.history.rows)
+        assert without_time(resumed.histories[0].rows) == without_time(whole.histories[0].rows)
         rows = [
             [cell for i, cell in enumerate(line.split(",")) if i != 1]
             for path in (folder, tmp_path / "whole")
@@ -117,7 +117,7 @@ def test_resuming_a_finished_run_does_nothing(flow: Flow, tmp_path: Path) -> Non
     again = make_run(tiny(resume=True), flow, tmp_path / "run")
     again.train()
     assert torch.equal(run.training.params, again.training.params)
-    assert without_time(run.history.rows) == without_time(again.history.rows)
+    assert without_time(run.histories[0].rows) == without_time(again.histories[0].rows)
 
 
 def test_resuming_without_a_checkpoint_starts(flow: Flow, tmp_path: Path) -> None:

@@ -1,0 +1,79 @@
+// The batches of E members, drawn from their data: a pure function of (seed, step).
+#pragma once
+
+#include "math/philox.h"
+#include "step.h"
+
+namespace granpinn {
+
+// Streams of the generator, as in granpinn/sampling.py.
+constexpr std::uint32_t kInteriorStream = 0, kSurfaceStream = 1;
+
+template <class T>
+struct BatchArguments {
+  Control control;
+  std::int64_t interior, surface;  // points of a member
+  std::int64_t share;              // which part of a larger batch: it begins at share * interior
+  const std::int64_t* seeds;       // [E]
+  const std::int64_t* places;      // [E, 4]: first point, points; first surface point, their number
+  const T* points;                 // [N, 3], likewise below
+  const T* velocity;               // [N, 2]
+  const T* point_weights;          // [N, 2]
+  const T* surface_points;         // [M, 3]
+  const T* surface_pressure;       // [M]
+  const T* term_weights;           // [E, 5]
+  T* to_points;                    // [E, interior, 3], likewise below
+  T* to_velocity;
+  T* to_point_weights;
+  T* to_surface_points;  // [E, surface, 3]
+  T* to_surface_pressure;
+  T* to_term_weights;  // [E, 5]
+};
+
+template <int K, class T>
+GRANPINN_HD void copy_row(const T* from, std::int64_t i, T* to, std::int64_t j) {
+  for (int k = 0; k < K; ++k) to[K * j + k] = from[K * i + k];
+}
+
+// Point i of member e.
+template <class T>
+GRANPINN_HD void draw_point(const BatchArguments<T>& a, std::int64_t e, std::int64_t i,
+                            std::int64_t step) {
+  const std::int64_t* place = a.places + 4 * e;
+  const std::int64_t from =
+      place[0] + sample_index(static_cast<std::uint64_t>(a.seeds[e]),
+                              static_cast<std::uint64_t>(step), kInteriorStream,
+                              static_cast<std::uint32_t>(a.share * a.interior + i),
+                              static_cast<std::uint64_t>(place[1]));
+  const std::int64_t to = e * a.interior + i;
+  copy_row<3>(a.points, from, a.to_points, to);
+  copy_row<2>(a.velocity, from, a.to_velocity, to);
+  copy_row<2>(a.point_weights, from, a.to_point_weights, to);
+}
+
+// Surface point j of member e.
+template <class T>
+GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, std::int64_t j,
+                                    std::int64_t step) {
+  const std::int64_t* place = a.places + 4 * e;
+  const std::int64_t from =
+      place[2] + sample_index(static_cast<std::uint64_t>(a.seeds[e]),
+                              static_cast<std::uint64_t>(step), kSurfaceStream,
+                              static_cast<std::uint32_t>(a.share * a.surface + j),
+                              static_cast<std::uint64_t>(place[3]));
+  const std::int64_t to = e * a.surface + j;
+  copy_row<3>(a.surface_points, from, a.to_surface_points, to);
+  copy_row<1>(a.surface_pressure, from, a.to_surface_pressure, to);
+}
+
+// The weights of member e in this step: the control table relaxes that of the velocity.
+template <class T>
+GRANPINN_HD void weigh_terms(const BatchArguments<T>& a, std::int64_t e, std::int64_t step) {
+  for (int k = 0; k < kTerms; ++k) {
+    const T weight = a.term_weights[kTerms * e + k];
+    const T factor = k == 0 ? static_cast<T>(a.control.row(step)[2 + e]) : T(1);
+    a.to_term_weights[kTerms * e + k] = factor * weight;
+  }
+}
+
+}  // namespace granpinn

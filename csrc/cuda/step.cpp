@@ -1,0 +1,44 @@
+// The operators of an optimization step on the GPU.
+#include <c10/cuda/CUDAStream.h>
+
+#include "step_launch.h"
+#include "step_ops.h"
+
+namespace granpinn::cuda {
+
+namespace {
+
+void launched(cudaError_t status, const char* operation) {
+  TORCH_CHECK(status == cudaSuccess, "granpinn::", operation,
+              " could not be launched on the GPU: ", cudaGetErrorString(status),
+              "; see python -m granpinn.doctor");
+}
+
+struct CudaStep {
+  template <class T>
+  static void draw(const BatchArguments<T>& a) {
+    launched(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
+  }
+  template <class T>
+  static void check(const CheckArguments<T>& a) {
+    launched(check_step(a, c10::cuda::getCurrentCUDAStream()), "check_step");
+  }
+  template <class T>
+  static void update(const UpdateArguments<T>& a) {
+    launched(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
+  }
+  template <class T>
+  static void descend(const DescendArguments<T>& a) {
+    launched(descend_matrices(a, c10::cuda::getCurrentCUDAStream()), "descend");
+  }
+  template <class T>
+  static void finish(const FinishArguments<T>& a) {
+    launched(finish_step(a, c10::cuda::getCurrentCUDAStream()), "finish_step");
+  }
+};
+
+}  // namespace
+
+TORCH_LIBRARY_IMPL(granpinn, CUDA, m) { register_step<CudaStep>(m); }
+
+}  // namespace granpinn::cuda

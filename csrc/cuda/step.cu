@@ -1,0 +1,162 @@
+// The kernels of an optimization step (csrc/step.h): a row of blocks for every member.
+//
+// A fault is the minimum of what the threads find, an integer, so the order in which they find it
+// changes nothing. A kernel that may note a fault of one kind tests for faults before that kind:
+// what its own blocks note meanwhile changes nothing either.
+#include "step_launch.h"
+
+namespace granpinn::cuda {
+
+namespace {
+
+constexpr int kThreads = 256;
+constexpr std::int64_t kMostBlocks = 1024;  // for a member
+
+__device__ void note(std::int64_t* fault, std::int64_t step, Fault what) {
+  atomicMin(reinterpret_cast<long long*>(fault), static_cast<long long>(step * kFaults + what));
+}
+
+__device__ std::int64_t first_index() {
+  return static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
+}
+
+__device__ std::int64_t stride() { return static_cast<std::int64_t>(gridDim.x) * kThreads; }
+
+// Blocks for `count` elements of each of so many members.
+dim3 grid_of(std::int64_t count, std::int64_t members) {
+  std::int64_t blocks = (count + kThreads - 1) / kThreads;
+  if (blocks > kMostBlocks) blocks = kMostBlocks;
+  if (blocks < 1) blocks = 1;
+  return dim3(static_cast<unsigned>(blocks), static_cast<unsigned>(members));
+}
+
+template <class T>
+__global__ void __launch_bounds__(kThreads) draw_kernel(const BatchArguments<T> a) {
+  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
+  const std::int64_t count = a.interior + a.surface;
+  for (std::int64_t i = first_index(); i <= count; i += stride()) {
+    if (i < a.interior)
+      draw_point(a, e, i, step);
+    else if (i < count)
+      draw_surface_point(a, e, i - a.interior, step);
+    else
+      weigh_terms(a, e, step);
+  }
+}
+
+template <class T>
+__global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T> a) {
+  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
+  bool bad = false;
+  for (std::int64_t i = first_index(); i < a.P; i += stride())
+    bad |= !finite(a.grad_params[e * a.P + i]);
+  bad = __syncthreads_or(bad);
+  if (threadIdx.x != 0) return;
+  std::int64_t* fault = a.members.fault + e;
+  if (bad) note(fault, step, kGradient);
+  if (blockIdx.x != 0) return;
+  if (!finite(a.loss[e])) note(fault, step, kLoss);
+  for (int i = 0; i < 3; ++i)
+    if (!finite(a.grad_theta[3 * e + i])) note(fault, step, kLawGradient);
+  if (e == 0) a.control.counter[2] = step;
+}
+
+template <class T>
+__global__ void __launch_bounds__(kThreads) update_kernel(const UpdateArguments<T> a) {
+  __shared__ AdamRates<T> shared_rates;
+  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
+  if (a.members.frozen(e, step, kParams)) return;
+  if (threadIdx.x == 0)
+    shared_rates = adam_rates<T>(a.adam, a.control.row(step)[0] * a.members.slower[e],
+                                 static_cast<double>(a.members.counts[2 * e] + 1));
+  __syncthreads();
+  const AdamRates<T> rates = shared_rates;
+  const T momentum = static_cast<T>(a.momentum);
+  bool good = true;
+  for (std::int64_t i = first_index(); i < a.P; i += stride()) {
+    bool matrix = false;
+    for (int r = 0; r < a.regions && i >= a.region[r].begin; ++r)
+      matrix |= i < a.region[r].begin + a.region[r].size;
+    const std::int64_t at = e * a.P + i;
+    good &= matrix ? accumulate(momentum, a.gradient[at], a.first + at, a.direction + at)
+                   : adam(rates, a.gradient[at], a.params + at, a.first + at, a.second + at);
+  }
+  if (!good) note(a.members.fault + e, step, kParams);
+}
+
+template <class T>
+__global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArguments<T> a) {
+  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
+  if (a.members.frozen(e, step, kParams)) return;
+  const T rate = static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.slower[e]);
+  const std::int64_t count = a.count * a.size;
+  T* params = a.params + e * a.P + a.offset;
+  bool good = true;
+  for (std::int64_t i = first_index(); i < count; i += stride())
+    good &= descend(rate, a.U[e * count + i], params + i / a.size * a.apart + i % a.size);
+  if (!good) note(a.members.fault + e, step, kParams);
+}
+
+template <class T>
+__global__ void __launch_bounds__(kThreads) finish_kernel(const FinishArguments<T> a) {
+  const std::int64_t e = blockIdx.y, step = a.control.counter[2];
+  if (e == 0 && blockIdx.x == 0 && threadIdx.x == 0) a.control.counter[0] = step + 1;
+  if (a.members.frozen(e, step, kLawScalars)) return;
+  if (blockIdx.x == 0 && threadIdx.x == 0) finish_law(a, e, step);
+  const T weight = static_cast<T>(a.control.row(step)[1]);
+  if (!(weight > T(0))) return;
+  for (std::int64_t i = first_index(); i < a.P; i += stride()) {
+    T* average = a.average_params + e * a.P + i;
+    *average = interpolate(*average, a.params[e * a.P + i], weight);
+  }
+}
+
+}  // namespace
+
+template <class T>
+cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0) return cudaSuccess;
+  const dim3 grid = grid_of(a.interior + a.surface + 1, a.control.members);
+  draw_kernel<<<grid, kThreads, 0, stream>>>(a);
+  return cudaGetLastError();
+}
+
+template <class T>
+cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0) return cudaSuccess;
+  check_kernel<<<grid_of(a.P, a.control.members), kThreads, 0, stream>>>(a);
+  return cudaGetLastError();
+}
+
+template <class T>
+cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0) return cudaSuccess;
+  update_kernel<<<grid_of(a.P, a.control.members), kThreads, 0, stream>>>(a);
+  return cudaGetLastError();
+}
+
+template <class T>
+cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0 || a.count * a.size == 0) return cudaSuccess;
+  descend_kernel<<<grid_of(a.count * a.size, a.control.members), kThreads, 0, stream>>>(a);
+  return cudaGetLastError();
+}
+
+template <class T>
+cudaError_t finish_step(const FinishArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0) return cudaSuccess;
+  finish_kernel<<<grid_of(a.P, a.control.members), kThreads, 0, stream>>>(a);
+  return cudaGetLastError();
+}
+
+#define GRANPINN_INSTANTIATE(T)                                                       \
+  template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t);         \
+  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t);         \
+  template cudaError_t update_params<T>(const UpdateArguments<T>&, cudaStream_t);     \
+  template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t); \
+  template cudaError_t finish_step<T>(const FinishArguments<T>&, cudaStream_t);
+
+GRANPINN_INSTANTIATE(float)
+GRANPINN_INSTANTIATE(double)
+
+}  // namespace granpinn::cuda

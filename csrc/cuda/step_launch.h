@@ -1,0 +1,26 @@
+// Launchers of the kernels of an optimization step; one launch each, nothing is waited for. The
+// pointers in the structs are those of the device.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include "batch.h"
+
+namespace granpinn::cuda {
+
+template <class T>
+cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream);
+
+template <class T>
+cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream);
+
+template <class T>
+cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream);
+
+template <class T>
+cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream);
+
+template <class T>
+cudaError_t finish_step(const FinishArguments<T>& a, cudaStream_t stream);
+
+}  // namespace granpinn::cuda

@@ -1,0 +1,59 @@
+// Adam (Kingma & Ba, 2015) and the running means around it, element by element.
+#pragma once
+
+#include <cmath>
+
+#include "scalar.h"
+
+namespace granpinn {
+
+template <class T>
+GRANPINN_HD bool finite(T a) {
+  return a - a == T(0);
+}
+
+// a + w (b - a), exact at both ends: from the end that is closer.
+template <class T>
+GRANPINN_HD T interpolate(T a, T b, T w) {
+  return w < T(0.5) ? a + w * (b - a) : b - (b - a) * (T(1) - w);
+}
+
+struct AdamSettings {
+  double learning_rate, beta_1, beta_2, epsilon;
+};
+
+// What the elements of one update share.
+template <class T>
+struct AdamRates {
+  T step_size;   // learning rate / (1 - beta_1^t)
+  T root_scale;  // sqrt(1 - beta_2^t)
+  T gain_1;      // 1 - beta_1
+  T beta_2, gain_2;
+  T epsilon;
+};
+
+// `t` counts from 1; `factor` scales the learning rate.
+template <class T>
+GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, double t) {
+  return {static_cast<T>(factor * s.learning_rate / (1 - pow(s.beta_1, t))),
+          static_cast<T>(sqrt(1 - pow(s.beta_2, t))),
+          static_cast<T>(1 - s.beta_1),
+          static_cast<T>(s.beta_2),
+          static_cast<T>(1 - s.beta_2),
+          static_cast<T>(s.epsilon)};
+}
+
+// One element; false where something would not be finite: it then keeps its value.
+template <class T>
+GRANPINN_HD bool adam(const AdamRates<T>& r, T gradient, T* param, T* first, T* second) {
+  const T m = interpolate(*first, gradient, r.gain_1);
+  const T v = r.beta_2 * *second + r.gain_2 * gradient * gradient;
+  const T moved = *param - r.step_size * m / (square_root(v) / r.root_scale + r.epsilon);
+  const bool good = finite(v) && finite(m) && finite(moved);
+  *first = good ? m : *first;
+  *second = good ? v : *second;
+  *param = good ? moved : *param;
+  return good;
+}
+
+}  // namespace granpinn

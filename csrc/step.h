@@ -1,0 +1,152 @@
+// One optimization step of E members in plain structs: what the kernels of any device read and
+// write. Everything lives on the device; the step finds its row of the control table by itself.
+//
+// Order of a step: draw_batch, residual_loss, check_step, update_params, orthogonalize and
+// descend, finish_step. The first fault of a member freezes it: it is not updated any more.
+#pragma once
+
+#include <cstdint>
+
+#include "math/adam.h"
+#include "math/law_variables.h"
+#include "problem.h"
+
+namespace granpinn {
+
+// What was not finite, in the order in which a step comes across it.
+enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars };
+constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
+constexpr std::int64_t kHealthy = INT64_MAX;
+
+// Where the run is. `counter` is (step, step of the table's first row, step of this update):
+// check_step copies the first to the last, which finish_step reads while it advances the first.
+struct Control {
+  std::int64_t* counter;  // [3]
+  const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
+                          // average, factor on each member's velocity term
+  std::int64_t rows, members;
+
+  GRANPINN_HD const double* row(std::int64_t step) const {
+    const std::int64_t i = step - counter[1];
+    return table + (i < 0 ? 0 : i < rows ? i : rows - 1) * (2 + members);
+  }
+};
+
+// The learning rates and the faults of the members.
+struct Members {
+  const double* slower;  // [E] factor on every learning rate
+  std::int64_t* fault;   // [E]
+  std::int64_t* counts;  // [E, 2] updates since a reset: of the network, of the friction law
+
+  // Whether something before `what` went wrong, in this step or an earlier one.
+  GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
+    return fault[e] < step * kFaults + what;
+  }
+};
+
+template <class T>
+struct CheckArguments {
+  Control control;
+  Members members;
+  std::int64_t P;
+  const T* loss;         // [E]
+  const T* grad_params;  // [E, P]
+  const T* grad_theta;   // [E, 3]
+};
+
+// A part of the parameters that Muon updates: a matrix.
+struct Region {
+  std::int64_t begin, size;
+};
+constexpr int kMaxRegions = 64;
+
+template <class T>
+struct UpdateArguments {
+  Control control;
+  Members members;
+  std::int64_t P;
+  AdamSettings adam;
+  double momentum;
+  int regions;
+  Region region[kMaxRegions];  // ascending
+  const T* gradient;           // [E, P]
+  T* params;                   // [E, P]
+  T* first;                    // [E, P] first moment of Adam, momentum of Muon
+  T* second;                   // [E, P]
+  T* direction;                // [E, P] Nesterov's gradient, inside the matrices alone
+};
+
+// The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.
+template <class T>
+GRANPINN_HD bool accumulate(T momentum, T gradient, T* first, T* direction) {
+  const T B = interpolate(*first, gradient, T(1) - momentum);
+  const bool good = finite(B);
+  *first = good ? B : *first;
+  *direction = interpolate(gradient, *first, momentum);
+  return good;
+}
+
+// W -= rate U for `count` matrices of a member, `apart` values from one to the next.
+template <class T>
+struct DescendArguments {
+  Control control;
+  Members members;
+  std::int64_t P, offset, count, size, apart;
+  double learning_rate;
+  const T* U;  // [E, count, size]
+  T* params;   // [E, P]
+};
+
+template <class T>
+GRANPINN_HD bool descend(T rate, T U, T* param) {
+  const T moved = *param - rate * U;
+  const bool good = finite(moved);
+  *param = good ? moved : *param;
+  return good;
+}
+
+template <class T>
+struct FinishArguments {
+  Control control;
+  Members members;
+  std::int64_t P;
+  AdamSettings adam;
+  LawVariables variables;
+  bool law_moves;
+  const T* grad_theta;            // [E, 3]
+  T *q, *first, *second, *theta;  // [E, 2], [E, 2], [E, 2], [E, 3]
+  const T* params;                // [E, P]
+  T* average_params;              // [E, P]
+  T* average_q;                   // [E, 2]
+};
+
+// The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
+constexpr double kLowestLogarithm = -4.605170185988091, kHighestLogarithm = 1.0986122886681098;
+
+// The friction law of member e: its update, its average, and theta for the next step.
+template <class T>
+GRANPINN_HD void finish_law(const FinishArguments<T>& a, std::int64_t e, std::int64_t step) {
+  const double* row = a.control.row(step);
+  T *q = a.q + 2 * e, *average = a.average_q + 2 * e;
+  std::int64_t* counts = a.members.counts + 2 * e;
+  ++counts[0];
+  if (a.law_moves) {
+    ++counts[1];
+    T grad_q[2];
+    law_pull_back(a.variables, q, a.grad_theta + 3 * e, grad_q);
+    const AdamRates<T> rates =
+        adam_rates<T>(a.adam, row[0] * a.members.slower[e], static_cast<double>(counts[1]));
+    for (int i = 0; i < 2; ++i) {
+      const std::int64_t at = 2 * e + i;
+      if (!adam(rates, grad_q[i], q + i, a.first + at, a.second + at))
+        a.members.fault[e] = step * kFaults + kLawScalars;
+      if (a.variables == LawVariables::logarithm)
+        q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
+    }
+    law_from(a.variables, q, a.theta + 3 * e);
+  }
+  if (const double weight = row[1]; weight > 0)
+    for (int i = 0; i < 2; ++i) average[i] = interpolate(average[i], q[i], static_cast<T>(weight));
+}
+
+}  // namespace granpinn

@@ -1,0 +1,244 @@
+// The operators of one optimization step, from tensors to plain structs: the same for all devices.
+//
+// `Backend` runs the kernels: static functions draw, check, update, descend and finish, each taking
+// its arguments struct. In-place on the tensors that the schemas mark; nothing is synchronised.
+#pragma once
+
+#include <c10/core/DeviceGuard.h>
+#include <torch/library.h>
+
+#include <tuple>
+
+#include "arguments.h"
+#include "batch.h"
+
+namespace granpinn {
+
+// Checks type, device (that of `like`) and shape of a tensor that is used in place.
+inline void expect(const char* name, const at::Tensor& a, at::ScalarType type,
+                   const at::Tensor& like, std::vector<std::int64_t> shape) {
+  const at::IntArrayRef expected(shape);
+  TORCH_CHECK_TYPE(a.scalar_type() == type && a.device() == like.device(), name, " must be ",
+                   c10::toString(type), " on ", like.device().str(), ", got ", shape_of(a));
+  TORCH_CHECK_VALUE(a.sizes() == expected && a.is_contiguous(), name, " must be ", expected,
+                    " and contiguous, got ", shape_of(a));
+}
+
+inline Control control_of(const at::Tensor& counter, const at::Tensor& table, std::int64_t E) {
+  expect("counter", counter, at::kLong, counter, {3});
+  TORCH_CHECK_VALUE(table.dim() == 2 && table.size(0) >= 1, "table must be [rows, ", 2 + E,
+                    "] with at least one row, got ", shape_of(table));
+  expect("table", table, at::kDouble, counter, {table.size(0), 2 + E});
+  return {counter.mutable_data_ptr<std::int64_t>(), table.const_data_ptr<double>(), table.size(0),
+          E};
+}
+
+inline Members members_of(const at::Tensor& slower, const at::Tensor& fault,
+                          const at::Tensor& counts, const at::Tensor& like, std::int64_t E) {
+  expect("slower", slower, at::kDouble, like, {E});
+  expect("fault", fault, at::kLong, like, {E});
+  expect("counts", counts, at::kLong, like, {E, 2});
+  return {slower.const_data_ptr<double>(), fault.mutable_data_ptr<std::int64_t>(),
+          counts.mutable_data_ptr<std::int64_t>()};
+}
+
+inline AdamSettings adam_settings(Doubles values) {
+  TORCH_CHECK_VALUE(values.size() == 4,
+                    "adam must be [learning_rate, beta_1, beta_2, epsilon], got ", values.size(),
+                    " values");
+  return {values[0], values[1], values[2], values[3]};
+}
+
+// [E, P] and the type of params.
+inline std::pair<std::int64_t, std::int64_t> ensemble_of(const at::Tensor& params) {
+  TORCH_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
+                   "params must be float32 or float64, got ", shape_of(params));
+  TORCH_CHECK_VALUE(params.dim() == 2, "params must be [E, P], got ", shape_of(params));
+  return {params.size(0), params.size(1)};
+}
+
+template <class Backend>
+struct StepOps {
+  using Six = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor>;
+
+  static Six draw_batch(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& seeds,
+                        const at::Tensor& places, const at::Tensor& points,
+                        const at::Tensor& velocity, const at::Tensor& point_weights,
+                        const at::Tensor& surface_points, const at::Tensor& surface_pressure,
+                        const at::Tensor& term_weights, std::int64_t interior, std::int64_t surface,
+                        std::int64_t share) {
+    const c10::DeviceGuard guard(points.device());
+    const std::int64_t E = seeds.numel(), N = points.size(0), M = surface_points.size(0);
+    const at::ScalarType type = points.scalar_type();
+    TORCH_CHECK_TYPE(type == at::kFloat || type == at::kDouble,
+                     "points must be float32 or float64, got ", shape_of(points));
+    expect("seeds", seeds, at::kLong, points, {E});
+    expect("places", places, at::kLong, points, {E, 4});
+    expect("points", points, type, points, {N, 3});
+    expect("velocity", velocity, type, points, {N, 2});
+    expect("point_weights", point_weights, type, points, {N, 2});
+    expect("surface_points", surface_points, type, points, {M, 3});
+    expect("surface_pressure", surface_pressure, type, points, {M});
+    expect("term_weights", term_weights, type, points, {E, kTerms});
+    TORCH_CHECK_VALUE(interior >= 0 && surface >= 0 && share >= 0,
+                      "interior, surface and share must not be negative, got ", interior, ", ",
+                      surface, " and ", share);
+    TORCH_CHECK_VALUE((N > 0 || interior == 0) && (M > 0 || surface == 0),
+                      "there must be points to draw from, got ", N, " and ", M, " for batches of ",
+                      interior, " and ", surface);
+    const auto empty = [&](std::vector<std::int64_t> shape) {
+      return at::empty(shape, points.options());
+    };
+    const Six out{empty({E, interior, 3}), empty({E, interior, 2}), empty({E, interior, 2}),
+                  empty({E, surface, 3}),  empty({E, surface}),     empty({E, kTerms})};
+    const Control control = control_of(counter, table, E);
+    AT_DISPATCH_FLOATING_TYPES(type, "draw_batch", [&] {
+      using T = scalar_t;
+      const auto data = [](const at::Tensor& a) { return a.const_data_ptr<T>(); };
+      const auto to = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
+      Backend::draw(BatchArguments<T>{
+          control, interior, surface, share, seeds.const_data_ptr<std::int64_t>(),
+          places.const_data_ptr<std::int64_t>(), data(points), data(velocity), data(point_weights),
+          data(surface_points), data(surface_pressure), data(term_weights), to(std::get<0>(out)),
+          to(std::get<1>(out)), to(std::get<2>(out)), to(std::get<3>(out)), to(std::get<4>(out)),
+          to(std::get<5>(out))});
+    });
+    return out;
+  }
+
+  static void check_step(const at::Tensor& counter, const at::Tensor& table,
+                         const at::Tensor& slower, const at::Tensor& fault,
+                         const at::Tensor& counts, const at::Tensor& loss,
+                         const at::Tensor& grad_params, const at::Tensor& grad_theta) {
+    const c10::DeviceGuard guard(grad_params.device());
+    const auto [E, P] = ensemble_of(grad_params);
+    const at::ScalarType type = grad_params.scalar_type();
+    expect("grad_params", grad_params, type, grad_params, {E, P});
+    expect("loss", loss, type, grad_params, {E});
+    expect("grad_theta", grad_theta, type, grad_params, {E, 3});
+    const Control control = control_of(counter, table, E);
+    const Members members = members_of(slower, fault, counts, grad_params, E);
+    AT_DISPATCH_FLOATING_TYPES(type, "check_step", [&] {
+      using T = scalar_t;
+      Backend::check(CheckArguments<T>{control, members, P, loss.const_data_ptr<T>(),
+                                       grad_params.const_data_ptr<T>(),
+                                       grad_theta.const_data_ptr<T>()});
+    });
+  }
+
+  static void update_params(const at::Tensor& counter, const at::Tensor& table,
+                            const at::Tensor& slower, const at::Tensor& fault,
+                            const at::Tensor& counts, const at::Tensor& gradient,
+                            const at::Tensor& params, const at::Tensor& first,
+                            const at::Tensor& second, const at::Tensor& direction, Ints matrices,
+                            Doubles adam, double momentum) {
+    const c10::DeviceGuard guard(params.device());
+    const auto [E, P] = ensemble_of(params);
+    const at::ScalarType type = params.scalar_type();
+    expect("params", params, type, params, {E, P});
+    expect("gradient", gradient, type, params, {E, P});
+    expect("first", first, type, params, {E, P});
+    expect("second", second, type, params, {E, P});
+    expect("direction", direction, type, params, {E, P});
+    const auto regions = static_cast<int>(matrices.size() / 2);
+    TORCH_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
+                      "matrices must be (begin, size) of at most ", kMaxRegions,
+                      " hidden matrices, got ", matrices.size(), " numbers");
+    const Control control = control_of(counter, table, E);
+    const Members members = members_of(slower, fault, counts, params, E);
+    AT_DISPATCH_FLOATING_TYPES(type, "update_params", [&] {
+      using T = scalar_t;
+      UpdateArguments<T> a{control,
+                           members,
+                           P,
+                           adam_settings(adam),
+                           momentum,
+                           regions,
+                           {},
+                           gradient.const_data_ptr<T>(),
+                           params.mutable_data_ptr<T>(),
+                           first.mutable_data_ptr<T>(),
+                           second.mutable_data_ptr<T>(),
+                           direction.mutable_data_ptr<T>()};
+      std::int64_t end = 0;
+      for (int i = 0; i < regions; ++i) {
+        a.region[i] = {matrices[2 * i], matrices[2 * i + 1]};
+        TORCH_CHECK_VALUE(a.region[i].begin >= end && a.region[i].size >= 0,
+                          "matrices must be ascending and apart, got ", matrices);
+        end = a.region[i].begin + a.region[i].size;
+      }
+      TORCH_CHECK_VALUE(end <= P, "matrices must end within ", P, " parameters, got ", matrices);
+      Backend::update(a);
+    });
+  }
+
+  static void descend(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
+                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& U,
+                      const at::Tensor& params, std::int64_t offset, std::int64_t apart,
+                      double learning_rate) {
+    const c10::DeviceGuard guard(params.device());
+    const auto [E, P] = ensemble_of(params);
+    const at::ScalarType type = params.scalar_type();
+    TORCH_CHECK_VALUE(U.dim() == 4, "U must be [E, L, m, n], got ", shape_of(U));
+    const std::int64_t L = U.size(1), size = U.size(2) * U.size(3);
+    expect("params", params, type, params, {E, P});
+    expect("U", U, type, params, {E, L, U.size(2), U.size(3)});
+    TORCH_CHECK_VALUE(
+        offset >= 0 && (L == 0 || (apart >= size && offset + (L - 1) * apart + size <= P)),
+        "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
+        apart, " and U ", shape_of(U));
+    const Control control = control_of(counter, table, E);
+    const Members members = members_of(slower, fault, counts, params, E);
+    AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {
+      using T = scalar_t;
+      Backend::descend(DescendArguments<T>{control, members, P, offset, L, size, apart,
+                                           learning_rate, U.const_data_ptr<T>(),
+                                           params.mutable_data_ptr<T>()});
+    });
+  }
+
+  static void finish_step(const at::Tensor& counter, const at::Tensor& table,
+                          const at::Tensor& slower, const at::Tensor& fault,
+                          const at::Tensor& counts, const at::Tensor& grad_theta,
+                          const at::Tensor& q, const at::Tensor& first, const at::Tensor& second,
+                          const at::Tensor& theta, const at::Tensor& params,
+                          const at::Tensor& average_params, const at::Tensor& average_q,
+                          Doubles adam, c10::string_view variables, bool law_moves) {
+    const c10::DeviceGuard guard(params.device());
+    const auto [E, P] = ensemble_of(params);
+    const at::ScalarType type = params.scalar_type();
+    TORCH_CHECK_VALUE(variables == "log" || variables == "sigmoid",
+                      "variables must be 'log' or 'sigmoid', got '", variables, "'");
+    expect("grad_theta", grad_theta, type, params, {E, 3});
+    expect("q", q, type, params, {E, 2});
+    expect("first", first, type, params, {E, 2});
+    expect("second", second, type, params, {E, 2});
+    expect("theta", theta, type, params, {E, 3});
+    expect("params", params, type, params, {E, P});
+    expect("average_params", average_params, type, params, {E, P});
+    expect("average_q", average_q, type, params, {E, 2});
+    const Control control = control_of(counter, table, E);
+    const Members members = members_of(slower, fault, counts, params, E);
+    const auto kind = variables == "log" ? LawVariables::logarithm : LawVariables::sigmoid;
+    AT_DISPATCH_FLOATING_TYPES(type, "finish_step", [&] {
+      using T = scalar_t;
+      const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
+      Backend::finish(FinishArguments<T>{control, members, P, adam_settings(adam), kind, law_moves,
+                                         grad_theta.const_data_ptr<T>(), at(q), at(first),
+                                         at(second), at(theta), params.const_data_ptr<T>(),
+                                         at(average_params), at(average_q)});
+    });
+  }
+};
+
+// The schemas' names, once per device.
+template <class Backend>
+void register_step(torch::Library& m) {
+  m.impl("draw_batch", &StepOps<Backend>::draw_batch);
+  m.impl("check_step", &StepOps<Backend>::check_step);
+  m.impl("update_params", &StepOps<Backend>::update_params);
+  m.impl("descend", &StepOps<Backend>::descend);
+  m.impl("finish_step", &StepOps<Backend>::finish_step);
+}
+
+}  // namespace granpinn

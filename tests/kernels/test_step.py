@@ -1,0 +1,149 @@
+"""The operators of an optimization step: batches of many members, and what they refuse."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn import ops, step_ops  # noqa: F401
+from granpinn.control import HEALTHY
+from granpinn.sampling import INTERIOR, SURFACE
+
+SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
+MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed
+STEP = 2**33 + 3
+
+
+def batch_arguments(dtype: torch.dtype, device: torch.device | str = "cpu") -> list[Any]:
+    """All but the sizes; the first row of the control table belongs to STEP - 1."""
+    N, M = (sum(sizes) for sizes in zip(*SIZES, strict=True))
+    places = [[0, 50, 0, 8], [50, 20, 8, 5]]
+    table = torch.ones(4, 2 + len(MEMBERS), dtype=torch.float64)
+    table[1, 2:] = torch.tensor([0.5, 0.25, 2.0])
+    tensors = [
+        torch.tensor([STEP, STEP - 1, 0]),
+        table,
+        torch.tensor([seed for _, seed in MEMBERS]),
+        torch.tensor([places[which] for which, _ in MEMBERS]),
+        *(torch.randn(N, k, dtype=dtype) for k in (3, 2, 2)),
+        torch.randn(M, 3, dtype=dtype),
+        torch.randn(M, dtype=dtype),
+        torch.randn(len(MEMBERS), 5, dtype=dtype),
+    ]
+    return [tensor.to(device) for tensor in tensors]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("share", [0, 3])
+def test_a_batch_is_what_the_indices_say(
+    dtype: torch.dtype, share: int, device: torch.device
+) -> None:
+    arguments = batch_arguments(dtype, device)
+    found = torch.ops.granpinn.draw_batch(*arguments, 13, 6, share)
+    data = [t.cpu() for t in arguments[4:9]]
+    for e, (which, seed) in enumerate(MEMBERS):
+        begin, surface_begin = (0, 0) if which == 0 else SIZES[0]
+        N, M = SIZES[which]
+        i = begin + ops.sample_indices(seed, STEP, INTERIOR, 13 * (share + 1), N)[-13:]
+        j = surface_begin + ops.sample_indices(seed, STEP, SURFACE, 6 * (share + 1), M)[-6:]
+        for drawn, tensor, at in zip(found, data, (i, i, i, j, j), strict=False):
+            assert torch.equal(drawn[e].cpu(), tensor[at])
+    weights = arguments[9].cpu() * torch.tensor([[0.5], [0.25], [2.0]], dtype=dtype).where(
+        torch.arange(5) == 0, torch.ones((), dtype=dtype)
+    )
+    assert torch.equal(found[5].cpu(), weights)
+
+
+def test_batches_may_be_empty(device: torch.device) -> None:
+    arguments = batch_arguments(torch.float32, device)
+    shapes = [tuple(t.shape) for t in torch.ops.granpinn.draw_batch(*arguments, 0, 0, 0)]
+    assert shapes == [(3, 0, 3), (3, 0, 2), (3, 0, 2), (3, 0, 3), (3, 0), (3, 5)]
+
+
+def state(E: int, device: str = "cpu") -> list[Tensor]:
+    """counter, table, slower, fault, counts."""
+    return [
+        torch.zeros(3, dtype=torch.int64, device=device),
+        torch.ones(2, 2 + E, dtype=torch.float64, device=device),
+        torch.ones(E, dtype=torch.float64, device=device),
+        torch.full((E,), HEALTHY, device=device),
+        torch.zeros(E, 2, dtype=torch.int64, device=device),
+    ]
+
+
+def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
+    tensors = [torch.rand(E, P, dtype=dtype) for _ in range(5)]
+    return [*state(E), *tensors, [2, 4, 7, 3], [1e-3, 0.9, 0.99, 1e-8], 0.95]
+
+
+def finish_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
+    shapes = (3, 2, 2, 2, 3, P, P, 2)
+    tensors = [torch.rand(E, k, dtype=dtype) for k in shapes]
+    return [*state(E), *tensors, [1e-3, 0.9, 0.99, 1e-8], "log", True]
+
+
+def check_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
+    return [*state(E), *(torch.rand(E, *k, dtype=dtype) for k in ((), (P,), (3,)))]
+
+
+def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
+    U, params = torch.rand(E, 2, 2, 3, dtype=dtype), torch.rand(E, P + 14, dtype=dtype)
+    return [*state(E), U, params, 3, 8, 0.1]
+
+
+CALLS = {
+    "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
+    "check_step": check_arguments,
+    "update_params": update_arguments,
+    "descend": descend_arguments,
+    "finish_step": finish_arguments,
+    "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype)],
+}
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("name", CALLS)
+def test_opcheck(name: str, dtype: torch.dtype) -> None:
+    """Schemas (what is changed in place, what is not), shapes of fake tensors, tracing."""
+    operator = getattr(torch.ops.granpinn, name).default
+    torch.library.opcheck(operator, tuple(CALLS[name](3, 10, dtype)))
+
+
+REFUSED: dict[str, tuple[str, int, Any, str]] = {
+    "type": ("update_params", 5, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
+    "shape": ("update_params", 7, torch.rand(3, 9), r"first must be \[3, 10\] and contiguous, got"),
+    "gaps": ("update_params", 6, torch.rand(10, 3).T, "params must be .* and contiguous"),
+    "members": ("check_step", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
+    "counter": ("check_step", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
+    "table": ("finish_step", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
+    "overlap": ("update_params", 10, [2, 6, 7, 3], "matrices must be ascending and apart"),
+    "beyond": ("update_params", 10, [2, 4, 7, 4], "matrices must end within 10 parameters"),
+    "odd": ("update_params", 10, [2], r"matrices must be \(begin, size\)"),
+    "rates": ("finish_step", 13, [0.1], r"adam must be \[learning_rate, beta_1"),
+    "variables": ("finish_step", 14, "exp", "variables must be 'log' or 'sigmoid', got 'exp'"),
+    "apart": ("descend", 8, 5, "the matrices must lie apart"),
+    "stack": ("orthogonalize", 0, torch.rand(3), r"G must be \[..., m, n\], got \[3\]"),
+    "no points": ("draw_batch", 4, torch.rand(0, 3), r"velocity must be \[0, 2\]"),
+    "integers": ("draw_batch", 2, torch.zeros(3), "seeds must be Long on cpu, got"),
+    "negative": ("draw_batch", 12, -1, "must not be negative"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_wrong_arguments_are_refused_by_name(case: str) -> None:
+    name, index, value, message = REFUSED[case]
+    arguments = CALLS[name](3, 10, torch.float32)
+    arguments[index] = value
+    with pytest.raises((ValueError, TypeError), match=message):
+        getattr(torch.ops.granpinn, name)(*arguments)
+
+
+def test_there_is_no_batch_without_points() -> None:
+    arguments = batch_arguments(torch.float32)
+    arguments[7], arguments[8] = torch.rand(0, 3), torch.rand(0)
+    with pytest.raises(ValueError, match="points to draw from, got 70 and 0 for batches of 4 and"):
+        torch.ops.granpinn.draw_batch(*arguments, 4, 1, 0)
+    assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)

@@ -1,0 +1,172 @@
+"""Replayed graphs: a step takes all that changes from tensors, and nothing waits for the device.
+
+A CUDA graph repeats kernels on the same memory with the numbers that they were captured with. The
+recording below does just that on any device: it repeats the operators of a step with the same
+arguments and writes what they return to where it was. Whatever Python had passed by value would be
+frozen in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_leaves
+
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.engine import Eager, Graphs
+from granpinn.guard import NonFiniteError
+from granpinn.objective import Evaluation, Objective
+from granpinn.training import Training
+from tests.training.conftest import make_training, tiny
+
+WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}
+
+
+class Recording(TorchDispatchMode):
+    """The operators that are called, with their arguments and results."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.calls: list[tuple[Any, Any, Any, Any]] = []
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[no-untyped-def]
+        assert func not in WAITING, f"{func} waits for the device"
+        result = func(*args, **(kwargs or {}))
+        self.calls.append((func, args, kwargs or {}, result))
+        return result
+
+    def replay(self) -> None:
+        for func, args, kwargs, result in self.calls:
+            again = func(*args, **kwargs)
+            for old, new in zip(tree_leaves(result), tree_leaves(again), strict=True):
+                if isinstance(old, Tensor) and old.data_ptr() != new.data_ptr():
+                    old.copy_(new)
+
+
+def record(steps: Callable[[], Evaluation]) -> tuple[Callable[[], None], Evaluation]:
+    with Recording() as recording:
+        e = steps()
+    return recording.replay, e
+
+
+def graphed(config: Config, flow: Flow) -> Training:
+    training = make_training(config, flow)
+    training.engine = Graphs(training.one_step, training._changing(), record)
+    return training
+
+
+def assert_same(one: Training, other: Training) -> None:
+    for name, tensor in one.tensors().items():
+        assert torch.equal(tensor, other.tensors()[name]), name
+    assert one.plain_state() == other.plain_state()
+    assert repr(one.rows(0.0)) == repr(other.rows(0.0))
+
+
+CONFIGS: dict[str, dict[str, Any]] = {
+    "muon": {"log_every": 13, "steps": 60, "optimizer__average": 0.3},
+    "adam": {"optimizer__method": "adam", "log_every": 12, "steps": 45},
+    "strong": {"form": "strong", "log_every": 300, "steps": 310},
+}
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_replayed_steps_have_the_bits_of_called_ones(name: str, flow: Flow) -> None:
+    config = tiny(weights__noise_part=1.0, **CONFIGS[name])
+    eager, graphs = make_training(config, flow), graphed(config, flow)
+    stretches = []
+    while not graphs.finished:
+        before = graphs.step
+        graphs.advance()
+        stretches.append(graphs.step - before)
+        while eager.step < graphs.step:
+            eager.advance()
+        assert_same(eager, graphs)
+    assert max(stretches) >= 10
+    assert config.log_every == 300 or max(stretches) <= config.log_every
+    assert graphs.misfit[0] > 0
+
+
+def test_a_new_plan_and_slower_steps_reach_captured_graphs(flow: Flow) -> None:
+    config = tiny(steps=80, log_every=20)
+    eager, graphs = make_training(config, flow), graphed(config, flow)
+    for training in (eager, graphs):
+        while training.step < 40:
+            training.advance()
+        training.schedule = training.schedule.replanned(40, 100)
+        while training.step < 60:
+            training.advance()
+        training.remember()
+        while training.step < 80:
+            training.advance()
+        training.roll_back([0])
+        assert training.step == 60
+        while not training.finished:
+            training.advance()
+        assert training.step == 100
+    assert_same(eager, graphs)
+
+
+def test_a_fault_inside_a_stretch_is_dated_to_its_step(flow: Flow) -> None:
+    config = tiny(log_every=20, optimizer__prefit=0.0)
+    graphs = graphed(config, flow)
+    graphs.advance()
+    graphs.objective.term_weights.fill_(math.nan)
+    before = graphs.params.clone()
+    with pytest.raises(NonFiniteError, match="the loss became NaN or infinite in step 21"):
+        graphs.advance()
+    assert graphs.step == 20
+    assert torch.equal(graphs.params, before)
+
+
+def test_all_steps_of_a_kind_are_the_same_calls(flow: Flow) -> None:
+    """The same operators on the same tensors of the state with the same numbers."""
+    training = make_training(tiny(), flow)
+    state = {t.data_ptr() for t in training._changing()}
+
+    def calls(step: int, velocity_alone: bool) -> list[Any]:
+        training.step = step
+        training.plan.ready(training._place(), 1, [1.0], ())
+        with Recording() as recording:
+            training.one_step(velocity_alone)
+        return [
+            (func, [leaf for leaf in map(constant, tree_leaves((args, kwargs))) if leaf])
+            for func, args, kwargs, _ in recording.calls
+        ]
+
+    def constant(leaf: Any) -> Any:
+        if isinstance(leaf, Tensor):
+            return leaf.data_ptr() if leaf.data_ptr() in state else None
+        return repr(leaf)
+
+    with torch.no_grad():
+        for alone, steps in ((True, (0, 7)), (False, (12, 39))):
+            first, second = (calls(step, alone) for step in steps)
+            assert first == second
+            assert len(first) < 30
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+@pytest.mark.parametrize("name", CONFIGS)
+def test_cuda_graphs_make_the_steps_of_the_cpu(name: str, flow: Flow) -> None:
+    config = tiny(dtype="float64", weights__noise_part=1.0, **CONFIGS[name])
+    cpu = make_training(config, flow)
+    device = torch.device("cuda")
+    objective = Objective(cpu.objective.members, config.batch, device)
+    cuda = Training(objective, cpu.schedule, config)
+    called = Training(objective, cpu.schedule, config)
+    called.engine = Eager(called.one_step)
+    while not cuda.finished:
+        cuda.advance()
+        for other in (cpu, called):
+            while other.step < cuda.step:
+                other.advance()
+    for key, tensor in cuda.tensors().items():
+        assert torch.equal(tensor, called.tensors()[key]), key
+        torch.testing.assert_close(tensor.cpu(), cpu.tensors()[key], rtol=1e-6, atol=1e-8)
