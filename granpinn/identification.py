@@ -200,7 +200,10 @@ def _result(case: Case, run: Run, member: int, model: Model, maps: fields.Fields
     parameters = Parameters(
         Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(config.I0, fixed=True)
     )
-    scores = scoring.score(flow, maps, parameters)
+    at_particles = prediction.velocity_at_particles(
+        flow, model.problem.spec, model.params, model.problem.physics, model.scales
+    )
+    scores = scoring.score(flow, maps, parameters, at_particles)
     steps, failure = run.training.step, run.training.lost.get(member)
     return Result(
         parameters=parameters,
