@@ -54,7 +54,7 @@ class Whole(NamedTuple):
 
 def compare(flow: Flow, simulated: Flow) -> tuple[Comparison, Whole]:
     """The data against a simulation with frames at the same times."""
-    at = _interpolation(simulated, flow)
+    at = interpolation(simulated, flow)
     known, found, of_frame = [], [], []
     for k in range(len(flow.t)):
         own = np.stack([at(simulated.u[k]), at(simulated.v[k])])
@@ -106,7 +106,7 @@ def surface_heights(flow: Flow) -> Array:
     return thick
 
 
-def _interpolation(source: Flow, target: Flow) -> Callable[[Any], Array]:
+def interpolation(source: Flow, target: Flow) -> Callable[[Any], Array]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
     NaN where one of the points around has no value, or there are none.

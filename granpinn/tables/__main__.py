@@ -99,7 +99,7 @@ def parse(argv: Sequence[str]) -> Request:
     add("--noise", type=float, nargs="+", metavar="SD", help="levels of noise, relative to the "
         "largest speed (default 0 0.2 0.8 for the six regimes, 0 for flow files)")  # fmt: skip
     add("--noise-on", choices=("reference", "all"), default="reference", help="noise on the "
-        "paper's case (0.6, 0.84) alone, where it is there, or on all (default reference)")  # fmt: skip
+        "paper's case (0.6, 0.84) alone, if there, or on all (default reference)")  # fmt: skip
     add("--seeds", type=int, default=5, metavar="N", help="trainings of each case (default 5)")
     add("--cells", type=int, default=512, metavar="N", help="cells across the box of a simulation "
         "(default 512, as in the paper)")  # fmt: skip
