@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "checks.h"
 #include "problem.h"
 
 namespace granpinn {
@@ -24,10 +25,10 @@ inline std::string shape_of(const at::Tensor& a) {
 
 // Number of parameters of a network; checks its widths.
 inline std::int64_t parameter_count(Ints widths) {
-  TORCH_CHECK_VALUE(widths.size() >= 2 && widths[0] == 3,
-                    "widths must be [3, hidden ..., outputs], got ", widths);
+  GRANPINN_CHECK_VALUE(widths.size() >= 2 && widths[0] == 3,
+                       "widths must be [3, hidden ..., outputs], got ", widths);
   for (const auto w : widths)
-    TORCH_CHECK_VALUE(w >= 1 && w <= 65536, "widths must be in 1..65536, got ", widths);
+    GRANPINN_CHECK_VALUE(w >= 1 && w <= 65536, "widths must be in 1..65536, got ", widths);
   std::int64_t count = 0;
   for (std::size_t l = 0; l + 1 < widths.size(); ++l) count += (widths[l] + 1) * widths[l + 1];
   return count;
@@ -35,21 +36,21 @@ inline std::int64_t parameter_count(Ints widths) {
 
 // Likewise, and checks the input map.
 inline std::int64_t parameter_count(Ints widths, Doubles shift, Doubles scale) {
-  TORCH_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
-                    "input_shift and input_scale must have 3 values (x, y, t), got ", shift.size(),
-                    " and ", scale.size());
+  GRANPINN_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
+                       "input_shift and input_scale must have 3 values (x, y, t), got ",
+                       shift.size(), " and ", scale.size());
   return parameter_count(widths);
 }
 
 // The ensemble's size: 0 where params is a single vector [P].
 inline std::int64_t ensemble_size(const at::Tensor& params, std::int64_t count) {
-  TORCH_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
-                   "params must be float32 or float64, got ", shape_of(params));
-  TORCH_CHECK_VALUE((params.dim() == 1 || params.dim() == 2) && params.size(-1) == count,
-                    "params must be [", count, "] or [E, ", count, "] for these widths, got ",
-                    shape_of(params));
-  TORCH_CHECK_VALUE(params.dim() == 1 || params.size(0) >= 1,
-                    "params must be of one network or more, got ", shape_of(params));
+  GRANPINN_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
+                      "params must be float32 or float64, got ", shape_of(params));
+  GRANPINN_CHECK_VALUE((params.dim() == 1 || params.dim() == 2) && params.size(-1) == count,
+                       "params must be [", count, "] or [E, ", count, "] for these widths, got ",
+                       shape_of(params));
+  GRANPINN_CHECK_VALUE(params.dim() == 1 || params.size(0) >= 1,
+                       "params must be of one network or more, got ", shape_of(params));
   return params.dim() == 2 ? params.size(0) : 0;
 }
 
@@ -68,9 +69,9 @@ struct Shared {
 inline Shared shared(const char* name, const at::Tensor& a, const at::Tensor& params,
                      std::int64_t ensemble, std::vector<std::int64_t> shape) {
   const auto rank = static_cast<std::int64_t>(shape.size());
-  TORCH_CHECK_TYPE(a.scalar_type() == params.scalar_type() && a.device() == params.device(), name,
-                   " must have the type and device of params, ", shape_of(params), ", got ",
-                   shape_of(a));
+  GRANPINN_CHECK_TYPE(a.scalar_type() == params.scalar_type() && a.device() == params.device(),
+                      name, " must have the type and device of params, ", shape_of(params),
+                      ", got ", shape_of(a));
   const bool own = a.dim() == rank + 1;
   bool fits = a.dim() == rank || (own && ensemble > 0 && a.size(0) == ensemble);
   for (std::int64_t i = 0; fits && i < rank; ++i)
@@ -78,7 +79,7 @@ inline Shared shared(const char* name, const at::Tensor& a, const at::Tensor& pa
   std::string expected;
   for (const auto s : shape)
     expected += (expected.empty() ? "" : ", ") + (s < 0 ? std::string("N") : std::to_string(s));
-  TORCH_CHECK_VALUE(
+  GRANPINN_CHECK_VALUE(
       fits, name, " must be [", expected, "]",
       ensemble > 0 ? " with or without a leading E = " + std::to_string(ensemble) : std::string(),
       ", got ", shape_of(a));
@@ -105,9 +106,10 @@ Network<T> network(const T* params, Ints widths, const Values& shift, const Valu
 }
 
 inline void check_physics(std::int64_t count) {
-  TORCH_CHECK_VALUE(count == kPhysics,
-                    "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ",
-                    count, " values");
+  GRANPINN_CHECK_VALUE(
+      count == kPhysics,
+      "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ", count,
+      " values");
 }
 
 template <class T>
@@ -119,26 +121,27 @@ Physics<T> physics_of(Doubles values) {
 inline Form form_of(c10::string_view name) {
   if (name == "mixed") return Form::mixed;
   if (name == "strong") return Form::strong;
-  TORCH_CHECK_VALUE(name == "data", "form must be 'mixed', 'strong' or 'data', got '", name, "'");
+  GRANPINN_CHECK_VALUE(name == "data", "form must be 'mixed', 'strong' or 'data', got '", name,
+                       "'");
   return Form::data;
 }
 
 // Whether the products may run on tensor cores, compensated; processors have one precision only.
 inline bool fast_precision(c10::string_view name) {
-  TORCH_CHECK_VALUE(name == "fp32" || name == "fast", "precision must be 'fp32' or 'fast', got '",
-                    name, "'");
+  GRANPINN_CHECK_VALUE(name == "fp32" || name == "fast",
+                       "precision must be 'fp32' or 'fast', got '", name, "'");
   return name == "fast";
 }
 
 // A stack of matrices, [..., m, n].
 inline void check_matrices(const at::Tensor& G) {
-  TORCH_CHECK_TYPE(G.scalar_type() == at::kFloat || G.scalar_type() == at::kDouble,
-                   "G must be float32 or float64, got ", shape_of(G));
-  TORCH_CHECK_VALUE(G.dim() >= 2, "G must be [..., m, n], got ", shape_of(G));
+  GRANPINN_CHECK_TYPE(G.scalar_type() == at::kFloat || G.scalar_type() == at::kDouble,
+                      "G must be float32 or float64, got ", shape_of(G));
+  GRANPINN_CHECK_VALUE(G.dim() >= 2, "G must be [..., m, n], got ", shape_of(G));
 }
 
 inline int channels_of(std::int64_t order) {
-  TORCH_CHECK_VALUE(order >= 0 && order <= 2, "order must be 0, 1 or 2, got ", order);
+  GRANPINN_CHECK_VALUE(order >= 0 && order <= 2, "order must be 0, 1 or 2, got ", order);
   return order == 0 ? 1 : order == 1 ? 4 : 7;
 }
 

@@ -33,14 +33,14 @@ struct LossTensors {
 
 inline void check_outputs(Form form, c10::string_view name, Ints widths) {
   const std::int64_t K = widths.back();
-  TORCH_CHECK_VALUE(form == Form::mixed    ? K == 5
-                    : form == Form::strong ? K == 3
-                                           : K == 3 || K == 5,
-                    "the ", name, " form takes a network with ",
-                    form == Form::mixed    ? "5"
-                    : form == Form::strong ? "3"
-                                           : "3 or 5",
-                    " outputs, got widths ", widths);
+  GRANPINN_CHECK_VALUE(form == Form::mixed    ? K == 5
+                       : form == Form::strong ? K == 3
+                                              : K == 3 || K == 5,
+                       "the ", name, " form takes a network with ",
+                       form == Form::mixed    ? "5"
+                       : form == Form::strong ? "3"
+                                              : "3 or 5",
+                       " outputs, got widths ", widths);
 }
 
 inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& theta,

@@ -17,9 +17,10 @@ Physics<T> rheology_constants(double d, double eta_min, double eta_max, double p
 
 inline void check_viscosity(const at::Tensor& gamma_dot, const at::Tensor& p,
                             const at::Tensor& theta) {
-  TORCH_CHECK_TYPE(gamma_dot.scalar_type() == at::kFloat || gamma_dot.scalar_type() == at::kDouble,
-                   "gamma_dot must be float32 or float64, got ", shape_of(gamma_dot));
-  TORCH_CHECK_VALUE(gamma_dot.dim() == 1, "gamma_dot must be [N], got ", shape_of(gamma_dot));
+  GRANPINN_CHECK_TYPE(
+      gamma_dot.scalar_type() == at::kFloat || gamma_dot.scalar_type() == at::kDouble,
+      "gamma_dot must be float32 or float64, got ", shape_of(gamma_dot));
+  GRANPINN_CHECK_VALUE(gamma_dot.dim() == 1, "gamma_dot must be [N], got ", shape_of(gamma_dot));
   shared("p", p, gamma_dot, 0, {gamma_dot.size(0)});
   shared("theta", theta, gamma_dot, 0, {3});
 }
@@ -28,11 +29,11 @@ inline void check_viscosity(const at::Tensor& gamma_dot, const at::Tensor& p,
 inline Form check_jets(const at::Tensor& raw_jets, const at::Tensor& theta, c10::string_view form) {
   const Form kind = form_of(form);
   const bool mixed = kind == Form::mixed;
-  TORCH_CHECK_VALUE(kind != Form::data, "form must be 'mixed' or 'strong', got '", form, "'");
-  TORCH_CHECK_TYPE(raw_jets.scalar_type() == at::kFloat || raw_jets.scalar_type() == at::kDouble,
-                   "raw_jets must be float32 or float64, got ", shape_of(raw_jets));
+  GRANPINN_CHECK_VALUE(kind != Form::data, "form must be 'mixed' or 'strong', got '", form, "'");
+  GRANPINN_CHECK_TYPE(raw_jets.scalar_type() == at::kFloat || raw_jets.scalar_type() == at::kDouble,
+                      "raw_jets must be float32 or float64, got ", shape_of(raw_jets));
   const std::int64_t K = raw_jets.dim() == 3 ? raw_jets.size(2) : 0;
-  TORCH_CHECK_VALUE(
+  GRANPINN_CHECK_VALUE(
       raw_jets.dim() == 3 && raw_jets.size(0) == (mixed ? 4 : 7) && (K == 5 || (K == 3 && !mixed)),
       "raw_jets must be ", mixed ? "[4, N, 5]" : "[7, N, 3 or 5]", " for the ", form, " form, got ",
       shape_of(raw_jets));
@@ -41,11 +42,12 @@ inline Form check_jets(const at::Tensor& raw_jets, const at::Tensor& theta, c10:
 }
 
 inline void check_sampling(const at::Tensor& step, std::int64_t count, std::int64_t population) {
-  TORCH_CHECK_TYPE(step.scalar_type() == at::kLong && step.numel() == 1,
-                   "step must be one int64 number, got ", shape_of(step));
-  TORCH_CHECK_VALUE(count >= 0 && count < (1ll << 32), "count must be in 0..2^32 - 1, got ", count);
-  TORCH_CHECK_VALUE(population >= 1 && population < (1ll << 32),
-                    "population must be in 1..2^32 - 1, got ", population);
+  GRANPINN_CHECK_TYPE(step.scalar_type() == at::kLong && step.numel() == 1,
+                      "step must be one int64 number, got ", shape_of(step));
+  GRANPINN_CHECK_VALUE(count >= 0 && count < (1ll << 32), "count must be in 0..2^32 - 1, got ",
+                       count);
+  GRANPINN_CHECK_VALUE(population >= 1 && population < (1ll << 32),
+                       "population must be in 1..2^32 - 1, got ", population);
 }
 
 }  // namespace granpinn

@@ -18,16 +18,16 @@ namespace granpinn {
 inline void expect(const char* name, const at::Tensor& a, at::ScalarType type,
                    const at::Tensor& like, std::vector<std::int64_t> shape) {
   const at::IntArrayRef expected(shape);
-  TORCH_CHECK_TYPE(a.scalar_type() == type && a.device() == like.device(), name, " must be ",
-                   c10::toString(type), " on ", like.device().str(), ", got ", shape_of(a));
-  TORCH_CHECK_VALUE(a.sizes() == expected && a.is_contiguous(), name, " must be ", expected,
-                    " and contiguous, got ", shape_of(a));
+  GRANPINN_CHECK_TYPE(a.scalar_type() == type && a.device() == like.device(), name, " must be ",
+                      c10::toString(type), " on ", like.device().str(), ", got ", shape_of(a));
+  GRANPINN_CHECK_VALUE(a.sizes() == expected && a.is_contiguous(), name, " must be ", expected,
+                       " and contiguous, got ", shape_of(a));
 }
 
 inline Control control_of(const at::Tensor& counter, const at::Tensor& table, std::int64_t E) {
   expect("counter", counter, at::kLong, counter, {3});
-  TORCH_CHECK_VALUE(table.dim() == 2 && table.size(0) >= 1, "table must be [rows, ", 2 + E,
-                    "] with at least one row, got ", shape_of(table));
+  GRANPINN_CHECK_VALUE(table.dim() == 2 && table.size(0) >= 1, "table must be [rows, ", 2 + E,
+                       "] with at least one row, got ", shape_of(table));
   expect("table", table, at::kDouble, counter, {table.size(0), 2 + E});
   return {counter.mutable_data_ptr<std::int64_t>(), table.const_data_ptr<double>(), table.size(0),
           E};
@@ -43,17 +43,17 @@ inline Members members_of(const at::Tensor& slower, const at::Tensor& fault,
 }
 
 inline AdamSettings adam_settings(Doubles values) {
-  TORCH_CHECK_VALUE(values.size() == 4,
-                    "adam must be [learning_rate, beta_1, beta_2, epsilon], got ", values.size(),
-                    " values");
+  GRANPINN_CHECK_VALUE(values.size() == 4,
+                       "adam must be [learning_rate, beta_1, beta_2, epsilon], got ", values.size(),
+                       " values");
   return {values[0], values[1], values[2], values[3]};
 }
 
 // [E, P] and the type of params.
 inline std::pair<std::int64_t, std::int64_t> ensemble_of(const at::Tensor& params) {
-  TORCH_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
-                   "params must be float32 or float64, got ", shape_of(params));
-  TORCH_CHECK_VALUE(params.dim() == 2, "params must be [E, P], got ", shape_of(params));
+  GRANPINN_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
+                      "params must be float32 or float64, got ", shape_of(params));
+  GRANPINN_CHECK_VALUE(params.dim() == 2, "params must be [E, P], got ", shape_of(params));
   return {params.size(0), params.size(1)};
 }
 
@@ -70,8 +70,8 @@ struct StepOps {
     const c10::DeviceGuard guard(points.device());
     const std::int64_t E = seeds.numel(), N = points.size(0), M = surface_points.size(0);
     const at::ScalarType type = points.scalar_type();
-    TORCH_CHECK_TYPE(type == at::kFloat || type == at::kDouble,
-                     "points must be float32 or float64, got ", shape_of(points));
+    GRANPINN_CHECK_TYPE(type == at::kFloat || type == at::kDouble,
+                        "points must be float32 or float64, got ", shape_of(points));
     expect("seeds", seeds, at::kLong, points, {E});
     expect("places", places, at::kLong, points, {E, 4});
     expect("points", points, type, points, {N, 3});
@@ -80,12 +80,12 @@ struct StepOps {
     expect("surface_points", surface_points, type, points, {M, 3});
     expect("surface_pressure", surface_pressure, type, points, {M});
     expect("term_weights", term_weights, type, points, {E, kTerms});
-    TORCH_CHECK_VALUE(interior >= 0 && surface >= 0 && share >= 0,
-                      "interior, surface and share must not be negative, got ", interior, ", ",
-                      surface, " and ", share);
-    TORCH_CHECK_VALUE((N > 0 || interior == 0) && (M > 0 || surface == 0),
-                      "there must be points to draw from, got ", N, " and ", M, " for batches of ",
-                      interior, " and ", surface);
+    GRANPINN_CHECK_VALUE(interior >= 0 && surface >= 0 && share >= 0,
+                         "interior, surface and share must not be negative, got ", interior, ", ",
+                         surface, " and ", share);
+    GRANPINN_CHECK_VALUE((N > 0 || interior == 0) && (M > 0 || surface == 0),
+                         "there must be points to draw from, got ", N, " and ", M,
+                         " for batches of ", interior, " and ", surface);
     const auto empty = [&](std::vector<std::int64_t> shape) {
       return at::empty(shape, points.options());
     };
@@ -141,9 +141,9 @@ struct StepOps {
     expect("second", second, type, params, {E, P});
     expect("direction", direction, type, params, {E, P});
     const auto regions = static_cast<int>(matrices.size() / 2);
-    TORCH_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
-                      "matrices must be (begin, size) of at most ", kMaxRegions,
-                      " hidden matrices, got ", matrices.size(), " numbers");
+    GRANPINN_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
+                         "matrices must be (begin, size) of at most ", kMaxRegions,
+                         " hidden matrices, got ", matrices.size(), " numbers");
     const Control control = control_of(counter, table, E);
     const Members members = members_of(slower, fault, counts, params, E);
     AT_DISPATCH_FLOATING_TYPES(type, "update_params", [&] {
@@ -163,11 +163,11 @@ struct StepOps {
       std::int64_t end = 0;
       for (int i = 0; i < regions; ++i) {
         a.region[i] = {matrices[2 * i], matrices[2 * i + 1]};
-        TORCH_CHECK_VALUE(a.region[i].begin >= end && a.region[i].size >= 0,
-                          "matrices must be ascending and apart, got ", matrices);
+        GRANPINN_CHECK_VALUE(a.region[i].begin >= end && a.region[i].size >= 0,
+                             "matrices must be ascending and apart, got ", matrices);
         end = a.region[i].begin + a.region[i].size;
       }
-      TORCH_CHECK_VALUE(end <= P, "matrices must end within ", P, " parameters, got ", matrices);
+      GRANPINN_CHECK_VALUE(end <= P, "matrices must end within ", P, " parameters, got ", matrices);
       Backend::update(a);
     });
   }
@@ -179,11 +179,11 @@ struct StepOps {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
-    TORCH_CHECK_VALUE(U.dim() == 4, "U must be [E, L, m, n], got ", shape_of(U));
+    GRANPINN_CHECK_VALUE(U.dim() == 4, "U must be [E, L, m, n], got ", shape_of(U));
     const std::int64_t L = U.size(1), size = U.size(2) * U.size(3);
     expect("params", params, type, params, {E, P});
     expect("U", U, type, params, {E, L, U.size(2), U.size(3)});
-    TORCH_CHECK_VALUE(
+    GRANPINN_CHECK_VALUE(
         offset >= 0 && (L == 0 || (apart >= size && offset + (L - 1) * apart + size <= P)),
         "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
         apart, " and U ", shape_of(U));
@@ -207,8 +207,8 @@ struct StepOps {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
-    TORCH_CHECK_VALUE(variables == "log" || variables == "sigmoid",
-                      "variables must be 'log' or 'sigmoid', got '", variables, "'");
+    GRANPINN_CHECK_VALUE(variables == "log" || variables == "sigmoid",
+                         "variables must be 'log' or 'sigmoid', got '", variables, "'");
     expect("grad_theta", grad_theta, type, params, {E, 3});
     expect("q", q, type, params, {E, 2});
     expect("first", first, type, params, {E, 2});

@@ -49,19 +49,22 @@ class FieldsFileError(ValueError):
 
 @dataclass(frozen=True)
 class Units:
-    """Units of length and of time of the flow file; "1" means dimensionless."""
+    """Units of length, time and density of the flow file; "1" means dimensionless."""
 
     length: str
     time: str
+    density: str | None = None
 
     def of(self, kind: str) -> str | None:
-        """Unit of a kind of quantity; None for pressure and viscosity of a file with units.
+        """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
 
-        A flow file does not say in which unit its density is, hence not the unit of pressure.
+        A flow file need not say in which unit its density is, hence not the unit of pressure.
         """
         if kind == "number" or self.length == self.time == "1":
             return "1"
+        si = (self.length, self.time, self.density) == ("m", "s", "kg/m^3")
         return {
+            **({"pressure": "Pa", "viscosity": "Pa s"} if si else {}),
             "length": self.length,
             "time": self.time,
             "velocity": f"{self.length}/{self.time}",
@@ -150,6 +153,8 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
     attributes["format_version"] = FORMAT_VERSION
     attributes["length_unit"] = np.bytes_(fields.units.length.encode())
     attributes["time_unit"] = np.bytes_(fields.units.time.encode())
+    if fields.units.density is not None:
+        attributes["density_unit"] = np.bytes_(fields.units.density.encode())
     attributes["length_scale"] = fields.length
     attributes["time_scale"] = fields.time
     attributes["pressure_scale"] = fields.pressure
@@ -184,13 +189,14 @@ def _read(file: h5py.File) -> Fields:
         if name in file:
             frames = [file[name][k][inside[k]] for k in range(t.size)]
             values[name] = np.concatenate(frames)
+    names = ["length", "time", *(["density"] if "density_unit" in attributes else [])]
     return Fields(
         t=t,
         y=y,
         x=x,
         c=c,
         values=values,
-        units=Units(*(bytes(attributes[f"{name}_unit"]).decode() for name in ("length", "time"))),
+        units=Units(**{name: bytes(attributes[f"{name}_unit"]).decode() for name in names}),
         length=float(attributes["length_scale"]),
         time=float(attributes["time_scale"]),
         pressure=float(attributes["pressure_scale"]),

@@ -126,7 +126,8 @@ def start(
     device = choose_device(config.device)
     together = together or Alone()
     share = (together.rank, together.size)
-    objective = Objective([case.member for case in cases], config.batch, device, share)
+    everyone = [case.member for case in cases]
+    objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
@@ -204,7 +205,10 @@ def _result(case: Case, run: Run, member: int, model: Model, maps: fields.Fields
     parameters = Parameters(
         Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(config.I0, fixed=True)
     )
-    scores = scoring.score(flow, maps, parameters)
+    at_particles = prediction.velocity_at_particles(
+        flow, model.problem.spec, model.params, model.problem.physics, model.scales
+    )
+    scores = scoring.score(flow, maps, parameters, at_particles)
     steps, failure = run.training.step, run.training.lost.get(member)
     return Result(
         parameters=parameters,

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -66,11 +67,29 @@ def predict(
         x=flow.x,
         c=flow.c,
         values=values,
-        units=Units(flow.length_unit, flow.time_unit),
+        units=Units(flow.length_unit, flow.time_unit, flow.density_unit),
         length=scales.length,
         time=scales.time,
         pressure=scales.pressure,
     )
+
+
+@torch.no_grad()
+def velocity_at_particles(
+    flow: Flow, spec: NetworkSpec, params: Tensor, physics: Sequence[float], scales: Scales
+) -> npt.NDArray[np.float64] | None:
+    """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
+    p = flow.particles
+    if p is None:
+        return None
+    points = torch.as_tensor(scales.points_to_dimensionless(p.x, p.y, p.t))
+    network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
+    parts = [
+        ops.network_jet(part.to(params), params, *network, 1)[0][:, :2].cpu()
+        for part in torch.split(points, CHUNK)
+    ]
+    predicted = physics[5] * torch.cat(parts).double().numpy().T
+    return np.asarray(scales.to_physical(predicted, "velocity"))
 
 
 @torch.no_grad()

@@ -22,7 +22,12 @@ Values = TypeVar("Values")
 
 @dataclass(frozen=True)
 class Material:
-    """What the equations need to know about the material, dimensionless."""
+    r"""What the equations need to know about the material, dimensionless.
+
+    `grain_diameter` is $d \sqrt{\rho_g / \rho} / H_0$: the equations have one density, the bulk
+    density $\rho = 1$, but the inertial number $I = d \dot\gamma / \sqrt{p / \rho_g}$ has that of
+    a grain. The paper sets both equal, as does a file without `grain_density`.
+    """
 
     grain_diameter: float
     gravity: tuple[float, float]
@@ -94,12 +99,14 @@ class Scales:
     def material(self, flow: Flow) -> Material:
         """The constants of the material in these units."""
         g = math.hypot(*flow.gravity)
+        grain_density = flow.density if flow.grain_density is None else flow.grain_density
+        effective = flow.grain_diameter * math.sqrt(grain_density / flow.density)
 
         def viscosity(eta: float | None) -> float | None:
             return None if eta is None else self.to_dimensionless(eta, "viscosity")
 
         return Material(
-            grain_diameter=self.to_dimensionless(flow.grain_diameter, "length"),
+            grain_diameter=self.to_dimensionless(effective, "length"),
             gravity=(flow.gravity[0] / g, flow.gravity[1] / g),
             eta_min=viscosity(flow.eta_min),
             eta_max=viscosity(flow.eta_max),
@@ -109,8 +116,13 @@ class Scales:
 def initial_height(flow: Flow) -> float:
     """Extent of the cells full of grains in the first frame, measured against gravity.
 
-    From the lowest to the highest cell center with c = 1, and half a cell on either side.
+    From the lowest to the highest cell center with c = 1, and half a cell on either side; for
+    scattered vectors from the lowest to the highest of the first time, and half a grain.
     """
+    if flow.particles is not None:
+        p = flow.particles
+        first = p.t == p.t.min()
+        return float(np.ptp(flow.height(p.x[first], p.y[first]))) + flow.grain_diameter
     rows, columns = np.nonzero(flow.material[0])
     if rows.size == 0:
         raise FlowFileError(

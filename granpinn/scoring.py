@@ -99,21 +99,22 @@ def flowing(fields: Fields, d2: Array | None = None) -> Mask:
     return np.asarray(d2 * fields.time >= D2_STAGNANT)
 
 
-def score(flow: Flow, fields: Fields, parameters: Parameters) -> Scores:
+def score(
+    flow: Flow, fields: Fields, parameters: Parameters, at_particles: Array | None = None
+) -> Scores:
     """All errors of one identification against what the flow file knows.
 
-    `flow` is the file's own data, without added noise; `fields` was predicted on its grid.
+    Args:
+        flow: the file's own data, without added noise.
+        fields: predicted on its grid.
+        at_particles: predicted (u, v) at its scattered vectors [2, n], where it has them.
     """
     counted, values = after_start(fields), fields.values
-    moving = np.isfinite(values["u_reference"] + values["v_reference"]) & counted
     true_s, true_2 = (flow.truth.mu_s, flow.truth.mu_2) if flow.truth else (None, None)
     errors = {
         "mu_s": scalar_error(parameters.mu_s, true_s),
         "mu_2": scalar_error(parameters.mu_2, true_2),
-        "velocity": relative_l2(
-            np.stack([values["u"][moving], values["v"][moving]]),
-            np.stack([values["u_reference"][moving], values["v_reference"][moving]]),
-        ),
+        "velocity": relative_l2(*_velocities(flow, fields, at_particles)),
     }
     zones = None
     if "p_reference" in values:
@@ -132,6 +133,18 @@ def score(flow: Flow, fields: Fields, parameters: Parameters) -> Scores:
         zones = Zones(D2_STAGNANT, source, *counts)
     q05, median, q95 = np.quantile(values["I"][counted], (0.05, 0.5, 0.95)).tolist()
     return Scores(ErrorPercent(**errors), zones, InertialNumber(q05, median, q95))
+
+
+def _velocities(flow: Flow, fields: Fields, at_particles: Array | None) -> tuple[Array, Array]:
+    """Predicted and measured (u, v) [2, n] of the valid vectors after the start."""
+    if flow.particles is not None and at_particles is not None:
+        p = flow.particles
+        after = p.t > 0
+        return at_particles[:, after], np.stack([p.u, p.v])[:, after]
+    values = fields.values
+    known = np.stack([values["u_reference"], values["v_reference"]])
+    moving = np.isfinite(known.sum(axis=0)) & after_start(fields)
+    return np.stack([values["u"], values["v"]])[:, moving], known[:, moving]
 
 
 def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Array]:

@@ -20,7 +20,9 @@ def test_it_compiles(source: Path, tmp_path: Path) -> None:
     if nvcc is None:
         pytest.skip("nvcc is not installed")
     command = [nvcc, "-std=c++17", "--expt-relaxed-constexpr", "-arch=sm_90", "-I", ROOT / "csrc"]
-    command += ["-Werror", "all-warnings", "-Xcompiler=-Wall,-Wextra"]
+    # 128: a loop that one instance of a template never enters
+    command += ["-diag-suppress", "128", "-Werror", "all-warnings", "-Xcompiler=-Wall,-Wextra"]
+    command += ["-Xcicc", "-O1", "-Xptxas", "-O1"]  # half the time
     command += ["-c", source, "-o", tmp_path / "object.o"]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

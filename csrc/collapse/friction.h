@@ -1,4 +1,4 @@
-// The viscosity of the mixture at cell centers and corners, from velocity, pressure and fraction.
+// The viscosity of the mixture at cell centers and corners: strain rate, pressure and fraction.
 //
 //   gamma_dot = sqrt(2 D:D),  eta_g = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]
 //   1 / eta = c / eta_g + (1 - c) / eta_air                       (paper, equations means and eta)
@@ -7,9 +7,9 @@
 
 #include <cmath>
 
-#include "../math/rheology.h"
 #include "field.h"
 #include "fraction.h"
+#include "strain.h"
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
@@ -18,7 +18,7 @@ inline double grain_viscosity(double gamma_dot_squared, double p, const Paramete
   const double positive = std::max(p, 0.0);
   const double gamma_dot = std::sqrt(gamma_dot_squared) + 1e-300;
   const FrictionLaw<double> law{s.mu_s, s.mu_2, s.I0};
-  const double I = s.grain_diameter * gamma_dot / std::sqrt(std::max(positive / s.density, 1e-30));
+  const double I = inertial_number(gamma_dot, positive, s);
   const double stress = s.cohesion + friction(I, law) * positive;
   return std::min(std::max(stress / gamma_dot, s.eta_min), s.eta_max);
 }
@@ -53,23 +53,15 @@ inline void drain_floor(Field<double>& c, const Grid& grid) {
 }
 
 // All fields with their ghost values. cell = eta at centers, corner = eta at corners.
-inline void mixture_viscosity(const Field<double>& u, const Field<double>& v,
-                              const Field<double>& p, const Field<double>& c, Field<double>& cell,
-                              Field<double>& corner, const Grid& grid, double h,
-                              const Parameters& s, Team& team) {
-  const auto shear = [&](int i, int j) { return u(i, j) - u(i, j - 1) + v(i, j) - v(i - 1, j); };
-  const auto u_x = [&](int i, int j) { return u(i + 1, j) - u(i, j); };
-  const auto v_y = [&](int i, int j) { return v(i, j + 1) - v(i, j); };
-  const double scale = 1 / (h * h);
+inline void mixture_viscosity(const StrainRate& strain, const Field<double>& p,
+                              const Field<double>& c, Field<double>& cell, Field<double>& corner,
+                              const Grid& grid, const Parameters& s, Team& team) {
   team.rows(0, grid.ny + 1, grid.nx * 4, [&](int j0, int j1) {
     for (int j = j0; j < j1; ++j) {
       for (int i = 0; i < grid.nx && j < grid.ny; ++i) {
         double eta = s.air_viscosity;
         if (c(i, j) > 0) {
-          const double xy =
-              0.25 * (shear(i, j) + shear(i + 1, j) + shear(i, j + 1) + shear(i + 1, j + 1));
-          const double xx = u_x(i, j), yy = v_y(i, j);
-          const double squared = (2 * (xx * xx + yy * yy) + xy * xy) * scale;
+          const double squared = strain.squared_at_center(i, j, p(i, j), c, s);
           eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), s), eta);
         }
         cell(i, j) = eta;
@@ -78,11 +70,8 @@ inline void mixture_viscosity(const Field<double>& u, const Field<double>& v,
         const double fraction = 0.25 * (c(i, j) + c(i - 1, j) + c(i, j - 1) + c(i - 1, j - 1));
         double eta = s.air_viscosity;
         if (fraction > 0) {
-          const double xx = 0.25 * (u_x(i, j) + u_x(i - 1, j) + u_x(i, j - 1) + u_x(i - 1, j - 1));
-          const double yy = 0.25 * (v_y(i, j) + v_y(i - 1, j) + v_y(i, j - 1) + v_y(i - 1, j - 1));
-          const double xy = shear(i, j);
-          const double squared = (2 * (xx * xx + yy * yy) + xy * xy) * scale;
           const double here = 0.25 * (p(i, j) + p(i - 1, j) + p(i, j - 1) + p(i - 1, j - 1));
+          const double squared = strain.squared_at_corner(i, j, here, c, s);
           eta = mixture_viscosity(fraction, grain_viscosity(squared, here, s), eta);
         }
         corner(i, j) = eta;

@@ -32,6 +32,7 @@ void CollapseSolver::allocate(int nx, int ny) {
     v->resize(nx, ny);
   }
   fraction_advection_.resize(grid_);
+  strain_.resize(grid_);
   row_values_.assign(static_cast<std::size_t>(ny) + 1, 0.0);
   const int levels = level_count(s_.chunk);
   viscous_.resize(grid_);

@@ -93,8 +93,8 @@ void CollapseSolver::fill_coefficients(double step) {
   const Field<double>& pressure = step_count_ == 0 ? no_pressure : p_[0];
   drained_ = c_;
   if (grid_.bottom == Side::no_slip) drain_floor(drained_, grid_);
-  mixture_viscosity(velocity_[0], velocity_[1], pressure, drained_, eta_center_, eta_corner_, grid_,
-                    s_.spacing, s_, team_);
+  strain_.update(velocity_[0], velocity_[1], s_.spacing, team_);
+  mixture_viscosity(strain_, pressure, drained_, eta_center_, eta_corner_, grid_, s_, team_);
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
   const double area = s_.spacing * s_.spacing;
   team_.rows(0, grid_.ny + 1, grid_.nx, [&](int j0, int j1) {

@@ -123,6 +123,7 @@ class CollapseSolver final : public Solver {
   Velocity velocity_, before_, middle_, advected_, pushed_, right_;
   std::vector<double> row_values_;
   FractionAdvection fraction_advection_;
+  StrainRate strain_;
 
   ViscousLevel<double> viscous_;
   PoissonLevel<double> poisson_;

@@ -38,9 +38,9 @@ at::Tensor sample_indices(const at::Tensor& step, std::int64_t seed, std::int64_
                           std::int64_t count, std::int64_t population);
 
 inline void check(cudaError_t status, const char* operation) {
-  TORCH_CHECK(status == cudaSuccess, "granpinn::", operation,
-              " could not be launched on the GPU: ", cudaGetErrorString(status),
-              "; see python -m granpinn.doctor");
+  TORCH_CHECK(status == cudaSuccess,
+              message("granpinn::", operation, " could not be launched on the GPU: ",
+                      cudaGetErrorString(status), "; see python -m granpinn.doctor"));
 }
 
 // Memory of the caching allocator, free again for later work of the same stream.
@@ -58,8 +58,8 @@ template <class T>
 DeviceNetwork<T> device_network(const at::Tensor& params, Ints widths, std::int64_t count,
                                 std::int64_t members) {
   const auto layers = static_cast<std::int64_t>(widths.size()) - 1;
-  TORCH_CHECK_VALUE(layers <= kMaxLayers, "a network on the GPU has at most ", kMaxLayers,
-                    " layers, got widths ", widths);
+  GRANPINN_CHECK_VALUE(layers <= kMaxLayers, "a network on the GPU has at most ", kMaxLayers,
+                       " layers, got widths ", widths);
   DeviceNetwork<T> net{};
   net.layers = static_cast<int>(layers);
   for (std::int64_t l = 0; l <= layers; ++l) net.widths[l] = widths[l];

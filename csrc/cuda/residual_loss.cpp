@@ -61,9 +61,8 @@ LossResult residual_loss(const at::Tensor& params, const at::Tensor& theta,
                    term_weights, widths, input_shift, input_scale, physics, form, precision);
   const c10::cuda::CUDAGuard guard(params.device());
   LossResult out = in.results();
-  const bool fast = fast_precision(precision);
   AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "residual_loss", [&] {
-    check(evaluate(device_loss<scalar_t>(in, widths, out), fast, in.params), "residual_loss");
+    check(evaluate(device_loss<scalar_t>(in, widths, out), in.fast, in.params), "residual_loss");
   });
   return out;
 }

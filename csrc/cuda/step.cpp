@@ -9,9 +9,9 @@ namespace granpinn::cuda {
 namespace {
 
 void launched(cudaError_t status, const char* operation) {
-  TORCH_CHECK(status == cudaSuccess, "granpinn::", operation,
-              " could not be launched on the GPU: ", cudaGetErrorString(status),
-              "; see python -m granpinn.doctor");
+  TORCH_CHECK(status == cudaSuccess,
+              message("granpinn::", operation, " could not be launched on the GPU: ",
+                      cudaGetErrorString(status), "; see python -m granpinn.doctor"));
 }
 
 struct CudaStep {

@@ -1,7 +1,9 @@
 """Flow files and what is made of them: reading, writing, rules, noise, points."""
 
-from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface, Truth
+from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
+from granpinn.data.foreign import read
 from granpinn.data.noise import add_noise
+from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
@@ -11,12 +13,15 @@ __all__ = [
     "Flow",
     "FlowFileError",
     "FlowFileWarning",
+    "Particles",
     "Surface",
     "TestGrid",
     "TrainingSet",
     "Truth",
     "add_noise",
     "check_flow",
+    "particle_flow",
+    "read",
     "read_flow",
     "test_grid",
     "training_set",

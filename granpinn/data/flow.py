@@ -38,6 +38,25 @@ class Surface:
     p: Float32Array | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """Scattered vectors, one per grain and time, in any order.
+
+    Attributes:
+        t, x, y: time and position, [n] float64.
+        u, v: velocity, [n] float32; every vector is valid.
+        sigma_u, sigma_v: standard deviation of u and v, [n] float32, or None.
+    """
+
+    t: Float64Array
+    x: Float64Array
+    y: Float64Array
+    u: Float32Array
+    v: Float32Array
+    sigma_u: Float32Array | None = None
+    sigma_v: Float32Array | None = None
+
+
 @dataclass(frozen=True)
 class Truth:
     """Parameters of the friction law that made the data: for scoring, never for training."""
@@ -49,19 +68,25 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Velocity of the grains on a grid in space and time.
+    """Velocity of the grains on a grid in space and time, or at scattered points.
+
+    A flow with `particles` is one of scattered vectors: they are what is measured, and t, y, x,
+    u, v, c are only a view of them on a grid for figures (make it with `particle_flow`).
 
     Attributes:
         t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
         u, v: velocity [T, Y, X]; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1.
         gravity: (g_x, g_y).
-        density: bulk density of the grains.
+        density: bulk density of the grains, which the momentum equation has.
         grain_diameter: mean diameter d of the grains.
         length_unit, time_unit: names of the units, "1" = dimensionless.
+        density_unit: name of the unit of density, None where the file does not say.
+        grain_density: density of a grain, which the inertial number has; None = `density`.
         p: reference pressure [T, Y, X]: for scoring, never for training.
         surface: observed points of the free surface.
         sigma_u, sigma_v: standard deviation of u and v, one number or [T, Y, X].
+        particles: scattered vectors.
         eta_max, eta_min: bounds of the viscosity in the solver that made the data.
         truth: parameters that made the data.
         attributes: further facts about the file, such as its source.
@@ -80,10 +105,13 @@ class Flow:
     grain_diameter: float
     length_unit: str = "1"
     time_unit: str = "1"
+    density_unit: str | None = None
+    grain_density: float | None = None
     p: Float32Array | None = None
     surface: Surface | None = None
     sigma_u: float | Float32Array | None = None
     sigma_v: float | Float32Array | None = None
+    particles: Particles | None = None
     eta_max: float | None = None
     eta_min: float | None = None
     truth: Truth | None = None

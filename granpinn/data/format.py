@@ -1,19 +1,19 @@
 """The flow file, version 1, as a table: which datasets it has, of which shape and type.
 
 The reader, the writer and the rules all go by this table. Axes: T times, Y rows, X columns,
-n points of the free surface.
+N scattered vectors, n points of the free surface. A file has either the grid or the particles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Flow
+from granpinn.data.flow import Flow, Particles
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
@@ -39,7 +39,7 @@ class Layout:
 
 _GRID = ("T", "Y", "X")
 
-DATASETS = (
+GRID_DATASETS = (
     DatasetRule("t", ("T",), ("float64",), required=True),
     DatasetRule("y", ("Y",), ("float64",), required=True),
     DatasetRule("x", ("X",), ("float64",), required=True),
@@ -49,28 +49,53 @@ DATASETS = (
     DatasetRule("p", _GRID, ("float32",)),
     DatasetRule("sigma_u", _GRID, ("float32",)),
     DatasetRule("sigma_v", _GRID, ("float32",)),
+)
+PARTICLES = "particles"
+PARTICLE_DATASETS = (
+    *(DatasetRule(f"{PARTICLES}/{name}", ("N",), ("float64",), required=True) for name in "txy"),
+    *(DatasetRule(f"{PARTICLES}/{name}", ("N",), ("float32",), required=True) for name in "uv"),
+    DatasetRule(f"{PARTICLES}/sigma_u", ("N",), ("float32",)),
+    DatasetRule(f"{PARTICLES}/sigma_v", ("N",), ("float32",)),
+)
+SURFACE_DATASETS = (
     DatasetRule("surface_t", ("n",), ("float64", "float32")),
     DatasetRule("surface_x", ("n",), ("float64", "float32")),
     DatasetRule("surface_y", ("n",), ("float64", "float32")),
     DatasetRule("surface_p", ("n",), ("float32", "float64")),
 )
+DATASETS = (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS)
 
 # Root attributes with a meaning of their own; all others are kept in Flow.attributes.
 NUMBERS = ("density", "grain_diameter")
 TEXTS = ("length_unit", "time_unit")
-OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v")
+OPTIONAL_TEXTS = ("density_unit",)
+OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
 TRUTH = {"true_mu_s": "mu_s", "true_mu_2": "mu_2", "true_I0": "I0"}
 KNOWN_ATTRIBUTES = frozenset(
-    ("format_name", "format_version", "gravity", *NUMBERS, *TEXTS, *OPTIONAL_NUMBERS, *TRUTH)
+    (
+        *("format_name", "format_version", "gravity"),
+        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *TRUTH),
+    )
 )
 
 
 def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
-    """The arrays that a flow holds, by the name of their dataset."""
-    surface = flow.surface
-    parts: Mapping[str, Any] = {
-        **{name: getattr(flow, name) for name in ("t", "y", "x", "c", "u", "v", "p")},
-        **{name: getattr(flow, name) for name in ("sigma_u", "sigma_v")},
-        **{f"surface_{name}": getattr(surface, name, None) for name in ("t", "x", "y", "p")},
-    }
+    """The arrays that a flow is made of, by the name of their dataset."""
+    own = grid_arrays_of(flow) if flow.particles is None else _particle_arrays_of(flow.particles)
+    return own | _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
+
+
+def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
+    """The arrays on the grid, also where it is but a view of particles."""
+    names = ("t", "y", "x", "c", "u", "v", "p", "sigma_u", "sigma_v")
+    return _arrays(names, "", flow)
+
+
+def _particle_arrays_of(particles: Particles) -> dict[str, npt.NDArray[Any]]:
+    names = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
+    return _arrays(names, f"{PARTICLES}/", particles)
+
+
+def _arrays(names: Iterable[str], prefix: str, holder: Any) -> dict[str, npt.NDArray[Any]]:
+    parts = {prefix + name: getattr(holder, name, None) for name in names}
     return {name: part for name, part in parts.items() if isinstance(part, np.ndarray)}

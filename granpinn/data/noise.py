@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Float32Array, Flow
+from granpinn.data.flow import Float32Array, Flow, Particles, Surface
+from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
 
@@ -40,6 +41,8 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if surface is not None and surface.p is not None:
         sigma_p = sd * float(np.abs(surface.p).max())
         surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    if flow.particles is not None:
+        return _on_particles(flow, flow.particles, sigma, seed, surface)
     return replace(
         flow,
         u=_noisy(flow.u, sigma, seed, _STREAM_U),
@@ -50,8 +53,29 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     )
 
 
+def _on_particles(
+    flow: Flow, particles: Particles, sigma: float, seed: int, surface: Surface | None
+) -> Flow:
+    noisy = replace(
+        particles,
+        u=_noisy(particles.u, sigma, seed, _STREAM_U),
+        v=_noisy(particles.v, sigma, seed, _STREAM_V),
+    )
+    sigma_u, sigma_v = flow.sigma_u, flow.sigma_v
+    if particles.sigma_u is not None and particles.sigma_v is not None:
+        pair = np.stack([particles.sigma_u, particles.sigma_v]).astype(np.float64)
+        both = np.hypot(pair, sigma).astype(np.float32)
+        noisy = replace(noisy, sigma_u=both[0], sigma_v=both[1])
+    else:
+        sigma_u, sigma_v = _in_quadrature(sigma_u, sigma), _in_quadrature(sigma_v, sigma)
+    view = vars(grid_view(noisy))
+    return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
+
+
 def max_speed(flow: Flow) -> float:
     """The largest speed over the grains, in the units of the file."""
+    if flow.particles is not None:
+        return float(np.hypot(flow.particles.u, flow.particles.v, dtype=np.float64).max())
     valid = flow.valid
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.data.flow import BoolArray, Flow, FlowFileError
+from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles
 
 if TYPE_CHECKING:
     from granpinn.scales import Scales
@@ -57,7 +57,7 @@ class TestGrid:
 def training_set(
     flow: Flow, scales: Scales, level: str = "V1", dtype: torch.dtype = torch.float32
 ) -> TrainingSet:
-    """The data points (c = 1, t > 0, valid vector) and the surface points of a level.
+    """The data points (t > 0, valid vector; on a grid: c = 1) and the surface points of a level.
 
     Args:
         level: "V0" velocity only; "V1" and the line of the free surface, where p = 0;
@@ -69,18 +69,11 @@ def training_set(
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
-    # t = 0 holds no solution: the pressure of the initial state is a guess.
-    used = flow.valid & (flow.t > 0)[:, None, None]
-    if not used.any():
-        raise FlowFileError(
-            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the clock "
-            "at the release of the grains"
-        )
-    indices = _indices(used)
-    points = _points(flow, scales, indices)
-    measured = np.stack([flow.u[used], flow.v[used]], -1, dtype=np.float64)
+    samples = _samples(flow)
+    points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
+    measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
     velocity = scales.to_dimensionless(measured, "velocity")
-    weights = np.stack([_velocity_weights(flow, used), np.ones(len(points))], -1)
+    weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
     surface_points, surface_pressure = _surface(flow, scales, level)
 
     def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
@@ -120,17 +113,45 @@ def _points(flow: Flow, scales: Scales, indices: Indices) -> npt.NDArray[np.floa
     return scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
 
 
-def _velocity_weights(flow: Flow, used: BoolArray) -> npt.NDArray[np.float64]:
+def _samples(flow: Flow) -> Particles:
+    """The vectors at t > 0, in the units of the file, those of a grid in the order (t, y, x).
+
+    t = 0 holds no solution: the pressure of the initial state is a guess. A standard deviation
+    that is the same everywhere weighs nothing and is left out.
+    """
+    particles = flow.particles
+    if particles is not None:
+        kept = particles.t > 0
+        found = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
+    else:
+        kept = flow.valid & (flow.t > 0)[:, None, None]
+        frame, row, column = _indices(kept)
+        fields = {name: getattr(flow, name) for name in ("u", "v", *_sigmas_of(flow))}
+        found = {name: np.broadcast_to(a, kept.shape)[kept] for name, a in fields.items()}
+        found |= {"t": flow.t[frame], "y": flow.y[row], "x": flow.x[column]}
+    if not kept.any():
+        raise FlowFileError(
+            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the clock "
+            "at the release of the grains"
+            if particles is None
+            else "particles/t must hold times after 0, got none: start the clock at the release "
+            "of the grains"
+        )
+    return Particles(**found)  # type: ignore[arg-type]
+
+
+def _sigmas_of(flow: Flow) -> tuple[str, ...]:
+    """Names of the standard deviations, none where both are the same at all points."""
+    varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
+    return ("sigma_u", "sigma_v") if varies else ()
+
+
+def _velocity_weights(samples: Particles) -> npt.NDArray[np.float64]:
     """1/variance of the measurement, with mean 1; 1 everywhere where it is the same."""
-    sigmas = (flow.sigma_u, flow.sigma_v)
-    if not any(isinstance(sigma, np.ndarray) for sigma in sigmas):
-        return np.ones(int(used.sum()))
-    variance = sum(
-        np.square(sigma[used] if isinstance(sigma, np.ndarray) else sigma, dtype=np.float64)
-        for sigma in sigmas
-        if sigma is not None
-    )
-    weights = 1 / np.asarray(variance, dtype=np.float64)
+    if samples.sigma_u is None or samples.sigma_v is None:
+        return np.ones(samples.t.size)
+    variance = sum(np.square(s, dtype=np.float64) for s in (samples.sigma_u, samples.sigma_v))
+    weights = 1 / np.asarray(variance)
     return np.asarray(weights / weights.mean())
 
 

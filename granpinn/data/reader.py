@@ -9,21 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import Flow, FlowFileError, Surface, Truth
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth
 from granpinn.data.format import (
     DATASETS,
     FORMAT_NAME,
     FORMAT_VERSION,
     KNOWN_ATTRIBUTES,
     OPTIONAL_NUMBERS,
+    OPTIONAL_TEXTS,
+    PARTICLES,
     TRUTH,
 )
 from granpinn.data.hdf5 import SafeFile, read_regular_file, too_large
+from granpinn.data.particles import grid_view
 from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
 
 DEFAULT_MAX_BYTES = 2**30
 # What is held in memory: coordinates in float64, all else in float32.
-_FLOAT64 = ("t", "y", "x", "surface_t", "surface_x", "surface_y")
+_FLOAT64 = tuple(
+    prefix + name for prefix in ("", f"{PARTICLES}/", "surface_") for name in ("t", "y", "x")
+)
 
 
 def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:
@@ -57,6 +62,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
             "time_unit": _require_text(file, "time_unit"),
         }
         optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
+        optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
         truth = {field: _number(file, name) for name, field in TRUTH.items()}
         others = file.attributes.scalars(KNOWN_ATTRIBUTES)
         arrays = _read_arrays(file, max_bytes)
@@ -66,6 +72,11 @@ def _read(path: Path, max_bytes: int) -> Flow:
                 f"{name} must be either an attribute or a dataset, got both: remove one"
             )
         optional[name] = arrays.pop(name, optional[name])
+    prefix = f"{PARTICLES}/"
+    scattered = {n.removeprefix(prefix): arrays.pop(n) for n in [*arrays] if n.startswith(prefix)}
+    if scattered:
+        optional["particles"] = particles = Particles(**scattered)
+        arrays |= vars(grid_view(particles))
     surface = {name: arrays.pop(f"surface_{name}", None) for name in ("t", "x", "y", "p")}
     return Flow(
         **arrays,

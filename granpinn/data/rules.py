@@ -14,7 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, FlowFileWarning, Surface, Truth
-from granpinn.data.format import DATASETS, DatasetRule, Layout, arrays_of
+from granpinn.data.format import (
+    GRID_DATASETS,
+    PARTICLE_DATASETS,
+    SURFACE_DATASETS,
+    DatasetRule,
+    Layout,
+    arrays_of,
+    grid_arrays_of,
+)
+from granpinn.data.particles import check_particles
 
 # Volume fractions of a solver stray from 0..1 by rounding; anything more is a mistake.
 FRACTION_TOLERANCE = 1e-6
@@ -27,7 +36,8 @@ WRITE_HINT = "write it with granpinn.data.write_flow"
 
 def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
-    check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays_of(flow).items()})
+    for arrays in (arrays_of(flow), grid_arrays_of(flow)):
+        check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
     check_values(flow)
 
 
@@ -38,7 +48,15 @@ def check_layout(found: Mapping[str, Layout]) -> None:
         found: shape and type of every dataset of the format that is there.
     """
     sizes: dict[str, int] = {}
-    for rule in DATASETS:
+    scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
+    gridded = [rule.name for rule in GRID_DATASETS if rule.name in found]
+    if scattered and gridded:
+        raise FlowFileError(
+            f"a flow must be on a grid or at particles, got both {gridded[0]} and "
+            f"{scattered[0]}: leave one of them out"
+        )
+    own = PARTICLE_DATASETS if scattered else GRID_DATASETS
+    for rule in (*own, *SURFACE_DATASETS):
         if rule.name in found:
             _check_one_layout(rule, found[rule.name], sizes)
         elif rule.required:
@@ -46,7 +64,8 @@ def check_layout(found: Mapping[str, Layout]) -> None:
             axes = f"[{', '.join(rule.axes)}]"
             raise FlowFileError(
                 f"{rule.name} is missing: expected a dataset {rule.name} "
-                f"{rule.dtypes[0]} {axes}, found {names}; add it, NaN where nothing is known"
+                f"{rule.dtypes[0]} {axes}, found {names}; add it"
+                + ("" if scattered else ", NaN where nothing is known")
             )
     surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
     if len(surface) in (1, 2) or ("surface_p" in found and not surface):
@@ -110,6 +129,8 @@ def check_values(flow: Flow) -> None:
             "every point with grains or leave p out"
         )
     _check_sigma(flow)
+    if flow.particles is not None:
+        check_particles(flow.particles)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
 
@@ -128,6 +149,7 @@ def _check_material_constants(flow: Flow) -> None:
     positive = {
         "density": flow.density,
         "grain_diameter": flow.grain_diameter,
+        "grain_density": flow.grain_density,
         "eta_max": flow.eta_max,
         "true_mu_s": truth.mu_s,
         "true_mu_2": truth.mu_2,
@@ -138,6 +160,11 @@ def _check_material_constants(flow: Flow) -> None:
             raise FlowFileError(
                 f"{name} must be a positive number, got {value:g}: correct this attribute"
             )
+    if flow.grain_density is not None and flow.grain_density < flow.density:
+        raise FlowFileError(
+            f"grain_density must be at least density, the bulk density {flow.density:g}, got "
+            f"{flow.grain_density:g}: density is grain_density times the solid fraction"
+        )
     if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
         raise FlowFileError(
             f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "

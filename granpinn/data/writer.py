@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -16,6 +17,8 @@ from granpinn.data.format import (
     FORMAT_VERSION,
     NUMBERS,
     OPTIONAL_NUMBERS,
+    OPTIONAL_TEXTS,
+    PARTICLES,
     TEXTS,
     TRUTH,
     arrays_of,
@@ -23,8 +26,10 @@ from granpinn.data.format import (
 from granpinn.data.rules import check_flow
 
 FRAMES_PER_CHUNK = 10
+ROWS_PER_CHUNK = 100_000
+_PACKED = {"compression": "gzip", "shuffle": True}
 # Dimension scales: the axis that each coordinate stands for.
-_SCALES = {"T": "t", "Y": "y", "X": "x", "n": "surface_t"}
+_SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t"}
 
 
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
@@ -47,7 +52,8 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
         "gravity": np.asarray(flow.gravity, dtype=np.float64),
-        **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS, *OPTIONAL_NUMBERS)},
+        **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS)},
+        **{name: getattr(flow, name) for name in (*OPTIONAL_NUMBERS, *OPTIONAL_TEXTS)},
         **{name: getattr(truth, field) for name, field in TRUTH.items()},
     }
     for name, value in sorted(values.items()):  # equal flows make equal files
@@ -63,16 +69,19 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
         if rule.name not in arrays:
             continue
         array = arrays[rule.name]
-        options = {}
-        if array.ndim == 3:
+        options: dict[str, Any] = {}
+        if rule.axes == ("N",):
+            options = {"chunks": (min(ROWS_PER_CHUNK, array.size),), **_PACKED}
+        elif array.ndim == 3:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
-            options = {"chunks": chunks, "compression": "gzip", "shuffle": True}
+            options = {"chunks": chunks, **_PACKED}
         dataset = file.create_dataset(rule.name, data=array, **options)
-        if rule.name in units:
-            _write_text(dataset, "units", units[rule.name])
+        unit = units.get(rule.name.removeprefix(f"{PARTICLES}/"))
+        if unit is not None:
+            _write_text(dataset, "units", unit)
     for name in _SCALES.values():
         if name in arrays:
-            file[name].make_scale(name)
+            file[name].make_scale(name.rpartition("/")[2])
     for rule in DATASETS:
         if rule.name in arrays and rule.name not in _SCALES.values():
             for axis, axis_name in enumerate(rule.axes):

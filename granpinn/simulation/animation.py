@@ -3,60 +3,69 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
-from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
 
 from granpinn.atomic import atomic_path
 from granpinn.data.flow import Flow
 from granpinn.plots.style import VALUE_MAP, WIDTH, label, new_figure
 
-MOST_FRAMES = 60
-FRAMES_PER_SECOND = 15
+MOST_FRAMES = 200
+FRAMES_PER_SECOND = 25
 DPI = 90
 
 
 def animate(flow: Flow, path: Path) -> Path:
-    """Writes the frames of a flow, every n-th if there are many, as a GIF."""
+    """Writes the frames of a simulated flow, every n-th if there are many, as a GIF.
+
+    Axes and colour bar are drawn once; per frame only the grains and the time change.
+    """
     frames = range(0, len(flow.t), -(-len(flow.t) // MOST_FRAMES))
     speed = np.hypot(flow.u, flow.v)
     shape = float(flow.y[-1] / flow.x[-1])
     figure = new_figure(min(0.85 * WIDTH * shape + 0.8, 7.0))
-    FigureCanvasAgg(figure)
+    figure.set_dpi(DPI)
+    canvas: Any = FigureCanvasAgg(figure)
     axes = figure.subplots()
-    mesh = axes.pcolormesh(
-        flow.x,
-        flow.y,
+    half = 0.5 * float(flow.x[1] - flow.x[0])  # the grid of a simulated flow is even
+    image = axes.imshow(
         np.ma.masked_invalid(speed[0]),
-        shading="nearest",
+        origin="lower",
+        extent=(flow.x[0] - half, flow.x[-1] + half, flow.y[0] - half, flow.y[-1] + half),
         cmap=VALUE_MAP,
         vmin=0,
         vmax=float(np.nanmax(speed)),
+        interpolation="nearest",
+        animated=True,
     )
-    axes.set_aspect("equal")
     axes.set_xlabel(label("$x$", flow.length_unit))
     axes.set_ylabel(label("$y$", flow.length_unit))
-    figure.colorbar(mesh, ax=axes, label="$|v|$")
+    title = axes.text(0, 1.02, " ", transform=axes.transAxes, va="bottom", animated=True)
+    figure.colorbar(image, ax=axes, label="$|v|$")
+    canvas.draw()
+    background = canvas.copy_from_bbox(figure.bbox)
 
-    # Lay out once: doing it for every frame takes most of the time.
-    axes.set_title(" ")
-    figure.canvas.draw()
-    figure.set_layout_engine("none")
+    def picture(k: int) -> Image.Image:
+        canvas.restore_region(background)
+        image.set_data(np.ma.masked_invalid(speed[k]))
+        title.set_text(f"t = {flow.t[k]:.3g}")
+        axes.draw_artist(image)
+        axes.draw_artist(title)
+        return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
-    def draw(k: int) -> list[Artist]:
-        mesh.set_array(np.ma.masked_invalid(speed[k]))
-        axes.set_title(f"t = {flow.t[k]:.3g}")
-        return [mesh]
-
-    animation = FuncAnimation(figure, draw, frames=frames, blit=False)
+    # The colour bar is in every frame: the palette of one serves all.
+    palette = picture(0).quantize(255)
+    pictures = [picture(k).quantize(palette=palette, dither=Image.Dither.NONE) for k in frames]
     with atomic_path(path) as temporary:
-        writer = PillowWriter(fps=FRAMES_PER_SECOND)
-        gif = temporary.with_suffix(".gif")  # the writer goes by the name
-        try:
-            animation.save(str(gif), writer=writer, dpi=DPI)
-            temporary.write_bytes(gif.read_bytes())
-        finally:
-            gif.unlink(missing_ok=True)
+        pictures[0].save(
+            temporary,
+            format="GIF",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=1000 // FRAMES_PER_SECOND,
+            loop=0,
+        )
     return path

@@ -39,13 +39,15 @@ class Recorder:
         self.surface.append(np.stack(points, axis=1))
 
     def flow(self) -> Flow:
-        """The frames so far, cut to the grains."""
-        occupied = [np.argwhere(frame["c"] > 0).max(axis=0) + 1 for frame in self.frames]
-        ny, nx = np.max(occupied, axis=0)
+        """The frames so far, cut to the grains and the surface."""
+        s, points = self.collapse, np.concatenate(self.surface)
+        occupied = [np.argwhere(frame["c"] > 0).max(axis=0) for frame in self.frames]
+        # The surface is on all cells: its last ones may lie between two points of the grid.
+        beyond = np.ceil((points[:, [2, 1]] / s.spacing - 0.5).round() / s.stride)
+        ny, nx = np.concatenate([occupied, beyond]).max(axis=0) + 1
         arrays = {name: self._stack(name, int(ny), int(nx)) for name in ("c", "u", "v", "p")}
         for name in ("u", "v", "p"):
             arrays[name][arrays["c"] != 1] = np.nan
-        s, points = self.collapse, np.concatenate(self.surface)
         spacing, first = s.stride * s.spacing, 0.5 * s.spacing
         t, x, y, p = points.T.copy()
         return Flow(

@@ -139,6 +139,16 @@ def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
         Engine(Collapse(cells=64, threads=1), largest_iteration_count=1)
 
 
+def test_grid_of_a_short_flow_covers_its_surface(tmp_path: Path) -> None:
+    """The column has not moved: its side lies between the last points with grains and the next."""
+    out = tmp_path / "flow.h5"
+    granpinn.simulate(cells=64, stride=4, t_end=0.2, frames=2, threads=1, out=out)
+    flow = granpinn.read_flow(out)
+    assert flow.surface is not None
+    assert flow.x[-1] >= flow.surface.x.max()
+    assert flow.y[-1] >= flow.surface.y.max()
+
+
 def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
     folder = tmp_path / "cases"
     assert command.main(["--paper-cases", str(folder), *FLAGS]) == 0

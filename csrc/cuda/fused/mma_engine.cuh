@@ -1,10 +1,10 @@
-// Products of a tile on tensor cores, as float32-grade forward and TF32 backward products.
+// Products of a tile on tensor cores: float32-grade forward, TF32 backward.
 //
-// z^T = W a^T with mma.m16n8k8: neurons are the rows of the tensor cores' tile, so a weight fragment
-// is used by one warp alone and comes straight from the stream, and a thread ends up with all
-// channels of its points. Forward: each operand is split into two TF32 numbers, of the four products
-// the smallest is left out, and the tensor cores' sums over eight terms are added in float32
-// registers: added up inside, they would be truncated. Backward products are TF32, rounded to nearest.
+// z^T = W a^T with mma.m16n8k8: neurons are the rows of the tensor cores' tile, so a weight
+// fragment is used by one warp alone and comes straight from its stream, and a thread ends up with
+// all channels of its points. Forward, each operand is split into two TF32 numbers; of the four
+// products the smallest is left out, and the tensor cores' sums over 16 terms are added in float32
+// registers: added up inside, they would be truncated. Backward operands are rounded to nearest.
 #pragma once
 
 #include "weight_stream.cuh"

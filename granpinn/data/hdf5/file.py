@@ -87,20 +87,30 @@ class SafeFile:
         self._file.close()
 
     def open_dataset(self, name: str) -> Dataset | None:
-        """A dataset of the root that lies in this file itself, None if there is none."""
+        """A dataset that lies in this file itself, None if there is none.
+
+        Args:
+            name: of a dataset of the root, or "group/name".
+        """
         with damage(name):
-            links: Any = self._root.links
-            if not links.exists(name.encode()):
-                return None
-            kind = links.get_info(name.encode()).type
-            if kind != h5l.TYPE_HARD:
-                raise FlowFileError(
-                    f"{name} must be stored in the file itself, got "
-                    f"{_LINKS.get(kind, 'a user-defined link')}: copy the data into the file"
-                )
-            dataset = h5o.open(self._root, name.encode())
-            if not isinstance(dataset, h5d.DatasetID):
+            place: Any = self._root
+            *groups, _ = parts = name.split("/")
+            for depth, part in enumerate(parts):
+                if not place.links.exists(part.encode()):
+                    return None
+                kind = place.links.get_info(part.encode()).type
+                if kind != h5l.TYPE_HARD:
+                    raise FlowFileError(
+                        f"{name} must be stored in the file itself, got "
+                        f"{_LINKS.get(kind, 'a user-defined link')}: copy the data into the file"
+                    )
+                place = h5o.open(place, part.encode())
+                if depth < len(groups) and not isinstance(place, h5g.GroupID):
+                    raise FlowFileError(
+                        f"{part} must be a group that holds {name}, got no group: rename it"
+                    )
+            if not isinstance(place, h5d.DatasetID):
                 raise FlowFileError(
                     f"{name} must be a dataset, got a group or a type: store the data in it"
                 )
-            return Dataset(name, dataset, len(self._image))
+            return Dataset(name, place, len(self._image))

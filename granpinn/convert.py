@@ -1,0 +1,129 @@
+"""The command `python -m granpinn.convert`: files of a PIV or PTV program to a flow file.
+
+Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from granpinn.data import FlowFileError, FlowFileWarning, write_flow
+from granpinn.importers import DataFileError, Settings, convert
+from granpinn.importers.formats import FORMATS
+from granpinn.importers.settings import flag
+
+EXAMPLES = """examples:
+  python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
+      --frame-rate "500 Hz" --grain-diameter "0.8 mm" --grain-density "2500 kg/m^3" \\
+      --solid-fraction 0.6
+      vectors in pixels per frame, one file per frame, a mask drawn in PIVlab
+  python -m granpinn.convert tracks.csv --out flow.h5 --surface surface.csv --scale "8.3 px/mm" ...
+      tracked particles: velocities by local polynomials; the line of the free surface by hand
+  python -m granpinn.convert B*.vc7 --out flow.h5 --tilt "-1.2 deg" --wall-gap "20 mm" ...
+      DaVis, already in mm and m/s; a plumb line in the image leans 1.2 degrees to the left
+  python -m granpinn.convert out-*.txt --out flow.h5 --dimensionless --times name \\
+      --grain-diameter 0.025
+      a simulation without units, times in the names of the files
+
+units: any that make sense ("0.12 mm/px", "8.3 px/mm", "2 ms", "2.5 g/cm^3"); the flow file has SI.
+What is missing is named. docs/importing.md has the steps for every instrument."""
+
+GROUPS = {
+    "files": "which files, and what of them",
+    "calibration": "units: needed only where the files do not say",
+    "frame": "axes: x to the right, y up",
+    "material": "the grains",
+    "grains": "where the grains end",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise DataFileError(f"{message}; {self.prog} --help explains every argument")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    try:
+        sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", FlowFileWarning)
+            warnings.showwarning = _show
+            flow = convert(sources, settings, report=print)
+        write_flow(flow, out)
+    except (DataFileError, FlowFileError) as error:
+        return _fail(2, str(error))
+    except OSError as error:
+        return _fail(1, str(error))
+    print(f"flow file: {out}")
+    print(f"next: python -m granpinn.train {out} --out run")
+    return 0
+
+
+def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
+    """Files, flow file and settings of a command line."""
+    parser = _Parser(
+        prog="python -m granpinn.convert",
+        usage="%(prog)s IN... --out FLOW.h5 [settings]",
+        description="Turn files of a PIV, PTV or simulation program into a flow file.",
+        epilog=EXAMPLES + "\n\nformats:\n" + _formats(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        argument_default=argparse.SUPPRESS,
+        allow_abbrev=False,
+    )
+    parser.add_argument("sources", nargs="+", metavar="IN", help="files, folders or patterns")
+    parser.add_argument("--out", required=True, metavar="FLOW.h5", help="the flow file to write")
+    groups = {name: parser.add_argument_group(name, text) for name, text in GROUPS.items()}
+    for field in dataclasses.fields(Settings):
+        text = field.metadata["help"].replace("%", "%%")
+        group = groups[field.metadata["group"]]
+        if str(field.type) == "bool":
+            group.add_argument(flag(field.name), dest=field.name, action="store_true", help=text)
+            continue
+        if field.default is not None:
+            text += f" (default {field.default})"
+        kind = {"int": int, "float | None": float}.get(str(field.type), str)
+        group.add_argument(flag(field.name), dest=field.name, metavar="VALUE", type=kind, help=text)
+    given: dict[str, Any] = vars(parser.parse_args(_joined(argv)))
+    sources = [Path(source) for source in given.pop("sources")]
+    out = Path(given.pop("out"))
+    if out.is_dir() or not out.resolve().parent.is_dir():
+        raise DataFileError(f"--out must be a file in an existing folder, got {out}")
+    if out.resolve() in [source.resolve() for source in sources]:
+        raise DataFileError(f"--out must be another file than the data, got {out}")
+    return sources, out, Settings(**given)
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """`--tilt "-1.2 deg"` as one argument, because argparse takes -1.2 for a flag."""
+    joined: list[str] = []
+    for argument in argv:
+        negative = argument[:1] == "-" and argument[1:2].isdigit()
+        if negative and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _formats() -> str:
+    return "\n".join(f"  {name:<12}{found.title}" for name, found in FORMATS.items())
+
+
+def _show(message: Warning | str, *_: Any, **__: Any) -> None:
+    print(f"warning: {message}", file=sys.stderr)
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"granpinn.convert: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

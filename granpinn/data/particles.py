@@ -1,0 +1,143 @@
+"""Scattered velocity vectors, one per tracked grain and time: the particle layout of a flow file.
+
+Training takes the vectors as they are. Figures and maps need a grid, so a flow of particles also
+carries a view of itself on one: cells that hold grains, and the mean velocity of those in a cell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data.flow import Flow, FlowFileError, Particles
+
+# A cell is this many times wider than the usual distance to the nearest grain.
+CELL = 2.5
+MAX_FRAMES = 1000
+MAX_CELLS = 20_000_000  # of the view, over all frames
+MAX_AXIS = 400
+_SAMPLED_FRAMES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class GridView:
+    """What a grid shows of particles: t [T], y [Y], x [X], and u, v, c [T, Y, X] as in a Flow."""
+
+    t: npt.NDArray[np.float64]
+    y: npt.NDArray[np.float64]
+    x: npt.NDArray[np.float64]
+    u: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    c: npt.NDArray[np.float32]
+
+
+def particle_flow(particles: Particles, **others: Any) -> Flow:
+    """A flow of scattered vectors.
+
+    Args:
+        particles: time, position and velocity of every vector.
+        others: the remaining fields of Flow, such as gravity, density and grain_diameter.
+    """
+    return Flow(**vars(grid_view(particles)), particles=particles, **others)
+
+
+def grid_view(particles: Particles) -> GridView:
+    """The particles on a regular grid around them, with c = 1 in the cells that hold grains.
+
+    Raises:
+        FlowFileError: the vectors do not span a time and an area.
+    """
+    check_particles(particles)
+    t = np.unique(particles.t)
+    if t.size > MAX_FRAMES:
+        t = np.linspace(t[0], t[-1], MAX_FRAMES)
+    if t.size < 2:
+        raise FlowFileError(
+            f"particles/t must hold at least two different times, got {t.size}: give more of the "
+            "flow"
+        )
+    frame = np.searchsorted((t[1:] + t[:-1]) / 2, particles.t)
+    cell = _cell_size(particles, frame, t.size)
+    x, column = _axis("x", particles.x, cell)
+    y, row = _axis("y", particles.y, cell)
+    shape = (t.size, y.size, x.size)
+    place = np.ravel_multi_index((frame, row, column), shape)
+    count = np.bincount(place, minlength=math.prod(shape))
+
+    def means(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        sums = np.bincount(place, weights=values, minlength=count.size)
+        mean = np.divide(sums, count, out=np.full(count.size, np.nan), where=count > 0)
+        return np.asarray(mean.reshape(shape), np.float32)
+
+    c = np.stack([closed(frame > 0) for frame in count.reshape(shape)]).astype(np.float32)
+    return GridView(t, y, x, means(particles.u), means(particles.v), c)
+
+
+def check_particles(particles: Particles) -> None:
+    """Raises FlowFileError if a value cannot be that of a measured vector."""
+    for name, values in vars(particles).items():
+        if values is None:
+            continue
+        good = np.isfinite(values)
+        if name.startswith("sigma"):
+            good &= values > 0
+        if not good.all():
+            wanted = "positive and finite" if name.startswith("sigma") else "finite"
+            raise FlowFileError(
+                f"particles/{name} must be {wanted}, got {values[~good][0]:g} at index "
+                f"{int(np.argmin(good))}: leave out the vectors that are not valid"
+            )
+    if (particles.sigma_u is None) != (particles.sigma_v is None):
+        raise FlowFileError(
+            "particles/sigma_u and particles/sigma_v must come together, got only one of them: "
+            "add the other or leave both out"
+        )
+
+
+def closed(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
+    from scipy.ndimage import binary_closing  # slow to import, and a flow on a grid needs it not
+
+    grown = binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
+    return np.asarray(grown[3:-3, 3:-3] | occupied)
+
+
+def _cell_size(particles: Particles, frame: npt.NDArray[np.intp], n_frames: int) -> float:
+    """Width of the cells, from the distance between neighbors in a few frames."""
+    from scipy.spatial import cKDTree
+
+    distances = []
+    for k in np.unique(np.linspace(0, n_frames - 1, _SAMPLED_FRAMES).astype(int)):
+        points = np.stack([particles.x, particles.y], -1)[frame == k]
+        if len(points) > 1:
+            nearest = cKDTree(points).query(points, k=2)[0][:, 1]
+            distances.append(nearest[nearest > 0])
+    found = np.concatenate(distances) if distances else np.empty(0)
+    width, height = (float(np.ptp(a)) for a in (particles.x, particles.y))
+    if found.size == 0 or not width > 0 or not height > 0:
+        raise FlowFileError(
+            "particles must be spread over an area, got vectors in one place or on one line: "
+            "check particles/x and particles/y"
+        )
+    least = max(max(width, height) / MAX_AXIS, math.sqrt(width * height * n_frames / MAX_CELLS))
+    return max(CELL * float(np.median(found)), least)
+
+
+def _axis(
+    name: str, values: npt.NDArray[np.float64], cell: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+    """Cell centers around the values, and the cell of each value."""
+    low = float(values.min())
+    count = max(2, math.ceil((float(values.max()) - low) / cell + 1e-9))
+    centers = np.asarray(low + cell * (np.arange(count) + 0.5), np.float64)
+    if not (np.diff(centers) > 0).all():
+        raise FlowFileError(
+            f"particles/{name} must vary by more than its rounding, got {low:g} and less than "
+            f"{cell:g} around it: move the origin of the coordinates to the grains"
+        )
+    index = np.clip(((values - low) / cell).astype(np.intp), 0, count - 1)
+    return centers, index

@@ -1,0 +1,67 @@
+"""Basilisk's `output_field`: text with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`, one file per time.
+
+x is the outer loop, with a blank line after every x. Values outside the domain are `nodata`, a huge
+number that prints as inf. The file holds no time: give it with --times. The numbers have the units
+of the simulation, mostly none.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from granpinn.importers.tables import numbers, read_text, to_grid
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+
+_COLUMN = re.compile(r"\d+:(\S+)")
+# Names that the fields usually have, the first one there is taken.
+ROLES = {"u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
+_HUGE = 1e29  # nodata of single-precision builds is 1e30
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """The numbered columns of output_field."""
+    return bool(re.match(rb"#\s*1:x\s+2:y\b", head))
+
+
+def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
+    """One frame.
+
+    Args:
+        names: of the fields u, v, c, p in the file, where they are not the usual ones.
+    """
+    first, _, rest = read_text(path).partition("\n")
+    columns = _COLUMN.findall(first)
+    if columns[:2] != ["x", "y"]:
+        raise DataFileError(
+            f"{path} must begin with '# 1:x 2:y ...', got {first[:40]!r}: write it with "
+            "output_field"
+        )
+    chosen = {}
+    for role, usual in ROLES.items():
+        candidates = (names[role],) if names and role in names else usual
+        chosen[role] = next((name for name in candidates if name in columns), None)
+    missing = [role for role in ("u", "v") if chosen[role] is None]
+    if missing:
+        raise DataFileError(
+            f"{path} must have the velocity u.x, u.y, got {', '.join(columns[2:])}: name it with "
+            "--fields u=...,v=..."
+        )
+    table = numbers(path, rest.split("\n"), first_line=2)
+    if table.shape[1] != len(columns):
+        raise DataFileError(
+            f"{path} must have {len(columns)} columns like its header, got {table.shape[1]}"
+        )
+    parts = {"x": table[:, 0], "y": table[:, 1]}
+    parts |= {role: table[:, columns.index(name)] for role, name in chosen.items() if name}
+    there = np.isfinite(parts["u"] + parts["v"]) & (np.abs(parts["u"]) < _HUGE)
+    codes = np.where(there, Validity.VALID, Validity.MASKED)
+    for role in ("c", "p"):
+        if role in parts:
+            parts[role] = np.where(there & np.isfinite(parts[role]), parts[role], np.nan)
+    grids = to_grid(path, parts, codes)
+    if "c" in grids:
+        grids["c"] = np.nan_to_num(grids["c"])
+    return vector_fields(t=[0], **grids, time_unit="frame", y_down=False)

@@ -1,0 +1,165 @@
+"""A flow from vectors in SI units: grains, free surface, standard deviations."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from granpinn.data.flow import Flow, FlowFileWarning, Particles, Surface
+from granpinn.data.particles import particle_flow
+from granpinn.importers import surface as surfaces
+from granpinn.importers.frame import Frame
+from granpinn.importers.grains import FULL, Grains, below_line, grains_of
+from granpinn.importers.settings import Settings
+from granpinn.importers.vectors import Bool, DataFileError, VectorFields
+
+ROUNDING = 1e-9  # of the time that the flow takes
+
+
+def grid_flow(
+    fields: VectorFields,
+    settings: Settings,
+    frame: Frame,
+    line: Surface | None,
+    constants: dict[str, Any],
+) -> Flow:
+    """The flow of vectors on a grid.
+
+    Args:
+        line: points of the free surface that were given.
+        constants: fields of Flow that are known already.
+    """
+    grains = grains_of(fields)
+    if line is not None and grains.source == "vectors":
+        inside = below_line(fields, line.t, line.x, line.y)
+        grains = Grains(np.where(inside, 1.0, 0.0), "line")
+    surface = line or _surface(fields, settings, frame, grains)
+    usable = fields.usable & (grains.c == 1)
+    kept = usable.any(axis=(1, 2))
+    if kept.sum() < 2:
+        raise DataFileError(
+            "at least two frames must hold measured vectors among the grains, got "
+            f"{int(kept.sum())}: check the mask, the frames and the validity of the vectors"
+        )
+    if not kept.all():
+        _warn(f"{int((~kept).sum())} of {kept.size} frames hold no valid vector and are left out")
+    constants |= _sigmas(fields, settings, frame, usable)
+    for name in ("sigma_u", "sigma_v"):
+        if isinstance(constants.get(name), np.ndarray):
+            constants[name] = constants[name][kept]
+    # Nothing says the unit of a pressure, and it is for scoring only.
+    p = fields.p if settings.dimensionless else None
+    if p is not None and not np.isfinite(p[kept][grains.c[kept] == 1]).all():
+        p = None
+    # A vector that is not measured is NaN in both, also where there are no grains.
+    u, v = (np.where(fields.usable, a, np.nan)[kept] for a in (fields.u, fields.v))
+    return Flow(
+        t=fields.t[kept],
+        y=fields.y,
+        x=fields.x,
+        u=u.astype(np.float32),
+        v=v.astype(np.float32),
+        c=grains.c[kept].astype(np.float32),
+        p=None if p is None else p[kept].astype(np.float32),
+        surface=_within(surface, fields.t[kept]),
+        **constants,
+    )
+
+
+def _within(surface: Surface | None, t: Any) -> Surface | None:
+    """The points at the times of the frames; those of left-out frames go with them."""
+    if surface is None:
+        return None
+    margin = ROUNDING * (t[-1] - t[0])
+    inside = (surface.t >= t[0] - margin) & (surface.t <= t[-1] + margin)
+    if not inside.any():
+        raise DataFileError(
+            f"the free surface must be given between the times {t[0]:g} and {t[-1]:g} of the "
+            f"vectors, got {surface.t.min():g} to {surface.t.max():g}: check its unit of time"
+        )
+    return Surface(t=surface.t[inside], x=surface.x[inside], y=surface.y[inside])
+
+
+def _surface(
+    fields: VectorFields, settings: Settings, frame: Frame, grains: Grains
+) -> Surface | None:
+    """The free surface from the grains, as the setting says."""
+    wanted = settings.surface
+    if wanted == "none" or (wanted == "auto" and grains.source in ("vectors", "line")):
+        if wanted == "auto":
+            _warn(
+                "the free surface is not known, because there is neither a mask nor a fraction "
+                "field: train with --level V0, or give --mask or --surface"
+            )
+        return None
+    if wanted != "auto" and wanted != grains.source:
+        raise DataFileError(
+            f"--surface {wanted} needs a {wanted}, got none: give --mask, or a CSV file of points"
+        )
+    c, t = grains.c, fields.t
+    found = surfaces.from_fraction(c, t, fields.y, fields.x, frame.gravity)
+    if found is None:
+        _warn(
+            "no edge of the grains faces up inside the field of view, so that no free surface was "
+            "found: train with --level V0, or give --surface"
+        )
+    return found
+
+
+def scattered_flow(
+    fields: VectorFields,
+    settings: Settings,
+    frame: Frame,
+    line: Surface | None,
+    constants: dict[str, Any],
+) -> Flow:
+    """The flow of scattered vectors; arguments as in `grid_flow`."""
+    usable = fields.usable
+    if fields.c is not None:
+        usable = usable & (fields.c > 1 - FULL)
+    if not usable.any():
+        raise DataFileError("no vector is valid: check the tracks, or lower --track-window")
+    surface = line
+    if surface is None and settings.surface in ("auto", "fraction"):
+        surface = surfaces.from_scattered(fields)
+    if surface is None and settings.surface != "none":
+        _warn(
+            "the free surface is not known: train with --level V0, or give --surface with the "
+            "points of a line"
+        )
+    sigmas = _sigmas(fields, settings, frame, usable)
+    own = {n: s[usable] if isinstance(s, np.ndarray) else None for n, s in sigmas.items()}
+    particles = Particles(
+        t=fields.t[usable],
+        x=fields.x[usable],
+        y=fields.y[usable],
+        u=fields.u[usable].astype(np.float32),
+        v=fields.v[usable].astype(np.float32),
+        sigma_u=own.get("sigma_u"),
+        sigma_v=own.get("sigma_v"),
+    )
+    constants |= {name: v for name, v in sigmas.items() if not isinstance(v, np.ndarray)}
+    return particle_flow(particles, surface=_within(surface, np.unique(particles.t)), **constants)
+
+
+def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
+    """Standard deviations from the files, or one number from the settings."""
+    if settings.sigma is not None:
+        sigma = frame.sigma(settings)
+        return {"sigma_u": sigma, "sigma_v": sigma}
+    found: dict[str, Any] = {}
+    for name in ("sigma_u", "sigma_v"):
+        values = getattr(fields, name)
+        if values is None or not (values[usable] > 0).any():
+            return {}
+        # Where a measured vector has no standard deviation it counts as little as the worst one.
+        good = np.isfinite(values) & (values > 0)
+        worst = values[usable & good].max()
+        found[name] = np.where(good, values, worst).astype(np.float32)
+    return found
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, FlowFileWarning, stacklevel=4)

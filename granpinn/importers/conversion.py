@@ -1,0 +1,142 @@
+"""From files to a flow: vectors, calibration, grains, free surface, material."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from granpinn.data.flow import Flow, Surface
+from granpinn.importers import surface as surfaces
+from granpinn.importers.building import grid_flow, scattered_flow
+from granpinn.importers.frame import Frame, frame_of, missing_units
+from granpinn.importers.gaps import GAPS
+from granpinn.importers.grains import with_mask
+from granpinn.importers.material import Material, material_of, missing_constants
+from granpinn.importers.settings import Settings
+from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
+from granpinn.scales import Scales
+
+
+def convert(
+    source: Source, settings: Settings | None = None, report: Callable[[str], None] | None = None
+) -> Flow:
+    """A flow in SI units (or none) from measurement files.
+
+    Args:
+        source: files, folders or patterns; or vectors in memory: `VectorFields`, or a mapping of
+            arrays as in importers/arrays.py.
+        settings: calibration, material and the rest.
+        report: is told line by line what was found.
+
+    Raises:
+        DataFileError: files or settings cannot be used; one sentence says what to do.
+    """
+    settings = settings or Settings()
+    tell = report or (lambda line: None)
+    fields = vectors_of(source, settings)
+    tell(_described(fields))
+    warn_of_zeros(fields)
+    fields = selected_frames(without_interpolated(fields, settings), settings)
+    missing = missing_units(fields, settings) + missing_constants(settings)
+    if missing:
+        raise DataFileError(f"missing: {'; '.join(missing)}")
+    material = material_of(settings)
+    if settings.mask is not None:
+        fields = with_mask(fields, settings.mask)
+    frame = frame_of(fields, settings)
+    constants = {
+        "gravity": frame.gravity,
+        "density": material.density,
+        "grain_density": material.grain_density,
+        "grain_diameter": material.grain_diameter,
+        "length_unit": "1" if settings.dimensionless else "m",
+        "time_unit": "1" if settings.dimensionless else "s",
+        "density_unit": None if settings.dimensionless else "kg/m^3",
+        "attributes": _attributes(fields, settings, material),
+    }
+    line = _given_line(fields, settings, frame)
+    si = frame.apply(fields)
+    make = scattered_flow if si.scattered else grid_flow
+    flow = make(si, settings, frame, line, constants)
+    for text in _summary(flow, material):
+        tell(text)
+    inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
+    if inferred and line is None and flow.surface is not None:
+        tell(
+            "the files do not say what is masked: the free surface is the edge of the vectors; "
+            "give --mask or --surface if the PIV program lost vectors there"
+        )
+    return flow
+
+
+def _given_line(fields: VectorFields, settings: Settings, frame: Frame) -> Surface | None:
+    """The free surface of --surface FILE."""
+    if settings.surface in ("auto", "mask", "fraction", "none"):
+        return None
+    rate = frame.time if fields.time_unit == "frame" else None
+    return surfaces.from_table(Path(settings.surface), frame, rate)
+
+
+def _attributes(
+    fields: VectorFields, settings: Settings, material: Material
+) -> dict[str, str | float]:
+    """What is kept in the file beyond its numbers."""
+    facts = {f"source_{name}": value for name, value in fields.facts.items() if value}
+    found: dict[str, str | float] = {**facts, "source": fields.facts.get("format", "arrays")}
+    for name in ("scale", "frame_rate", "pulse_delay", "tilt", "note"):
+        value = getattr(settings, name)
+        if value is not None and value != getattr(Settings, name):
+            found[name] = value
+    if material.wall_gap is not None:
+        found["wall_gap"] = material.wall_gap
+    return found
+
+
+def _described(fields: VectorFields) -> str:
+    """Format, size and validity of the vectors."""
+    n = fields.u.size
+    shares = ", ".join(
+        f"{fields.count(kind) / n:.1%} {kind.name.lower()}"
+        for kind in (Validity.VALID, Validity.INTERPOLATED, Validity.INVALID, Validity.MASKED)
+    )
+    frames = np.unique(fields.t).size
+    shape = f"{n} scattered" if fields.scattered else f"{fields.y.size} x {fields.x.size}"
+    files = fields.facts.get("files", "0")
+    origin = f"{fields.facts.get('format', 'arrays')}, {files} file{'s' * (files != '1')}"
+    units = fields.velocity_unit or "of unknown unit"
+    return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
+
+
+def _summary(flow: Flow, material: Material) -> list[str]:
+    """The numbers that tell a slip of calibration at a glance."""
+    scales = Scales.from_flow(flow)
+    length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
+    particles = flow.particles
+    u, v = (flow.u, flow.v) if particles is None else (particles.u, particles.v)
+    grains = flow.valid if particles is None else np.isfinite(u)
+    speed = np.hypot(u[grains], v[grains], dtype=np.float64)
+    g_x, g_y = flow.gravity
+    lines = [
+        f"time {flow.t[0]:.4g} to {flow.t[-1]:.4g}{time}, x {flow.x[0]:.4g} to {flow.x[-1]:.4g}"
+        f"{length}, y {flow.y[0]:.4g} to {flow.y[-1]:.4g}{length}",
+        f"speed: median {np.median(speed):.3g}, largest {speed.max():.3g}{length}"
+        f"{'/s' if time else ''}; a free fall over the initial height ends at "
+        f"{math.sqrt(2) * scales.velocity:.3g}",
+        f"grains: initial height {scales.length:.4g}{length} = "
+        f"{scales.length / flow.grain_diameter:.0f} diameters, {int(grains.sum())} vectors in them",
+        f"gravity ({g_x:.4g}, {g_y:.4g}), density {flow.density:.4g} (grains "
+        f"{flow.grain_density or flow.density:.4g})",
+        "free surface: "
+        + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
+    ]
+    if material.wall_gap is not None:
+        ratio = scales.length / material.wall_gap
+        lines.append(
+            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; friction at "
+            f"the walls adds up to about (wall friction) x {ratio:.2g} to the measured friction"
+        )
+    return lines

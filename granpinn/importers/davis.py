@@ -1,0 +1,178 @@
+"""LaVision DaVis: .vc7 through LaVision's own lvpyio, and the text export of DaVis 8.
+
+.vc7: components U0..U3 are the candidates of which ACTIVE_CHOICE picks one, ENABLED and MASK say
+where there is a vector. Choice 4 is a vector that post-processing filled in or smoothed. Reading
+U0 alone, as some readers do, gives other vectors than DaVis shows.
+
+Text: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then x, y,
+u, v separated by tabs, often with decimal commas. An exact (0, 0) is its word for "no vector".
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.units import si
+from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
+
+POST_PROCESSED = 4  # of ACTIVE_CHOICE
+# If more than this share of the vectors is post-processed, all were smoothed, not some filled in.
+ALL_SMOOTHED = 0.95
+_TEXT_HEADER = re.compile(r"#\s*DaVis\s+(\S+)\s+2D-vector\s+(\d+)\s+(\d+)\s+(\d+)\s*(.*)")
+_MAX_TEXT_UNIT = 40
+
+
+def sniff_vc7(path: Path, head: bytes) -> bool:
+    """By the name: the content has no mark."""
+    return path.suffix.lower() in (".vc7", ".im7", ".set")
+
+
+def sniff_text(path: Path, head: bytes) -> bool:
+    """The first line names DaVis."""
+    return head.lstrip(b"\xef\xbb\xbf# ").startswith(b"DaVis")
+
+
+def read_vc7(path: Path) -> VectorFields:
+    """All frames of one buffer, or of a .set; needs lvpyio."""
+    try:
+        import lvpyio
+    except ImportError:
+        raise DataFileError(
+            f"{path} is a DaVis file, which needs LaVision's package lvpyio: pip install "
+            "'granpinn[lavision]', or export it from DaVis as text"
+        ) from None
+    try:
+        if path.suffix.lower() == ".set":
+            with lvpyio.read_set(str(path)) as buffers:
+                frames = [buffer[0] for buffer in buffers]
+        else:
+            frames = [lvpyio.read_buffer(str(path))[0]]
+        parts = [_frame(path, frame) for frame in frames]
+    except (RuntimeError, ValueError, OSError, KeyError, AttributeError) as error:
+        if isinstance(error, DataFileError):
+            raise
+        reason = " ".join(str(error).split())[:200]
+        raise DataFileError(
+            f"{path} cannot be read by lvpyio ({reason}): check the file or export it again"
+        ) from None
+    if not parts:
+        raise DataFileError(f"{path} has no frames: choose another set")
+    first = parts[0]
+    for part in parts[1:]:
+        if part["x"].shape != first["x"].shape or part["y"].shape != first["y"].shape:
+            raise DataFileError(f"{path} mixes grids of different size: convert them one by one")
+    stacked: dict[str, Any] = {
+        name: np.stack([part[name] for part in parts]) for name in ("u", "v", "validity")
+    }
+    if all("sigma_u" in part for part in parts):
+        stacked |= {n: np.stack([part[n] for part in parts]) for n in ("sigma_u", "sigma_v")}
+    times = [part["t"] for part in parts]
+    timed = None not in times
+    return vector_fields(
+        t=times if timed else np.arange(len(parts)),
+        y=first["y"],
+        x=first["x"],
+        **stacked,
+        length_unit=first["length_unit"],
+        time_unit="s" if timed else "frame",
+        velocity_unit=first["velocity_unit"],
+        y_down=first["y_down"],
+        facts=first["facts"],
+    )
+
+
+def _frame(path: Path, frame: Any) -> dict[str, Any]:
+    """Arrays [Y, X] of one frame and what it says of itself."""
+    if not hasattr(frame, "as_masked_array") or "U0" not in frame.components:
+        raise DataFileError(f"{path} must hold vectors, got an image: convert the .vc7 of it")
+    vectors = frame.as_masked_array()
+    x, y = frame.scales.x, frame.scales.y
+    rows, columns = vectors.shape
+    found = {
+        "x": x.slope * (np.arange(columns) + 0.5) * frame.grid.x + x.offset,
+        "y": y.slope * (np.arange(rows) + 0.5) * frame.grid.y + y.offset,
+        "u": vectors["u"].filled(np.nan),
+        "v": vectors["v"].filled(np.nan),
+    }
+    codes, smoothed = _codes(frame)
+    unit = frame.scales.i.unit
+    names = [f"TS:Uncertainty V{axis}" for axis in "xy"]
+    if all(name in frame.components for name in names):
+        for name, target in zip(names, ("sigma_u", "sigma_v"), strict=True):
+            component = frame.components[name]
+            sigma = np.asarray(component[0], np.float64) * component.scale.slope
+            found[target] = np.where(sigma > 0, sigma, np.nan)
+    return {
+        **found,
+        "validity": codes,
+        "t": _acquired(frame.attributes),
+        "length_unit": x.unit,
+        "velocity_unit": "px/frame" if unit in ("pixel", "px") else unit,
+        # Both the slope of y and the sign of v follow the frame of the scales.
+        "y_down": bool(y.slope > 0),
+        "facts": {"frame_dt": str(frame.attributes.get("FrameDt", "")), "smoothed": smoothed},
+    }
+
+
+def _codes(frame: Any) -> tuple[Int8, str]:
+    """Validity of the vectors [Y, X], and "yes" if all of them are smoothed."""
+    enabled = np.asarray(frame.enabled[0], bool)
+    choice = np.asarray(frame.active_choice[0])
+    codes = np.where(enabled, Validity.VALID, Validity.INVALID).astype(np.int8)
+    processed = enabled & (choice == POST_PROCESSED)
+    smoothed = processed.sum() > ALL_SMOOTHED * enabled.sum()
+    if not smoothed:
+        codes[processed] = Validity.INTERPOLATED
+    codes[~np.asarray(frame.masks[0], bool)] = Validity.MASKED
+    return codes, "yes" if smoothed else "no"
+
+
+def _acquired(attributes: Any) -> float | None:
+    """Time of acquisition in seconds since the start of the recording, if the file has it."""
+    text = str(attributes.get("AcqTimeSeries", ""))
+    if not text or len(text) > _MAX_TEXT_UNIT:
+        return None
+    try:
+        return si(text, "time", "AcqTimeSeries", "1 us")
+    except DataFileError:
+        return None
+
+
+def read_text_export(path: Path) -> VectorFields:
+    """One frame of the text export."""
+    lines = read_text(path).split("\n")
+    head = _TEXT_HEADER.match(lines[0])
+    if head is None:
+        raise DataFileError(
+            f"{path} must begin with '#DaVis ... 2D-vector', got {lines[0][:40]!r}: export the "
+            "vectors from DaVis as text"
+        )
+    comma = any("," in line for line in lines[1:])
+    table = numbers(path, lines[1:], first_line=2, decimal_comma=comma)
+    expected = int(head[3]) * int(head[4])
+    if table.shape != (expected, 4):
+        raise DataFileError(
+            f"{path} must hold {expected} rows of x, y, u, v as its first line says, got "
+            f"{table.shape[0]} rows of {table.shape[1]}: the file was cut off; export it again"
+        )
+    units = re.findall(r'"([^"]*)"\s+"([^"]*)"', head[5])
+    length = [unit for name, unit in units if name == "position"]
+    velocity = [unit for name, unit in units if name in ("velocity", "displacement")]
+    grids = to_grid(path, dict(zip("xyuv", table.T, strict=True)))
+    grids["validity"] = split_gaps((grids["u"] != 0) | (grids["v"] != 0))
+    found = velocity[0] if velocity else None
+    return vector_fields(
+        t=[0],
+        **grids,
+        length_unit=length[0] if length else None,
+        time_unit="frame",
+        velocity_unit="px/frame" if found in ("pixel", "px") else found,
+        y_down=y_points_down(table[:, 1]) if found in ("pixel", "px") else False,
+        facts={"davis": head[1], "mask": GAPS},
+    )

@@ -1,0 +1,115 @@
+"""Which formats there are, how each is known by its content, and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from granpinn.data.format import FORMAT_NAME
+from granpinn.importers import (
+    arrays,
+    basilisk,
+    davis,
+    insight,
+    meshes,
+    netcdf,
+    openpiv,
+    pivlab_mat,
+    pivlab_text,
+    tracks,
+)
+from granpinn.importers.vectors import DataFileError, VectorFields
+
+HEAD = 4096  # bytes that a format is judged by
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    Attributes:
+        title: for messages and --help.
+        sniff: whether a file is of this format, from its path and its first bytes.
+        read: a file as vector fields.
+        options: names of the reader's own arguments.
+    """
+
+    title: str
+    sniff: Callable[[Path, bytes], bool]
+    read: Callable[..., VectorFields]
+    options: tuple[str, ...] = ()
+
+
+# The order matters where one test is weaker than another.
+FORMATS = {
+    "pivlab-mat": Format(
+        "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
+    ),
+    "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
+    "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
+    "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
+    "vc7": Format("LaVision DaVis .vc7, .set (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
+    "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
+    "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
+    "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
+    "netcdf": Format("netCDF, zarr (needs xarray)", netcdf.sniff, netcdf.read),
+    "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
+    "tracks": Format("tracks of particles, CSV or HDF5", tracks.sniff, tracks.read, ("window",)),
+}
+
+
+def detect(path: Path) -> str:
+    """The name of the format of a file, from its content."""
+    head = b""
+    if not path.is_dir():
+        try:
+            with path.open("rb") as stream:
+                head = stream.read(HEAD)
+        except OSError as error:
+            raise DataFileError(f"{path} cannot be opened ({error.strerror}): check it") from None
+        if not head and path.suffix.lower() != ".foam":
+            raise DataFileError(f"{path} is empty, expected vectors: export it again")
+    for name, found in FORMATS.items():
+        if found.sniff(path, head):
+            return name
+    if _headerless_pivlab(head):
+        return "pivlab"
+    if _is_flow_file(path):
+        raise DataFileError(f"{path} is a flow file already: python -m granpinn.train {path}")
+    raise DataFileError(
+        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
+        "the vectors as plain arrays (.npz) or a table"
+    )
+
+
+def _is_flow_file(path: Path) -> bool:
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format_name") == FORMAT_NAME.encode())
+    except OSError:  # no HDF5
+        return False
+
+
+def _headerless_pivlab(head: bytes) -> bool:
+    """PIVlab's text without any header: four numbers or more a row, y running first."""
+    lines = head.decode("utf-8", "replace").lstrip("\ufeff").replace(",", " ").splitlines()
+    try:
+        first, second = ([float(cell) for cell in line.split()] for line in lines[:2])
+    except ValueError:
+        return False
+    return len(first) == len(second) >= 4 and first[0] == second[0] and first[1] != second[1]
+
+
+def read_file(path: Path, name: str, options: dict[str, Any]) -> VectorFields:
+    """One file in a format of that name.
+
+    Args:
+        options: values for the readers' own arguments; each takes those it has.
+    """
+    chosen = FORMATS[name]
+    taken = {key: value for key, value in options.items() if key in chosen.options}
+    return chosen.read(path, **taken)

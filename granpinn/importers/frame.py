@@ -1,0 +1,201 @@
+"""From the units and axes of the files to SI (or none), x to the right and y up; and back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from granpinn.importers import units
+from granpinn.importers.settings import Settings
+from granpinn.importers.vectors import DataFileError, Float64, VectorFields
+
+HALF = 0.5  # a field between two images is half way between them
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A position in the files is (position - origin) * length in SI, y with the sign of `up`.
+
+    Attributes:
+        length, time, velocity: SI units in one unit of the files.
+        x0, y0: the origin, in the units of the files.
+        t0, start: the time t0 of the files is `start`, in SI.
+        up: -1 where y and v of the files point down, else 1.
+        gravity: (g_x, g_y) in the new axes.
+        pixel, delay: meters per pixel, seconds between the images of a pair, where known.
+    """
+
+    length: float
+    time: float
+    velocity: float
+    x0: float
+    y0: float
+    t0: float
+    start: float
+    up: int
+    gravity: tuple[float, float]
+    pixel: float | None = None
+    delay: float | None = None
+
+    def apply(self, fields: VectorFields) -> VectorFields:
+        """The same vectors in SI."""
+        factor = {"u": self.velocity, "v": self.up * self.velocity}
+        factor |= dict.fromkeys(("sigma_u", "sigma_v"), self.velocity)
+        return self._with(fields, factor, self.times(fields.t), self.place(fields.x, fields.y), 1)
+
+    def undo(self, fields: VectorFields) -> VectorFields:
+        """The inverse of `apply`."""
+        factor = {"u": 1 / self.velocity, "v": self.up / self.velocity}
+        factor |= dict.fromkeys(("sigma_u", "sigma_v"), 1 / self.velocity)
+        t = (fields.t - self.start) / self.time + self.t0
+        x = fields.x / self.length + self.x0
+        y = self.up * fields.y / self.length + self.y0
+        return self._with(fields, factor, t, (x, y), -1)
+
+    def place(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
+        """Positions in SI."""
+        # + 0.0: the origin is 0, not -0.
+        return (x - self.x0) * self.length, self.up * (y - self.y0) * self.length + 0.0
+
+    def times(self, t: Float64) -> Float64:
+        """Times in SI."""
+        return (t - self.t0) * self.time + self.start
+
+    def sigma(self, settings: Settings) -> float:
+        """The standard deviation of --sigma in SI."""
+        text = settings.sigma or ""
+        if settings.dimensionless:
+            sigma = units.plain(text, "--sigma")
+        else:
+            number, unit = units.split(text, "--sigma")
+            sigma = number * units.factor(unit, "velocity", "--sigma", self.pixel, self.delay)
+        if not sigma > 0:
+            raise DataFileError(f"--sigma must be positive, got {text!r}")
+        return sigma
+
+    def _with(
+        self,
+        fields: VectorFields,
+        factor: dict[str, float],
+        t: Float64,
+        place: tuple[Float64, Float64],
+        direction: int,
+    ) -> VectorFields:
+        changes: dict[str, Any] = {"t": t, "x": place[0], "y": place[1]}
+        for name, values in fields.arrays().items():
+            changes[name] = values * factor[name] if name in factor else values
+        if self.up < 0 and not fields.scattered:
+            changes["y"] = changes["y"][::-1]
+            for name in fields.arrays():
+                changes[name] = changes[name][:, ::-1]
+        if direction > 0:
+            changes |= {"length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}
+        return replace(fields, **changes)
+
+
+def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
+    """What has to be given besides to know the units, in words."""
+    if settings.dimensionless:
+        counted = fields.time_unit == "frame" and settings.frame_rate is None
+        return ["--times, or --frame-rate in frames per unit of time"] if counted else []
+    length, time, velocity = _units(fields, settings)
+    missing = [
+        f"{flag} (the files do not say the unit of {what})"
+        for flag, value, what in (
+            ("--length-unit", length, "x and y"),
+            ("--velocity-unit", velocity, "u and v"),
+            ("--time-unit", time, "t"),
+        )
+        if value is None
+    ]
+    if settings.scale is None and (units.has(length, "px") or units.has(velocity, "px")):
+        missing.append("--scale, such as '0.12 mm/px' (the vectors are in pixels)")
+    if settings.frame_rate is None and units.has(time, "frame"):
+        missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
+    elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
+        missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
+    if settings.flip_y == "auto" and fields.y_down is None and units.has(length, "px"):
+        missing.append("--flip-y yes or no (the files do not say whether y points down)")
+    return missing
+
+
+def frame_of(fields: VectorFields, settings: Settings) -> Frame:
+    """Calibration, origin and gravity; `missing_units` must be empty.
+
+    Raises:
+        DataFileError: a unit is wrong.
+    """
+    up = -1 if settings.flip_y == "yes" or (settings.flip_y == "auto" and fields.y_down) else 1
+    start = None
+    pixel = frame = delay = None
+    if settings.dimensionless:
+        length = time = velocity = 1.0
+        given = settings.gravity
+        g = 1.0 if given == Settings.gravity else units.plain(given, "--gravity")
+        if fields.time_unit == "frame":
+            time = frame = 1 / units.plain(settings.frame_rate or "", "--frame-rate")
+        if settings.start is not None:
+            start = units.plain(settings.start, "--start")
+    else:
+        if settings.scale is not None:
+            pixel = units.scale(settings.scale)
+        if settings.frame_rate is not None:
+            frame = delay = units.frame_time(settings.frame_rate, "--frame-rate")
+        if settings.pulse_delay is not None:
+            delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
+        names = _units(fields, settings)
+        length = units.factor(names[0] or "", "length", "--length-unit", pixel)
+        time = units.factor(names[1] or "", "time", "--time-unit", pixel, frame)
+        velocity = units.factor(names[2] or "", "velocity", "--velocity-unit", pixel, delay)
+        g = units.si(settings.gravity, "acceleration", "--gravity", "'9.81 m/s^2'")
+        if settings.start is not None:
+            start = units.si(settings.start, "time", "--start", "'4 ms'")
+    if g <= 0:
+        raise DataFileError(
+            f"--gravity must be positive, got {settings.gravity!r}: --tilt turns its direction"
+        )
+    angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
+    t0 = float(fields.t.min())
+    if start is None and fields.time_unit == "frame" and frame is not None:
+        start = 0.0 if fields.scattered else HALF * frame
+    if start is None:  # the times of the files
+        t0 = start = 0.0
+    return Frame(
+        length,
+        time,
+        velocity,
+        *_origin(fields, settings, up),
+        t0,
+        start,
+        up,
+        gravity=(g * math.sin(angle), -g * math.cos(angle)),
+        pixel=pixel,
+        delay=delay,
+    )
+
+
+def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
+    """Units of length, time and velocity, those of the settings first."""
+    length = settings.length_unit or fields.length_unit
+    time = settings.time_unit or fields.time_unit
+    velocity = settings.velocity_unit or fields.velocity_unit
+    if velocity is None and settings.length_unit and settings.time_unit:
+        velocity = f"{length}/{time}"
+    return length, time, velocity
+
+
+def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, float]:
+    """The origin in the coordinates of the files."""
+    if settings.origin is None:
+        if up < 0:  # an image: its own origin is the upper left corner
+            return float(fields.x.min()), float(fields.y.max())
+        return 0.0, 0.0
+    parts = settings.origin.strip("()[] ").split(",")
+    try:
+        x0, y0 = (float(part) for part in parts)
+    except ValueError:
+        x0 = y0 = math.nan
+    if not math.isfinite(x0 + y0):
+        raise DataFileError(f"--origin must be two numbers x,y, got {settings.origin!r}")
+    return x0, y0

@@ -1,0 +1,33 @@
+"""Gaps in a file that says only where there is a vector: inside the grains or outside of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import binary_fill_holes
+
+from granpinn.data.particles import closed
+from granpinn.importers.vectors import Bool, Int8, Validity
+
+GAPS = "gaps"  # the fact "mask" of files whose mask is what this module makes of them
+
+
+def split_gaps(measured: Bool) -> Int8:
+    """VALID where there is a vector; gaps among the vectors INVALID, all outside MASKED.
+
+    A gap is among the vectors if they enclose it, or if it is at most two cells wide.
+
+    Args:
+        measured: [T, Y, X].
+    """
+    codes = np.full(measured.shape, Validity.MASKED, np.int8)
+    for code, frame in zip(codes, measured, strict=True):
+        code[grains_around(frame)] = Validity.INVALID
+        code[frame] = Validity.VALID
+    return codes
+
+
+def grains_around(measured: Bool) -> Any:
+    """Cells [Y, X] with a vector or among vectors."""
+    return binary_fill_holes(closed(measured))

@@ -1,0 +1,76 @@
+"""TSI Insight's .vec files: Tecplot text with everything about the file in its first line.
+
+`VARIABLES="X mm", "Y mm", "U m/s", "V m/s", "CHC", ...`, `LengthUnit`, `MicrosecondsPerDeltaT`,
+`ZONE I=41, J=43`. A velocity "pixel" means pixels per DeltaT. The choice code CHC is above 0 for a
+good vector: 1 is the first correlation peak; larger codes come from post-processing and count as
+interpolated. Codes of 0 and below are rejected vectors, with numbers in u and v all the same.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+
+_DELTA = re.compile(r'MicrosecondsPerDeltaT="(\d+\.?\d*)"')
+_ZONE = re.compile(r"ZONE\s+.*?I=\s*(\d+),\s*J=\s*(\d+)")
+_MICROSECONDS = 1e-6
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """A Tecplot title and the choice code among the variables."""
+    text = head.decode("utf-8", "replace").lstrip("\ufeff ")
+    return text.startswith("TITLE=") and '"CHC"' in text
+
+
+def read(path: Path) -> VectorFields:
+    """One frame; see the module for the layout."""
+    lines = read_text(path).split("\n")
+    start = next((i + 1 for i, line in enumerate(lines[:50]) if "ZONE" in line), 0)
+    head = " ".join(lines[:start])
+    variables = head[head.find("VARIABLES") :].partition("DATASETAUXDATA")[0].partition("ZONE")[0]
+    names = [name.split() for name in re.findall(r'"([^"]*)"', variables)]
+    found = {name[0].upper(): i for i, name in enumerate(names) if name}
+    missing = [name for name in ("X", "Y", "U", "V", "CHC") if name not in found]
+    if missing:
+        raise DataFileError(
+            f"{path} must name the variables X, Y, U, V and CHC in its first line, got no "
+            f"{', '.join(missing)}: export it from Insight as .vec"
+        )
+    table = numbers(path, lines[start:], first_line=start + 1)
+    zone = _ZONE.search(head)
+    if zone and len(table) != int(zone[1]) * int(zone[2]):
+        raise DataFileError(
+            f"{path} must hold {zone[1]} x {zone[2]} vectors as its ZONE says, got {len(table)}: "
+            "the file was cut off; export it again"
+        )
+    if table.shape[1] < len(names):
+        raise DataFileError(
+            f"{path} must have {len(names)} columns like its VARIABLES, got {table.shape[1]}"
+        )
+    columns = {name.lower(): table[:, found[name]] for name in ("X", "Y", "U", "V")}
+    chc = table[:, found["CHC"]]
+    codes = np.where(chc == 1, Validity.VALID, Validity.INTERPOLATED)
+    codes[~(chc > 0)] = Validity.INVALID
+    delta = _DELTA.search(head)
+    units = {name: " ".join(names[found[name]][1:]) or None for name in ("X", "U")}
+    velocity_unit = units["U"]
+    if velocity_unit in ("pixel", "pixels"):
+        velocity_unit = "px/frame"
+        if delta and float(delta[1]) > 0:
+            velocity_unit = "px/s"
+            for name in ("u", "v"):
+                columns[name] = columns[name] / (float(delta[1]) * _MICROSECONDS)
+    return vector_fields(
+        t=[0],
+        **to_grid(path, columns, codes),
+        length_unit=units["X"],
+        time_unit="frame",
+        velocity_unit=velocity_unit,
+        y_down=y_points_down(columns["y"]),
+        facts={"pulse_delay_us": delta[1]} if delta else {},
+    )

@@ -1,0 +1,167 @@
+"""VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp, .pvd, .vtkhdf) and OpenFOAM, through pyvista.
+
+Cells that form a full grid become one; all others, such as a quadtree, are scattered vectors at the
+cell centers. The velocity is a vector (U, velocity, velocity_vectors, u.x), the volume fraction and
+the pressure scalars; --fields names others. Only flat meshes: one layer of cells in z, or one plane
+of points. Times come from the case, the .pvd or the field data TimeValue.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.gaps import split_gaps
+from granpinn.importers.tables import to_grid
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+
+VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
+FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
+PRESSURE = ("p", "pressure")
+_XML = (b"<?xml", b"<VTKFile")
+_SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".vtkhdf", ".foam")
+_PIVLAB = re.compile(r"\[(px|m)/(frame|s)\]")
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """VTK by content, OpenFOAM by its folder or an empty .foam file in it."""
+    if path.is_dir():
+        return (path / "system" / "controlDict").is_file()
+    if path.suffix.lower() in (".foam", ".vtkhdf"):
+        return True
+    vtk = head.startswith(b"# vtk DataFile") or (head.startswith(_XML) and b"<VTKFile" in head)
+    return vtk and path.suffix.lower() in _SUFFIXES
+
+
+def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
+    """All times of a file or case.
+
+    Args:
+        names: of the fields u (a vector), c and p, where they are not the usual ones.
+    """
+    try:
+        import pyvista
+    except ImportError:
+        raise DataFileError(
+            f"{path} is VTK or OpenFOAM, which needs pyvista: pip install 'granpinn[mesh]'"
+        ) from None
+    try:
+        frames = [(t, _frame(path, mesh, names or {})) for t, mesh in _meshes(pyvista, path)]
+    except (OSError, RuntimeError, KeyError, AttributeError, TypeError, IndexError) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise DataFileError(f"{path} cannot be read by pyvista ({reason}): check it") from None
+    if not frames:
+        raise DataFileError(f"{path} holds no time with a velocity: check the case")
+    timed = all(t is not None for t, _ in frames)
+    times = [float(t) if timed and t is not None else float(k) for k, (t, _) in enumerate(frames)]
+    gridded = [_gridded(path, columns) for _, columns in frames]
+    others: dict[str, Any] = {"time_unit": "s" if timed else "frame", "y_down": False}
+    if path.suffix.lower() == ".vtk" and (found := _PIVLAB.search(_title(path))):
+        others |= {"length_unit": found[1], "velocity_unit": found[0].strip("[]"), "y_down": None}
+    if any(grid is None for grid in gridded):
+        return _scattered(times, [columns for _, columns in frames], others)
+    return _stacked(path, times, gridded, others)
+
+
+def _title(path: Path) -> str:
+    """The second line of an old VTK file."""
+    with path.open("rb") as stream:
+        stream.readline()
+        return stream.readline(300).decode("utf-8", "replace")
+
+
+def _meshes(pyvista: Any, path: Path) -> Any:
+    """Pairs of time (or None) and mesh."""
+    if path.is_dir() or path.suffix.lower() in (".foam", ".pvd"):
+        if path.is_dir():
+            decomposed = any(path.glob("processor*")) and not (path / "constant/polyMesh").exists()
+            kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
+            reader = kind(str(path / "system" / "controlDict"))
+        else:
+            reader = pyvista.get_reader(str(path))
+        for t in reader.time_values:
+            reader.set_active_time_value(t)
+            yield t, reader.read()
+        return
+    mesh = pyvista.read(str(path))
+    value = mesh.field_data.get("TimeValue") if hasattr(mesh, "field_data") else None
+    yield (None if value is None or len(value) == 0 else float(value[0])), mesh
+
+
+def _frame(path: Path, mesh: Any, names: dict[str, str]) -> dict[str, Any]:
+    """x, y, u, v and, where there are any, c and p of one mesh [n]."""
+    if hasattr(mesh, "keys") and hasattr(mesh, "combine"):  # blocks
+        inner = next((name for name in mesh.keys() if name == "internalMesh"), None)  # noqa: SIM118
+        mesh = mesh[inner] if inner else mesh.combine()
+    data, centers = mesh.cell_data, None
+    found = _velocity(data, names)
+    if found is not None:
+        centers = mesh.cell_centers().points
+    else:
+        data = mesh.point_data
+        found = _velocity(data, names)
+        centers = mesh.points
+    if found is None:
+        raise DataFileError(
+            f"{path} must hold a velocity, got {', '.join([*mesh.cell_data, *mesh.point_data])}: "
+            "name it with --fields u=NAME"
+        )
+    centers = np.asarray(centers, np.float64)
+    layers = np.unique(np.round((centers[:, 2] - centers[0, 2]) / (np.ptp(centers) or 1), 6))
+    if layers.size > 2:
+        raise DataFileError(
+            f"{path} must be flat, got {layers.size} layers in z: cut a plane out of it first"
+        )
+    kept = centers[:, 2] <= centers[:, 2].min() + 1e-6 * (np.ptp(centers) or 1)
+    velocity = np.asarray(found, np.float64)
+    columns = {"x": centers[:, 0], "y": centers[:, 1], "u": velocity[:, 0], "v": velocity[:, 1]}
+    fraction = next((name for name in data if _is(name, names.get("c"), FRACTION)), None)
+    pressure = next((n for n in (names.get("p"), *PRESSURE) if n is not None and n in data), None)
+    for role, name in (("c", fraction), ("p", pressure)):
+        if name is not None and np.ndim(data[name]) == 1:
+            columns[role] = np.asarray(data[name], np.float64)
+    return {name: values[kept] for name, values in columns.items()}
+
+
+def _is(name: str, wanted: str | None, pattern: re.Pattern[str]) -> bool:
+    return name == wanted if wanted is not None else bool(pattern.fullmatch(name))
+
+
+def _velocity(data: Any, names: dict[str, str]) -> Any:
+    """The velocity [n, 2 or 3] among the data, or None."""
+    for name in (names["u"],) if "u" in names else VELOCITY:
+        if name in data and np.ndim(data[name]) == 2 and np.shape(data[name])[1] >= 2:
+            return data[name]
+    return None
+
+
+def _gridded(path: Path, columns: dict[str, Any]) -> dict[str, Any] | None:
+    """The frame as a grid, None if its cells form none."""
+    finite = np.isfinite(columns["u"] + columns["v"])
+    try:
+        grid = to_grid(path, columns, np.where(finite, Validity.VALID, Validity.MASKED))
+    except DataFileError:
+        return None
+    if "c" not in columns:
+        grid["validity"] = split_gaps(np.isfinite(grid["u"] + grid["v"]))
+    return grid
+
+
+def _stacked(path: Path, times: list[float], grids: Any, others: dict[str, Any]) -> VectorFields:
+    first = grids[0]
+    for grid in grids[1:]:
+        if not (np.array_equal(grid["x"], first["x"]) and np.array_equal(grid["y"], first["y"])):
+            raise DataFileError(f"{path} must have one grid at all times, got another: resample it")
+    names = [name for name in first if name not in ("x", "y")]
+    stacked = {name: np.concatenate([grid[name] for grid in grids]) for name in names}
+    return vector_fields(t=times, y=first["y"], x=first["x"], **stacked, **others)
+
+
+def _scattered(times: list[float], frames: Any, others: dict[str, Any]) -> VectorFields:
+    names = [name for name in frames[0] if all(name in frame for frame in frames)]
+    joined = {name: np.concatenate([frame[name] for frame in frames]) for name in names}
+    t = np.repeat(times, [frame["x"].size for frame in frames])
+    return vector_fields(t=t, **joined, **others)

@@ -1,0 +1,118 @@
+"""netCDF and zarr in the schema of pivpy: dimensions y, x, t; variables u, v, chc.
+
+chc: 1 to 4 measured (number of the correlation peak), 5 and above interpolated, 0 nothing, below 0
+rejected; some writers put 0 into u and v there. Attributes: `units` of every variable, `delta_t`.
+This package adds c (volume fraction), p, sigma_u, sigma_v. Needs xarray.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
+
+MAX_BYTES = 2**32
+INTERPOLATED_FROM = 5
+_EXTRAS = ("sigma_u", "sigma_v", "c", "p")
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """netCDF-3, a HDF5 file named .nc or .netcdf, or a zarr folder."""
+    if path.is_dir():
+        return any((path / name).exists() for name in (".zgroup", ".zmetadata", "zarr.json"))
+    hdf5 = head.startswith(b"\x89HDF") and path.suffix.lower() in (".nc", ".nc4", ".netcdf", ".cdf")
+    return hdf5 or head.startswith(b"CDF")
+
+
+def read(path: Path) -> VectorFields:
+    """All frames of a data set."""
+    try:
+        import xarray
+    except ImportError:
+        raise DataFileError(
+            f"{path} is netCDF or zarr, which needs xarray: pip install 'granpinn[netcdf]'"
+        ) from None
+    try:
+        if path.is_dir():
+            _refuse_pickles(path)
+            data = xarray.open_zarr(path, decode_times=False, chunks=None)
+        else:
+            data = xarray.open_dataset(path, decode_times=False)
+        with data:
+            return from_dataset(data, str(path))
+    except DataFileError:
+        raise
+    except (OSError, ValueError, TypeError, KeyError, RuntimeError, ImportError) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise DataFileError(f"{path} cannot be read by xarray ({reason}): check it") from None
+
+
+def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
+    """Vector fields of an xarray.Dataset."""
+    missing = [name for name in ("x", "y", "u", "v") if name not in data.variables]
+    if missing:
+        raise DataFileError(
+            f"{path} must have the variables x, y, u, v, got no {', '.join(missing)}: rename them"
+        )
+    if sum(data[name].nbytes for name in data.variables) > MAX_BYTES:
+        raise DataFileError(f"{path} must hold at most 4 GiB: choose fewer frames")
+    if "t" not in data.dims:
+        data = data.expand_dims("t")
+    fields = {}
+    for name in ("u", "v", "chc", *_EXTRAS):
+        if name in data.variables:
+            variable = data[name]
+            if set(variable.dims) != {"t", "y", "x"}:
+                raise DataFileError(
+                    f"{path}: {name} must have the dimensions t, y, x, got "
+                    f"{', '.join(map(str, variable.dims))}: reduce or rename them"
+                )
+            fields[name] = np.asarray(variable.transpose("t", "y", "x").values, np.float64)
+    timed = "t" in data.variables
+    unit = {name: _unit(data, name) for name in ("x", "u", "t")}
+    finite = np.isfinite(fields["u"] + fields["v"])
+    y = np.asarray(data["y"].values, np.float64)
+    return vector_fields(
+        t=data["t"].values if timed else np.arange(data.sizes["t"]),
+        y=y,
+        x=data["x"].values,
+        u=fields["u"],
+        v=fields["v"],
+        validity=_codes(fields.get("chc"), finite),
+        **{name: fields[name] for name in _EXTRAS if name in fields},
+        length_unit=unit["x"],
+        time_unit=unit["t"] if timed and unit["t"] else "frame",
+        velocity_unit=unit["u"],
+        y_down=None,
+        facts={"delta_t": str(data.attrs.get("delta_t", "")), "mask": GAPS},
+    )
+
+
+def _unit(data: Any, name: str) -> str | None:
+    text = data[name].attrs.get("units") if name in data.variables else None
+    # pivpy writes "dt" for the time between the images of a pair.
+    return None if text is None else str(text).replace("dt", "frame")
+
+
+def _codes(chc: Any, finite: Any) -> Int8:
+    if chc is None:
+        return split_gaps(finite)
+    codes = split_gaps(finite & (chc > 0))
+    codes[chc < 0] = Validity.INVALID
+    codes[(chc >= INTERPOLATED_FROM) & finite] = Validity.INTERPOLATED
+    return codes
+
+
+def _refuse_pickles(folder: Path) -> None:
+    """A zarr folder may name a codec that runs foreign code when it is read."""
+    for name in (".zarray", ".zmetadata", "zarr.json"):
+        for file in folder.rglob(name):
+            if b"pickle" in file.read_bytes().lower():
+                raise DataFileError(
+                    f"{file} uses the pickle codec, which can run foreign code: write it again "
+                    "with plain numbers"
+                )

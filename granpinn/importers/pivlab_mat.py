@@ -1,0 +1,137 @@
+"""PIVlab's MATLAB files, of version 5 to 7 and of version 7.3 (which is HDF5).
+
+- one frame: matrices u, v, x, y, typevector, and calxy, caluv;
+- all frames: cell arrays x, y, u_filtered, v_filtered, typevector_filtered and the same with
+  `_original`, with calxy, calu, calv and `units`;
+- a saved session: `resultslist`, one column per frame: x, y, u, v, types in rows 1 to 5, the
+  filtered u, v, types in rows 7 to 9; always in pixels, the calibration beside it.
+
+Filtered vectors are taken where there are any. Smoothed ones are not: smoothing bends the strain
+rate. Rows of the matrices run from the top of the image. Types as in the text exports.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.matlab import Matlab, open_matlab
+from granpinn.importers.pivlab_text import TYPES
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+
+# Rows of a session's resultslist.
+_X, _Y = 0, 1
+_ORIGINAL, _FILTERED = (2, 3, 4), (6, 7, 8)
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """A MATLAB file; what is in it is seen when it is read."""
+    return head.startswith(b"MATLAB") or (
+        path.suffix.lower() == ".mat" and head.startswith(b"\x89HDF")
+    )
+
+
+def read(path: Path) -> VectorFields:
+    """All frames of a file; see the module for the layouts."""
+    with open_matlab(path) as file:
+        if "resultslist" in file:
+            return _session(path, file)
+        if "u_original" in file or "u_filtered" in file:
+            return _all_frames(path, file)
+        if all(name in file for name in ("x", "y", "u", "v")):
+            frame = [file[name] for name in ("x", "y", "u", "v")]
+            types = file.cells("typevector") if "typevector" in file else [None]
+            return _fields(path, file, [(*frame, *types)], _units(file))
+    raise DataFileError(
+        f"{path} must hold x, y and u, v or u_original, or resultslist, as PIVlab saves them, got "
+        "none of these: export the vectors or save the session from PIVlab"
+    )
+
+
+def _all_frames(path: Path, file: Matlab) -> VectorFields:
+    cells = {
+        kind: [
+            file.cells(f"{name}_{kind}") if f"{name}_{kind}" in file else []
+            for name in ("u", "v", "typevector")
+        ]
+        for kind in ("filtered", "original")
+    }
+    x, y = file.cells("x"), file.cells("y")
+    if not x or len(x) != len(y):
+        raise DataFileError(f"{path} must hold cells x and y for every frame: export it again")
+    frames = []
+    for k in range(len(x)):
+        for kind in ("filtered", "original"):
+            parts = [column[k] if k < len(column) else None for column in cells[kind]]
+            if parts[0] is not None and parts[0].size > 1:
+                frames.append((x[k], y[k], *parts))
+                break
+    return _fields(path, file, frames, _units(file))
+
+
+def _session(path: Path, file: Matlab) -> VectorFields:
+    table = file.cell_table("resultslist")
+    frames = []
+    for column in table.T:
+        if column[_X] is None or column[_X].size < 2:
+            continue
+        rows = _ORIGINAL
+        if len(column) > max(_FILTERED) and column[_FILTERED[0]] is not None:
+            rows = _FILTERED if column[_FILTERED[0]].size > 1 else _ORIGINAL
+        frames.append((column[_X], column[_Y], *(column[row] for row in rows)))
+    return _fields(path, file, frames, ("px", "px/frame"), y_down=True)
+
+
+def _units(file: Matlab) -> tuple[str, str]:
+    """Units of an export: calibrated values are in meters already."""
+    position, velocity = file.number("calxy", 1.0), file.number("caluv", file.number("calu", 1.0))
+    if position == 1 and abs(velocity) == 1:
+        return "px", "px/frame"
+    return "m", "m/frame" if file.number("displacement_only", 0.0) == 1 else "m/s"
+
+
+def _fields(
+    path: Path,
+    file: Matlab,
+    frames: list[tuple[Any, ...]],
+    units: tuple[str, str],
+    y_down: bool | None = None,
+) -> VectorFields:
+    if not frames:
+        raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
+    x, y = frames[0][:2]
+    for k, frame in enumerate(frames):
+        if any(part is not None and part.shape != x.shape for part in frame):
+            raise DataFileError(
+                f"{path} must have matrices of one size in every frame, got another in frame "
+                f"{k + 1}: do not mix grids"
+            )
+        if not (np.array_equal(frame[0], x) and np.array_equal(frame[1], y)):
+            raise DataFileError(f"{path} must have one grid, got another in frame {k + 1}")
+    if not (np.ptp(x, axis=0) <= 1e-6 * np.ptp(x)).all():
+        raise DataFileError(f"{path} must have one x in every column, got several: rotate nothing")
+    u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
+    types = [frame[4] for frame in frames]
+    codes = None
+    if all(kind is not None for kind in types):
+        codes = np.full(u.shape, Validity.INVALID, np.int8)
+        for kind, code in TYPES.items():
+            codes[np.stack(types) == kind] = code
+    calibration = {name: file.number(name, np.nan) for name in ("calxy", "calu", "caluv")}
+    down = bool(y[-1, 0] > y[0, 0]) if y_down is None else y_down
+    return vector_fields(
+        t=np.arange(len(frames)),
+        y=y[:, 0],
+        x=x[0],
+        u=u,
+        v=v,
+        validity=codes,
+        length_unit=units[0],
+        time_unit="frame",
+        velocity_unit=units[1],
+        y_down=down,
+        facts={k: f"{n:g}" for k, n in calibration.items() if np.isfinite(n)}
+        | {"vector_types": "no" if codes is None else "yes"},
+    )

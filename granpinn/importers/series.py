@@ -1,0 +1,166 @@
+"""Many files, one per frame, as one set of vector fields."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.formats import FORMATS, detect, read_file
+from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
+
+AUTO = "auto"
+_SAME_GRID = 1e-6  # of the extent
+
+
+def read_vectors(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    format: str = AUTO,
+    options: dict[str, Any] | None = None,
+    *,
+    count: bool = False,
+) -> VectorFields:
+    """The vectors of one file or of a series of files, as the instrument gives them.
+
+    Args:
+        paths: files in any order (sorted by the numbers in their names), folders, or patterns such
+            as "run/PIVlab_*.txt".
+        format: a key of `FORMATS`, or "auto".
+        options: values for the readers' own arguments.
+        count: count files of one frame each through, whatever times they hold.
+
+    Raises:
+        DataFileError: a file cannot be used; the message is one sentence.
+    """
+    if format != AUTO and format not in FORMATS:
+        raise DataFileError(f"--format must be auto or one of {', '.join(FORMATS)}, got {format!r}")
+    files = expand([paths] if isinstance(paths, str | os.PathLike) else paths)
+    parts: list[VectorFields] = []
+    name = format
+    for file in files:
+        found = detect(file) if format == AUTO else format
+        if parts and found != name:
+            raise DataFileError(
+                f"{file} must be in the format {name} like the files before it, got {found}: "
+                "convert one kind of files at a time"
+            )
+        name = found
+        part = read_file(file, name, options or {})
+        parts.append(_counted(part) if count else part)
+    facts = {"format": FORMATS[name].title, "files": str(len(files))}
+    joined = parts[0] if len(parts) == 1 else _joined(files, parts)
+    return replace(joined, facts=joined.facts | facts)
+
+
+def _counted(part: VectorFields) -> VectorFields:
+    """A file of one frame without its own time; a file of many knows theirs."""
+    if np.unique(part.t).size > 1:
+        return part
+    return replace(part, t=np.zeros_like(part.t), time_unit="frame")
+
+
+def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """The files of folders and patterns, sorted by the numbers in their names."""
+    found: list[Path] = []
+    for given in paths:
+        path = Path(given)
+        if path.is_dir() and not any(FORMATS[n].sniff(path, b"") for n in ("netcdf", "mesh")):
+            files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
+            kinds = sorted({file.suffix for file in files})
+            if len(kinds) > 1:
+                raise DataFileError(
+                    f"{path} holds files of several kinds ({', '.join(kinds)}): name those that "
+                    f"are meant, such as '{path / ('*' + kinds[0])}'"
+                )
+            found += files
+        elif not path.exists() and any(c in str(given) for c in "*?["):
+            root = Path(path.anchor) if path.is_absolute() else Path()
+            found += root.glob(str(path.relative_to(path.anchor) if path.is_absolute() else path))
+        else:
+            found.append(path)
+    if not found:
+        raise DataFileError(f"no file matches {', '.join(map(str, paths))}: check the path")
+    for path in found:
+        if not path.exists():
+            raise DataFileError(f"{path} does not exist: check the path")
+    return sorted(dict.fromkeys(found), key=natural)
+
+
+def natural(path: Path) -> list[tuple[int, float, str]]:
+    """Key that sorts frame_9 before frame_10, and t0.10 before t0.9."""
+    parts = re.split(r"(\d+(?:\.\d+)?)", str(path))
+    numbers = range(1, len(parts), 2)
+    return [(0, float(p), "") if i in numbers else (1, 0.0, p) for i, p in enumerate(parts)]
+
+
+def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
+    """All frames after one another, on one grid."""
+    first = parts[0]
+    for file, part in zip(files, parts, strict=True):
+        if part.scattered != first.scattered:
+            raise DataFileError(f"{file} must hold {_kind(first)} like {files[0]}, got other ones")
+        for name in ("length_unit", "time_unit", "velocity_unit"):
+            if getattr(part, name) != getattr(first, name):
+                raise DataFileError(
+                    f"{file} must have the {name.replace('_', ' ')} {getattr(first, name)} of "
+                    f"{files[0]}, got {getattr(part, name)}: convert them apart"
+                )
+        if not first.scattered:
+            _check_grid(file, files[0], part, first)
+        if part.arrays().keys() != first.arrays().keys():
+            raise DataFileError(
+                f"{file} must hold {', '.join(first.arrays())} like {files[0]}, got "
+                f"{', '.join(part.arrays())}"
+            )
+    times = _times(parts)
+    arrays = {
+        name: np.concatenate([part.arrays()[name] for part in parts]) for name in first.arrays()
+    }
+    axes = {"y": first.y, "x": first.x}
+    if first.scattered:
+        axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
+    units = {n: getattr(first, n) for n in ("length_unit", "time_unit", "velocity_unit")}
+    return vector_fields(
+        t=np.concatenate(times), **axes, **arrays, **units, y_down=first.y_down, facts=first.facts
+    )
+
+
+def _times(parts: list[VectorFields]) -> list[Any]:
+    """Times of the parts; frames that every file counts from 0 are counted through."""
+    times = [part.t for part in parts]
+    ascending = all(a.max() < b.min() for a, b in itertools.pairwise(times))
+    if ascending or parts[0].scattered:
+        return times
+    if parts[0].time_unit != "frame":
+        raise DataFileError(
+            f"the files must have times that increase with their names, got {times[0][0]:g} and "
+            f"{times[1][0]:g} in the first two: give --times, or --time-unit frame to count them"
+        )
+    if not all(t.min() == 0 for t in times):
+        raise DataFileError(
+            "the files must have frame numbers that increase with their names, got others: rename "
+            "the files, or convert them apart"
+        )
+    starts = np.cumsum([0, *(np.ptp(t) + 1 for t in times)])
+    return [t + start for t, start in zip(times, starts, strict=False)]
+
+
+def _kind(fields: VectorFields) -> str:
+    return "scattered vectors" if fields.scattered else "vectors on a grid"
+
+
+def _check_grid(file: Path, other: Path, part: VectorFields, first: VectorFields) -> None:
+    for name in ("y", "x"):
+        a, b = getattr(part, name), getattr(first, name)
+        if a.size != b.size or not np.allclose(a, b, rtol=0, atol=_SAME_GRID * np.ptp(b)):
+            raise DataFileError(
+                f"{file} must have the grid of {other}, got {a.size} values of {name} from "
+                f"{a[0]:g} to {a[-1]:g} instead of {b.size} from {b[0]:g} to {b[-1]:g}: convert "
+                "files of one grid at a time"
+            )

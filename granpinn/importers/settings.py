@@ -1,0 +1,135 @@
+"""What a conversion has to be told: the command line and `granpinn.data.read` are made of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any
+
+from granpinn.importers.vectors import DataFileError
+
+
+def _setting(default: Any, group: str, text: str) -> Any:
+    return field(default=default, metadata={"group": group, "help": text})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
+
+    format: str = _setting("auto", "files", "format of the files, auto = from their content")
+    fields: str | None = _setting(
+        None, "files", "names of fields in simulation files, such as u=U,c=alpha.grains,p=p"
+    )
+    frames: str | None = _setting(
+        None, "files", "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)"
+    )
+    keep_interpolated: bool = _setting(
+        False, "files", "use interpolated vectors as if they were measured"
+    )
+    track_window: int = _setting(
+        5, "files", "frames of the local polynomial that gives the velocity of a track; odd"
+    )
+
+    scale: str | None = _setting(
+        None, "calibration", "size of a pixel, '0.12 mm/px'; needed where lengths are in pixels"
+    )
+    frame_rate: str | None = _setting(
+        None, "calibration", "velocity fields per second, '500 Hz', or the time between two, '2 ms'"
+    )
+    pulse_delay: str | None = _setting(
+        None, "calibration", "time between the two images of a pair; default 1 / frame rate"
+    )
+    start: str | None = _setting(
+        None,
+        "calibration",
+        "time of the first frame since the release of the grains, '4 ms'; "
+        "default half a frame for fields between two images, 0 for tracks",
+    )
+    times: str | None = _setting(
+        None,
+        "calibration",
+        "file with one time per frame, first line 't [s]' if it has units; or "
+        "'name': the last number in the name of each file",
+    )
+    length_unit: str | None = _setting(
+        None, "calibration", "unit of x and y, where the files do not say or say it wrong"
+    )
+    time_unit: str | None = _setting(None, "calibration", "unit of t, likewise")
+    velocity_unit: str | None = _setting(
+        None, "calibration", "unit of u and v, likewise; default length unit / time unit"
+    )
+    dimensionless: bool = _setting(
+        False, "calibration", "the data have no units (simulations): give plain numbers everywhere"
+    )
+
+    origin: str | None = _setting(
+        None,
+        "frame",
+        "the point x,y in the coordinates of the files that becomes 0,0; default "
+        "the lower left vector for images, else the origin of the files",
+    )
+    flip_y: str = _setting(
+        "auto", "frame", "turn y and v around: yes, no, or auto = where y points down as in images"
+    )
+    gravity: str = _setting("9.81 m/s^2", "frame", "strength of gravity; 1 if dimensionless")
+    tilt: str = _setting(
+        "0 deg",
+        "frame",
+        "angle of a plumb line in the image: positive if its lower end is to the "
+        "right of the upper one; rotates gravity, so a tilted camera or chute needs no rotation",
+    )
+
+    grain_diameter: str | None = _setting(None, "material", "mean grain diameter, '0.8 mm'")
+    grain_density: str | None = _setting(
+        None, "material", "density of a grain, '2500 kg/m^3'; enters the inertial number"
+    )
+    solid_fraction: float | None = _setting(
+        None,
+        "material",
+        "volume of grains / volume, such as 0.6; bulk density = grain density x it",
+    )
+    density: str | None = _setting(
+        None, "material", "bulk density, '1500 kg/m^3', in place of the solid fraction"
+    )
+    sigma: str | None = _setting(
+        None, "material", "standard deviation of u and of v, '0.1 px/frame'; default from the files"
+    )
+
+    mask: str | None = _setting(
+        None, "grains", "image, or pattern of one image per frame, black where there are no grains"
+    )
+    surface: str = _setting(
+        "auto",
+        "grains",
+        "line of the free surface: mask, fraction, none, a CSV file with the "
+        "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
+    )
+    wall_gap: str | None = _setting(
+        None,
+        "grains",
+        "distance between the side walls, '20 mm'; kept, and a warning if they carry weight",
+    )
+    note: str | None = _setting(None, "grains", "text to keep in the file")
+
+    def __post_init__(self) -> None:
+        for f in dataclasses.fields(self):
+            value = getattr(self, f.name)
+            wanted = {"bool": bool, "int": int}.get(str(f.type))
+            if wanted is not None and type(value) is not wanted:
+                raise DataFileError(f"{flag(f.name)} must be {f.type}, got {value!r}")
+            if str(f.type).startswith("str") and not isinstance(value, str | None):
+                raise DataFileError(
+                    f"{flag(f.name)} must be text such as '0.12 mm/px', got {value!r}"
+                )
+        if self.flip_y not in ("auto", "yes", "no"):
+            raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
+        if self.solid_fraction is not None and not 0 < self.solid_fraction <= 1:
+            raise DataFileError(
+                f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"
+            )
+
+
+def flag(name: str) -> str:
+    """The flag of a setting."""
+    return "--" + name.replace("_", "-")

@@ -1,0 +1,121 @@
+"""The vectors that a conversion begins with: files, times, frames, interpolated vectors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.importers.arrays import from_arrays
+from granpinn.importers.series import expand, read_vectors
+from granpinn.importers.settings import Settings
+from granpinn.importers.tables import numbers, read_text
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
+
+Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def vectors_of(source: Source, settings: Settings) -> VectorFields:
+    """What the source holds, with the times of --times."""
+    if isinstance(source, VectorFields):
+        fields = source
+    elif isinstance(source, Mapping):
+        fields = from_arrays(source)
+    else:
+        options: dict[str, Any] = {"window": settings.track_window}
+        if settings.fields:
+            options["names"] = _names(settings.fields)
+        count = settings.times is not None or settings.time_unit == "frame"
+        fields = read_vectors(source, settings.format, options, count=count)
+    if settings.times is not None:
+        fields = _with_times(fields, settings.times, source)
+    if settings.dimensionless and {fields.length_unit, fields.velocity_unit} - {None, "1", "-"}:
+        raise DataFileError(
+            f"--dimensionless contradicts the files, whose lengths are in {fields.length_unit} and "
+            f"velocities in {fields.velocity_unit}: leave it out and give the calibration"
+        )
+    return fields
+
+
+def _names(text: str) -> dict[str, str]:
+    pairs = [part.partition("=") for part in text.split(",")]
+    names = {key.strip(): value.strip() for key, _, value in pairs}
+    if not set(names) <= {"u", "v", "c", "p"} or not all(names.values()):
+        raise DataFileError(f"--fields must be like u=U,c=alpha.grains,p=p, got {text!r}")
+    return names
+
+
+def _with_times(fields: VectorFields, times: str, source: Source) -> VectorFields:
+    """The same with the times from a file or from the names of the files."""
+    unit = fields.time_unit if fields.time_unit != "frame" else None
+    if times == "name":
+        if isinstance(source, VectorFields | Mapping):
+            raise DataFileError("--times name needs files, got arrays: give t with them")
+        files = expand([source] if isinstance(source, str | Path) else source)
+        # The end of "out-0.25" is no suffix.
+        stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
+        found = [_NUMBER.findall(stem) for stem in stems]
+        if not all(found):
+            raise DataFileError(f"{files[0]} must have a number in its name for --times name")
+        t = np.array([float(names[-1]) for names in found])
+    else:
+        text = read_text(Path(times))
+        head, _, rest = text.partition("\n")
+        titled = re.match(r"\s*[A-Za-z#]", head) is not None
+        unit = (re.findall(r"[\[(]([^\])]*)[\])]", head) or [unit])[0] if titled else unit
+        t = numbers(Path(times), (rest if titled else text).split("\n"))[:, -1]
+    old = np.unique(fields.t)
+    if t.size != old.size:
+        raise DataFileError(
+            f"--times must give one time for each of the {old.size} frames, got {t.size}"
+        )
+    if np.unique(t).size < t.size:
+        raise DataFileError("--times must be another time for every frame, got one twice: check it")
+    new = t[np.searchsorted(old, fields.t)]
+    if fields.scattered:
+        return replace(fields, t=new, time_unit=unit)
+    order = np.argsort(new)
+    arrays: dict[str, Any] = {name: a[order] for name, a in fields.arrays().items()}
+    return replace(fields, t=new[order], time_unit=unit, **arrays)
+
+
+def without_interpolated(fields: VectorFields, settings: Settings) -> VectorFields:
+    """Interpolated vectors as invalid ones, or as measured ones where that is asked for."""
+    code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
+    codes = fields.validity.copy()
+    codes[codes == Validity.INTERPOLATED] = code
+    gone = codes == Validity.INVALID
+    u, v = (np.where(gone, np.nan, a) for a in (fields.u, fields.v))
+    return replace(fields, validity=codes, u=u, v=v)
+
+
+def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
+    """The frames of --frames."""
+    if settings.frames is None:
+        return fields
+    parts = settings.frames.split(":")
+    try:
+        chosen = slice(*(int(part) if part.strip() else None for part in parts))
+    except (ValueError, TypeError):
+        raise DataFileError(
+            f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {settings.frames!r}"
+        ) from None
+    if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
+        raise DataFileError(f"--frames must be FIRST:LAST:STEP, got {settings.frames!r}")
+    times = np.unique(fields.t)[chosen]
+    if times.size < 2:
+        raise DataFileError(
+            f"--frames must leave at least two frames, got {times.size} of "
+            f"{np.unique(fields.t).size}"
+        )
+    keep = np.isin(fields.t, times)
+    arrays = {name: values[keep] for name, values in fields.arrays().items()}
+    changes: dict[str, Any] = {"t": fields.t[keep], **arrays}
+    if fields.scattered:
+        changes |= {"y": fields.y[keep], "x": fields.x[keep]}
+    return replace(fields, **changes)

@@ -1,0 +1,107 @@
+r"""Points of the free surface: where the volume fraction crosses 1/2, or from a table.
+
+Between the centers of two neighboring cells, one in the grains and one not, the surface lies where
+c = 1/2 on the straight line between them; for a mask that is half way. Not every edge of a mask is
+a free surface: the bed and the side walls are edges too. An edge counts if it faces up (against
+gravity), or if it faces sideways and grains are seen beyond it at another time; never if it faces
+down.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from granpinn.data.flow import Surface
+from granpinn.importers import units
+from granpinn.importers.frame import Frame
+from granpinn.importers.tables import numbers, read_text
+from granpinn.importers.tracks import column_names
+from granpinn.importers.vectors import DataFileError, Float64, VectorFields
+
+HALF = 0.5
+_UPWARDS = 0.5  # cosine of the angle to the vertical
+NEAR = 0.1  # of 1/2: scattered cells that the surface cuts through
+
+
+def from_fraction(
+    c: Float64, t: Float64, y: Float64, x: Float64, gravity: tuple[float, float]
+) -> Surface | None:
+    """The free surface of a volume fraction [T, Y, X]; None if there is none."""
+    g = math.hypot(*gravity)
+    up = {1: -gravity[1] / g, 2: -gravity[0] / g}  # cosine of each axis with the vertical
+    ever = (c > HALF).any(axis=0)
+    points = []
+    for axis, coordinate in ((1, y), (2, x)):
+        low = np.moveaxis(c, axis, 0)[:-1]
+        high = np.moveaxis(c, axis, 0)[1:]
+        for grains_below in (True, False):
+            inner, outer = (low, high) if grains_below else (high, low)
+            cosine = up[axis] if grains_below else -up[axis]
+            crossing = (inner > HALF) & (outer <= HALF)
+            if cosine < -_UPWARDS:
+                continue
+            if cosine < _UPWARDS:
+                seen = np.moveaxis(np.broadcast_to(ever, c.shape), axis, 0)
+                crossing &= seen[1:] if grains_below else seen[:-1]
+            place = np.nonzero(crossing)
+            share = (HALF - low[place]) / (high[place] - low[place])
+            along = coordinate[place[0]] + share * np.diff(coordinate)[place[0]]
+            # After moveaxis the other axes keep their order: (frame, column) or (frame, row).
+            other = (x if axis == 1 else y)[place[2]]
+            pair = (other, along) if axis == 1 else (along, other)
+            points.append(np.stack([t[place[1]], *pair]))
+    found = np.concatenate(points, axis=1)
+    if found.shape[1] == 0:
+        return None
+    found = found[:, np.lexsort((found[2], found[1], found[0]))]
+    return Surface(t=found[0], x=found[1], y=found[2])
+
+
+def from_scattered(fields: VectorFields) -> Surface | None:
+    """Points of scattered cells that are about half full."""
+    if fields.c is None:
+        return None
+    near = np.abs(fields.c - HALF) < NEAR
+    if not near.any():
+        return None
+    return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
+
+
+def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
+    """The points of a CSV file with the columns t (or frame), x, y.
+
+    A column with a unit in brackets is in that unit, all others are in those of the vectors.
+
+    Args:
+        frame: of the vectors, in whose axes the points are given.
+        rate: seconds per frame, where that is known.
+    """
+    head, _, rest = read_text(path).partition("\n")
+    known, found_units = column_names(head)
+    time = "t" if "t" in known else "frame"
+    missing = [name for name in ("x", "y", time) if name not in known]
+    if missing:
+        raise DataFileError(
+            f"{path} must have a first line with the columns t (or frame), x, y, got {head[:60]!r}"
+        )
+    table = numbers(path, rest.split("\n"), first_line=2)
+    if table.shape[1] <= max(known.values()):
+        raise DataFileError(f"{path} must have the columns of its first line, got fewer")
+    columns = {name: table[:, known[name]] for name in (time, "x", "y")}
+    for name, own, dimension in (("x", frame.length, "length"), ("y", frame.length, "length")):
+        if name in found_units:
+            px = frame.length if units.has(found_units[name], "px") else None
+            factor = units.factor(found_units[name], dimension, f"{path}: {name}", px)
+            columns[name] = columns[name] * (factor / own)
+    t = columns[time]
+    if time in found_units:
+        factor = units.factor(found_units[time], "time", f"{path}: {time}", frame=rate)
+        # A time in its own unit counts from the release, like those of the flow.
+        seconds = t * factor
+    else:
+        seconds = frame.times(t)
+    x, y = frame.place(columns["x"], columns["y"])
+    return Surface(t=seconds, x=x, y=y)

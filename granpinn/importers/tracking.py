@@ -1,0 +1,98 @@
+r"""Velocities of tracked particles by local polynomials over a few frames, with their uncertainty.
+
+Around every observation of a track a parabola $x(\tau) = a + b \tau + c \tau^2$ is fitted to the
+observations within the window; $a$ is the position and $b$ the velocity. With the uncertainty
+$\epsilon$ of the positions (trackpy's `ep`, or the scatter about all parabolas)
+$\sigma_b^2 = \epsilon^2 (A^T A)^{-1}_{bb}$. At the ends of a track the window is one-sided and
+$\sigma_b$ larger. The error of the parabola itself is not in $\sigma_b$.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from granpinn.importers.vectors import DataFileError, Float64
+
+ORDER = 2
+_SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
+
+
+class Motion(NamedTuple):
+    """Positions and velocities [n], NaN where a track is too short."""
+
+    x: Float64
+    y: Float64
+    u: Float64
+    v: Float64
+    sigma_u: Float64 | None = None
+    sigma_v: Float64 | None = None
+
+
+def velocities(
+    t: Float64,
+    frame: Float64,
+    x: Float64,
+    y: Float64,
+    particle: Float64,
+    ep: Float64 | None,
+    window: int,
+) -> Motion:
+    """Position and velocity of every observation [n], in the order given.
+
+    Args:
+        t: time, or frame once more.
+        frame: numbers of the frames, which the window counts.
+        particle: number of the track; NaN = not on a track.
+        ep: standard deviation of the position, or None.
+        window: frames of the fit, odd and at least 3.
+    """
+    if window < ORDER + 1 or window % 2 == 0:
+        raise DataFileError(f"--track-window must be odd and at least 3, got {window}")
+    order = np.lexsort((frame, particle))
+    t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
+    if ((np.diff(particle) == 0) & (np.diff(frame) == 0)).any():
+        raise DataFileError(
+            "a track must have one position in every frame, got two: link the particles again"
+        )
+    half = window // 2
+    n = t.size
+    index = np.arange(n)[:, None] + np.arange(-half, half + 1)
+    inside = (index >= 0) & (index < n)
+    index = np.clip(index, 0, n - 1)
+    inside &= particle[index] == particle[:, None]
+    inside &= np.abs(frame[index] - frame[:, None]) <= half
+    inside &= np.isfinite(x[index] + y[index] + t[index])
+    enough = inside.sum(axis=1) > ORDER
+    # tau in units of the window, so that the normal equations are well conditioned.
+    tau = np.where(inside, t[index] - t[:, None], 0.0)
+    unit = np.abs(tau).max(axis=1)
+    unit[unit == 0] = 1.0
+    powers = np.where(inside[..., None], (tau / unit[:, None])[..., None] ** np.arange(3), 0.0)
+    normal = np.einsum("nwi,nwj->nij", powers, powers)
+    normal[~enough] = np.eye(3)
+    inverse = np.linalg.inv(normal)
+    b_variance = inverse[:, 1, 1] / unit**2
+    result, scatter = [], []
+    for values in (x, y):
+        centered = np.where(inside, values[index] - values[:, None], 0.0)
+        fit = np.einsum("nij,nwj,nw->ni", inverse, powers, centered)
+        residual = centered - np.einsum("nwi,ni->nw", powers, fit)
+        scatter.append((residual**2).sum(axis=1))
+        result.append(np.where(enough, values + fit[:, 0], values))
+        result.append(np.where(enough, fit[:, 1] / unit, np.nan))
+    freedom = np.where(enough, inside.sum(axis=1) - ORDER - 1, 0).sum()
+    back = np.argsort(order)
+    new_x, u, new_y, v = (a[back] for a in result)
+    sigmas = []
+    for about, velocity in zip(scatter, (u, v), strict=True):
+        if ep is not None:
+            variance = np.square(ep[order])
+        elif freedom > 0:
+            variance = np.full(n, about[enough].sum() / freedom)
+        else:
+            return Motion(new_x, new_y, u, v)
+        least = _SMALLEST_SIGMA * max(float(np.nanmax(np.abs(velocity), initial=0.0)), 1e-300)
+        sigmas.append(np.maximum(np.sqrt(variance * b_variance), least)[back])
+    return Motion(new_x, new_y, u, v, *sigmas)

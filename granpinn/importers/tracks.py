@@ -1,0 +1,220 @@
+"""Tables of tracked particles (PTV): CSV, and HDF5 as trackpy's PandasHDFStore writes it.
+
+Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
+
+- x, y; and frame, or t (time);
+- particle (also id, track, trajectory): the number of the track; velocities are then found by local
+  polynomials over its frames;
+- or u, v (also vx, vy): velocities that the tracking program has found, with sigma_u, sigma_v;
+- ep: trackpy's uncertainty of the position.
+
+trackpy counts in pixels and frames, with y down. Its HDF5 is read without pandas, which would run
+foreign code to unpack the names of the columns.
+"""
+
+from __future__ import annotations
+
+import csv
+import pickletools
+import re
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from granpinn.importers.tables import MAX_BYTES, numbers, read_text
+from granpinn.importers.tracking import Motion, velocities
+from granpinn.importers.vectors import DataFileError, Float64, Validity, VectorFields, vector_fields
+
+NAMES = {
+    "x": ("x", "x_position", "pos_x", "position_x"),
+    "y": ("y", "y_position", "pos_y", "position_y"),
+    "frame": ("frame", "frame_number", "frame_id"),
+    "t": ("t", "time"),
+    "particle": ("particle", "id", "track", "track_id", "trajectory", "particle_id"),
+    "u": ("u", "vx", "v_x", "u_x"),
+    "v": ("v", "vy", "v_y", "u_y"),
+    "sigma_u": ("sigma_u", "sigma_vx"),
+    "sigma_v": ("sigma_v", "sigma_vy"),
+    "ep": ("ep",),
+}
+_COLUMN = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*")
+_TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
+_TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "STRING")
+
+
+def sniff(path: Path, head: bytes) -> bool:
+    """A header line with x, y and frame or t; or the tables of pandas in HDF5."""
+    if head.startswith(b"\x89HDF"):
+        return path.suffix.lower() in (".h5", ".hdf5", ".hdf") and _has_tables(path)
+    first = head.decode("utf-8", "replace").lstrip("\ufeff").split("\n", 1)[0].lower()
+    found, _ = _known(_split(first))
+    return {"x", "y"} <= found.keys() and bool({"frame", "t"} & found.keys())
+
+
+def read(path: Path, window: int = 5) -> VectorFields:
+    """Scattered vectors of all tracks.
+
+    Args:
+        window: frames of the local polynomial, an odd number; not used where the table has u, v.
+    """
+    with path.open("rb") as stream:
+        hdf5 = stream.read(8) == b"\x89HDF\r\n\x1a\n"
+    names, table = _read_hdf5(path) if hdf5 else _read_csv(path)
+    found, units = _known(names)
+    trackpy = len(_TRACKPY & {name.lower() for name in names}) >= 2
+    missing = [name for name in ("x", "y") if name not in found]
+    missing += [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
+    missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
+    if missing:
+        raise DataFileError(
+            f"{path} must have the columns {', '.join(missing)}, got {', '.join(names[:12])}: "
+            "rename them" + (" or link the positions to tracks first" if trackpy else "")
+        )
+    columns = {name: table[:, i] for name, i in found.items()}
+    timed = "t" in found
+    t = columns["t" if timed else "frame"]
+    if trackpy:
+        units = {"x": "px", "ep": "px"} | units
+    length = units.get("x")
+    time_unit = units.get("t") if timed else "frame"
+    if "u" in found and "v" in found:
+        motion = Motion(columns["x"], columns["y"], columns["u"], columns["v"])
+        motion = motion._replace(sigma_u=columns.get("sigma_u"), sigma_v=columns.get("sigma_v"))
+        velocity_unit = units.get("u")
+    else:
+        count = columns["frame"] if "frame" in found else t
+        motion = velocities(
+            t, count, columns["x"], columns["y"], columns["particle"], columns.get("ep"), window
+        )
+        velocity_unit = None if length is None or time_unit is None else f"{length}/{time_unit}"
+    finite = np.isfinite(np.stack([motion.x, motion.y, t])).all(axis=0)
+    if not finite.any():
+        raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
+    measured = np.isfinite(motion.u + motion.v)
+    parts: dict[str, Any] = {**motion._asdict(), "t": t}
+    return vector_fields(
+        **{name: part[finite] for name, part in parts.items() if part is not None},
+        validity=np.where(measured, Validity.VALID, Validity.INVALID)[finite],
+        length_unit=length,
+        time_unit=time_unit,
+        velocity_unit=velocity_unit,
+        y_down=True if trackpy else None,
+        facts={"track_window": str(window)} if "u" not in found else {},
+    )
+
+
+def column_names(header: str) -> tuple[dict[str, int], dict[str, str]]:
+    """Index and unit of the known columns of a header line."""
+    return _known(_split(header))
+
+
+def _split(line: str) -> list[str]:
+    delimiter = max(",;\t", key=line.count)
+    return next(csv.reader([line.strip()], delimiter=delimiter), [])
+
+
+def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
+    """Index and unit of the columns that have a meaning here."""
+    found: dict[str, int] = {}
+    units: dict[str, str] = {}
+    for i, text in enumerate(names):
+        match = _COLUMN.fullmatch(text)
+        if match is None:
+            continue
+        for name, spellings in NAMES.items():
+            if match[1].lower() in spellings and name not in found:
+                found[name] = i
+                if match[2]:
+                    units[name] = match[2]
+    return found, units
+
+
+def _read_csv(path: Path) -> tuple[list[str], Float64]:
+    header, _, rest = read_text(path).partition("\n")
+    names = _split(header)
+    known, _ = _known(names)
+    # Columns without a meaning here may hold text; empty cells are NaN.
+    delimiter = max(",;\t", key=header.count)
+    keep = sorted(known.values())
+    lines = []
+    for number, cells in enumerate(csv.reader(rest.split("\n"), delimiter=delimiter), 2):
+        if not cells:
+            continue
+        if len(cells) != len(names):
+            raise DataFileError(
+                f"{path}, line {number}: expected {len(names)} cells as in the header, got "
+                f"{len(cells)}: the file was cut off; export it again"
+            )
+        lines.append(";".join(cells[i].strip() or "nan" for i in keep))
+    return [names[i] for i in keep] + _unknown(names, keep), numbers(path, lines, first_line=2)
+
+
+def _unknown(names: list[str], keep: list[int]) -> list[str]:
+    """The other columns, by name alone: trackpy is known by them."""
+    return [name for i, name in enumerate(names) if i not in keep]
+
+
+def _has_tables(path: Path) -> bool:
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(_tables(file))
+    except OSError:
+        return False
+
+
+def _tables(file: h5py.File) -> list[h5py.Dataset]:
+    """The pandas tables that lie in this file, in the natural order of their frames."""
+    found = []
+    for name in sorted(file, key=lambda key: [int(n) for n in re.findall(r"\d+", key)]):
+        group = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+        if isinstance(group, h5py.Group) and isinstance(group.get("table"), h5py.Dataset):
+            table = group["table"]
+            if table.dtype.names and not table.is_virtual and not table.external:
+                found.append(table)
+    return found
+
+
+def _read_hdf5(path: Path) -> tuple[list[str], Float64]:
+    try:
+        with h5py.File(path, "r") as file:
+            tables = _tables(file)
+            if sum(table.size * table.dtype.itemsize for table in tables) > MAX_BYTES:
+                raise DataFileError(f"{path} must hold at most 1 GiB: choose fewer frames")
+            parts = [_columns(table) for table in tables]
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        if isinstance(error, DataFileError):
+            raise
+        raise DataFileError(f"{path} cannot be read as HDF5: copy or make it again") from None
+    parts = [part for part in parts if part]
+    if not parts:
+        raise DataFileError(f"{path} holds no tables of pandas: write it with PandasHDFStore")
+    names = list(parts[0])
+    if any(set(part) != set(names) for part in parts):
+        raise DataFileError(f"{path} must have the same columns in every frame: write it again")
+    columns = [np.concatenate([part[name] for part in parts]) for name in names]
+    return names, np.stack(columns, axis=1)
+
+
+def _columns(table: h5py.Dataset) -> dict[str, Float64]:
+    """Columns of a pandas table: single ones, and blocks whose names an attribute lists."""
+    rows = table[()]
+    found: dict[str, Float64] = {}
+    for field in rows.dtype.names:
+        block = rows[field]
+        if field == "index" or block.dtype.kind not in "fiu":
+            continue
+        if block.ndim == 1 and not field.startswith("values_block"):
+            found[field] = block.astype(np.float64)
+            continue
+        names = _listed(bytes(table.attrs.get(f"{field}_kind", b"")))
+        for name, column in zip(names, block.reshape(len(rows), -1).T, strict=True):
+            found[name] = column.astype(np.float64)
+    return found
+
+
+def _listed(content: bytes) -> list[str]:
+    """The strings of a pickled list of strings, read as data: nothing is unpickled."""
+    operations = pickletools.genops(content)
+    return [str(arg) for code, arg, _ in operations if code.name in _TEXT_OPCODES]

@@ -1,0 +1,170 @@
+"""Units at the border, and nowhere else: text such as "0.12 mm/px" becomes plain SI numbers.
+
+A pixel and a frame are units like others here, so that a velocity in px/frame needs a scale (m/px)
+and a time between frames (s/frame) to become m/s, and what is missing can be named.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import Any
+
+from granpinn.importers.vectors import DataFileError
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*")
+# Plain products and quotients of names with one-digit powers: nothing that takes long to parse.
+_POWER = r"(?:\^|\*\*)?-?\d"
+_NAME = rf"[A-Za-zµμ°]+(?:{_POWER})?"
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/· ]\s*{_NAME}){{0,5}}")
+
+DIMENSIONS = {
+    "length": "[length]",
+    "time": "[time]",
+    "velocity": "[length]/[time]",
+    "acceleration": "[length]/[time]**2",
+    "density": "[mass]/[length]**3",
+    "angle": "",
+}
+
+
+@cache
+def _registry() -> Any:
+    import pint  # slow to import, and needed by nothing but readers
+
+    registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
+    registry.define("px = [px_length] = pixel = pixels = Pixel = pix")
+    registry.define("frame = [frame_count] = frames = fr")
+    registry.define("fps = frame / second")
+    registry.define("gravity_of_earth = 9.80665 m/s^2")
+    return registry
+
+
+def unit(text: str, what: str) -> Any:
+    """A pint unit; `what` names the setting or the file for the message."""
+    import pint
+
+    cleaned = text.strip().strip("[]").strip()
+    if cleaned in ("1", "-", ""):
+        return _registry().dimensionless
+    if not _UNIT.fullmatch(cleaned) or len(cleaned) > 60:
+        raise DataFileError(f"{what} must be a unit such as mm, px/frame or m/s, got {text!r}")
+    powers = re.sub(rf"([A-Za-zµμ°])({_POWER})", _with_power, cleaned).replace("·", "*")
+    try:
+        return _registry().Unit(powers)
+    except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError):
+        raise DataFileError(
+            f"{what} must be a unit such as mm, px/frame or m/s, got {text!r}, which is not known"
+        ) from None
+
+
+def _with_power(match: re.Match[str]) -> str:
+    return f"{match[1]}**{match[2].lstrip('^*')}"
+
+
+def split(text: str, what: str) -> tuple[float, str]:
+    """Number and unit of text such as "2500 kg/m^3"."""
+    match = _QUANTITY.fullmatch(str(text))
+    if match is None:
+        raise DataFileError(f"{what} must be a number with a unit, got {text!r}")
+    number = float(match[1])
+    if not math.isfinite(number):
+        raise DataFileError(f"{what} must be a finite number with a unit, got {text!r}")
+    return number, match[2]
+
+
+def plain(text: str, what: str) -> float:
+    """A number of a conversion without units."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise DataFileError(f"{what} must be a plain number with --dimensionless, got {text!r}")
+    return value
+
+
+def quantity(text: str, what: str) -> Any:
+    """A pint quantity from text such as "2500 kg/m^3"."""
+    number, name = split(text, what)
+    return number * unit(name, what)
+
+
+def si(text: str, dimension: str, what: str, example: str) -> float:
+    """A number with a unit of the given dimension in SI; an angle in radians."""
+    value = quantity(text, what)
+    wanted = DIMENSIONS[dimension]
+    if not value.check(wanted) or (dimension == "angle" and value.units == _registry().Unit("")):
+        raise DataFileError(f"{what} must be {_article(dimension)} such as {example}, got {text!r}")
+    return float(value.to_base_units().magnitude)
+
+
+def _article(dimension: str) -> str:
+    return ("an " if dimension[0] in "a" else "a ") + dimension + " with its unit,"
+
+
+def scale(text: str) -> float:
+    """Meters per pixel, from "0.12 mm/px" or "8.3 px/mm"."""
+    value = quantity(text, "--scale")
+    registry = _registry()
+    for candidate in (value, 1 / value if value.magnitude else value):
+        if candidate.check("[length]/[px_length]") and candidate.magnitude > 0:
+            return float(candidate.to(registry.m / registry.px).magnitude)
+    raise DataFileError(
+        f"--scale must be a positive length per pixel such as '0.12 mm/px', got {text!r}"
+    )
+
+
+def frame_time(text: str, what: str) -> float:
+    """Seconds per frame, from "500 Hz", "500 fps", "500 frame/s" or "2 ms"."""
+    value = quantity(text, what)
+    registry = _registry()
+    for candidate in (value, 1 / value if value.magnitude else value):
+        for target in (registry.s, registry.s / registry.frame):
+            # A frequency in hertz is 1/s, with no radians in it.
+            if candidate.dimensionality == target.dimensionality and candidate.magnitude > 0:
+                return float(candidate.to(target).magnitude)
+    raise DataFileError(f"{what} must be a rate or a time such as '500 Hz' or '2 ms', got {text!r}")
+
+
+def factor(
+    text: str,
+    dimension: str,
+    what: str,
+    px: float | None = None,
+    frame: float | None = None,
+) -> float:
+    """What numbers in this unit are multiplied by to become SI.
+
+    Args:
+        px: meters per pixel, None if it is not known.
+        frame: seconds per frame, None if it is not known.
+
+    Raises:
+        DataFileError: the unit has another dimension, or pixels or frames that are not known.
+    """
+    registry = _registry()
+    found = 1.0 * unit(text, what)
+    dimensions = dict(found.dimensionality)
+    for key, known, flag, base in (
+        ("[px_length]", px, "--scale, such as '0.12 mm/px'", registry.m / registry.px),
+        ("[frame_count]", frame, "--frame-rate, such as '500 Hz'", registry.s / registry.frame),
+    ):
+        power = dimensions.get(key, 0)
+        if power and known is None:
+            raise DataFileError(f"{what} is in {text}: give {flag}")
+        if power and known is not None:
+            found = found * (known * base) ** power
+    if not found.check(DIMENSIONS[dimension]):
+        raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
+    return float(found.to_base_units().magnitude)
+
+
+def has(text: str | None, symbol: str) -> bool:
+    """Whether a unit contains pixels ("px") or frames ("frame")."""
+    if text is None:
+        return False
+    key = {"px": "[px_length]", "frame": "[frame_count]"}[symbol]
+    return key in dict(unit(text, "the unit").dimensionality)

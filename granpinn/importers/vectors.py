@@ -1,0 +1,174 @@
+"""What every reader returns: velocity vectors with their validity, in the units of the instrument.
+
+The validity is what instruments disagree about most, and a vector that was filled with 0 looks like
+static grains. So there is one enumeration, vectors that were not measured are NaN, and many exact
+zeros among the valid ones are warned of.
+"""
+
+from __future__ import annotations
+
+import enum
+import warnings
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data.flow import FlowFileWarning
+
+Float64 = npt.NDArray[np.float64]
+Int8 = npt.NDArray[np.int8]
+Bool = npt.NDArray[np.bool_]
+
+# Share of exact zeros among the valid vectors above which they are likely to be gaps.
+MAX_ZERO_SHARE = 0.005
+
+
+class DataFileError(ValueError):
+    """A measurement file cannot be used; the message is one sentence that says what to do."""
+
+
+class Validity(enum.IntEnum):
+    """What a vector is."""
+
+    MASKED = 0  # outside the grains or the field of view, by a mask
+    VALID = 1
+    INTERPOLATED = 2  # filled in from its neighbors, not measured
+    INVALID = 3  # inside, but the instrument found no vector or rejected it
+
+
+@dataclass(frozen=True, eq=False)
+class VectorFields:
+    """Vectors on a grid [T, Y, X], or scattered [n], in the units of their file.
+
+    Attributes:
+        t, y, x: times [T] and coordinates [Y], [X]; of scattered vectors [n] each.
+        u, v: velocity; NaN where invalid or masked.
+        validity: a `Validity` for every vector.
+        sigma_u, sigma_v: standard deviations like u, or None.
+        c: volume fraction of grains like u, or None where only a mask is known.
+        p: reference pressure like u, or None; simulations have it.
+        length_unit, time_unit, velocity_unit: such as "px", "frame" and "px/frame", "1" for
+            dimensionless data, None where the file does not say.
+        y_down: whether y and v point down, as in an image; None where that is not known.
+        facts: what else the file says, for the record.
+    """
+
+    t: Float64
+    y: Float64
+    x: Float64
+    u: Float64
+    v: Float64
+    validity: Int8
+    sigma_u: Float64 | None = None
+    sigma_v: Float64 | None = None
+    c: Float64 | None = None
+    p: Float64 | None = None
+    length_unit: str | None = None
+    time_unit: str | None = None
+    velocity_unit: str | None = None
+    y_down: bool | None = None
+    facts: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
+        for name, values in self.arrays().items():
+            if values.shape != shape:
+                raise DataFileError(
+                    f"{name} must have the shape {list(shape)} of t, y, x, got "
+                    f"{list(values.shape)}: give a value for every vector"
+                )
+        coordinates = {"t": self.t, "y": self.y, "x": self.x}
+        for name, values in coordinates.items():
+            if not np.isfinite(values).all():
+                raise DataFileError(
+                    f"{name} must be finite, got NaN or infinity: leave these vectors out"
+                )
+
+    @property
+    def scattered(self) -> bool:
+        """Whether the vectors lie at points of their own, not on a grid."""
+        return self.u.ndim == 1
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays with one value per vector."""
+        names = ("u", "v", "validity", "sigma_u", "sigma_v", "c", "p")
+        parts = {name: getattr(self, name) for name in names}
+        return {name: part for name, part in parts.items() if part is not None}
+
+    @property
+    def usable(self) -> Bool:
+        """Vectors that were measured."""
+        return np.asarray(self.validity == Validity.VALID)
+
+    def count(self, validity: Validity) -> int:
+        """How many vectors are of this kind."""
+        return int((self.validity == validity).sum())
+
+
+def vector_fields(
+    t: npt.ArrayLike,
+    y: npt.ArrayLike,
+    x: npt.ArrayLike,
+    u: npt.ArrayLike,
+    v: npt.ArrayLike,
+    validity: npt.ArrayLike | None = None,
+    **others: Any,
+) -> VectorFields:
+    """Vector fields that keep the rules: float64, NaN wherever there is no vector, axes ascending.
+
+    Args:
+        validity: by default VALID wherever u and v are finite.
+        others: the remaining fields of VectorFields.
+    """
+    t, y, x = (np.asarray(a, np.float64).reshape(-1) for a in (t, y, x))
+    u, v = (np.array(np.ma.filled(np.ma.asarray(a, np.float64), np.nan)) for a in (u, v))
+    finite = np.isfinite(u) & np.isfinite(v)
+    code = np.full(u.shape, Validity.VALID) if validity is None else np.asarray(validity)
+    if code.shape != u.shape or v.shape != u.shape:
+        raise DataFileError(
+            f"u, v and their validity must have one shape, got {list(u.shape)}, {list(v.shape)} "
+            f"and {list(code.shape)}: give a value for every vector"
+        )
+    measured = np.isin(code, (Validity.VALID, Validity.INTERPOLATED))
+    code = np.where(measured & ~finite, Validity.INVALID, code).astype(np.int8)
+    for component in (u, v):
+        component[~(measured & finite)] = np.nan
+    fields = VectorFields(t, y, x, u, v, code, **others)
+    return fields if fields.scattered else _ascending(fields)
+
+
+def _ascending(fields: VectorFields) -> VectorFields:
+    """The same with t, y, x ascending; repeated coordinates are refused."""
+    changes: dict[str, Any] = {}
+    orders = []
+    for name in ("t", "y", "x"):
+        values = getattr(fields, name)
+        order = np.argsort(values, kind="stable")
+        if (np.diff(values[order]) <= 0).any():
+            repeated = values[order][1:][np.diff(values[order]) <= 0][0]
+            raise DataFileError(
+                f"{name} must have every value once, got {repeated:g} twice: the file mixes "
+                "grids or holds a frame twice"
+            )
+        changes[name] = values[order]
+        orders.append(order)
+    for name, values in fields.arrays().items():
+        changes[name] = values[np.ix_(*orders)]
+    return replace(fields, **changes)
+
+
+def warn_of_zeros(fields: VectorFields) -> None:
+    """Warns if suspiciously many of the valid vectors are exactly zero."""
+    usable = fields.usable
+    zero = usable & (fields.u == 0) & (fields.v == 0)
+    n_usable, n_zero = int(usable.sum()), int(zero.sum())
+    if n_zero > MAX_ZERO_SHARE * n_usable:
+        warnings.warn(
+            f"{n_zero} of {n_usable} valid vectors ({n_zero / n_usable:.1%}) are exactly zero: "
+            "grains at rest are seldom measured as exactly 0, but many programs write 0 where they "
+            "found no vector, which then looks like static grains; mask them or export NaN",
+            FlowFileWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,224 @@
+"""The particle layout: scattered vectors are kept as they are, and refused in one sentence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import torch
+from flows import make_flow
+
+from granpinn import Config, identify
+from granpinn.data import (
+    Flow,
+    FlowFileError,
+    Particles,
+    add_noise,
+    check_flow,
+    particle_flow,
+    read_flow,
+    training_set,
+    write_flow,
+)
+from granpinn.scales import Scales
+
+GRID = make_flow()
+
+
+def scattered(flow: Flow = GRID, **changes: Any) -> Flow:
+    """The valid vectors of a grid in random order, each with its own standard deviation."""
+    frame, row, column = np.nonzero(flow.valid)
+    order = np.random.default_rng(5).permutation(frame.size)
+    k, j, i = frame[order], row[order], column[order]
+    sigma = (0.01 + 0.01 * np.arange(k.size) / k.size).astype(np.float32)
+    particles = Particles(
+        flow.t[k], flow.x[i], flow.y[j], flow.u[k, j, i], flow.v[k, j, i], sigma, sigma
+    )
+    return particle_flow(
+        replace(particles, **changes),
+        gravity=flow.gravity,
+        density=flow.density,
+        grain_diameter=flow.grain_diameter,
+        length_unit="m",
+        time_unit="s",
+        density_unit="kg/m^3",
+        grain_density=2500.0,
+        surface=flow.surface,
+    )
+
+
+FLOW = scattered()
+PARTICLES = FLOW.particles
+assert PARTICLES is not None
+
+
+def test_a_file_returns_every_vector(tmp_path: Path) -> None:
+    write_flow(FLOW, tmp_path / "flow.h5")
+    back = read_flow(tmp_path / "flow.h5")
+    assert back.particles is not None
+    for name, values in vars(PARTICLES).items():
+        np.testing.assert_array_equal(getattr(back.particles, name), values)
+    for name in ("t", "y", "x", "u", "v", "c"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(FLOW, name))
+    assert (back.density_unit, back.grain_density) == ("kg/m^3", 2500.0)
+    with h5py.File(tmp_path / "flow.h5") as file:
+        assert "u" not in file
+        assert file["particles/u"].attrs["units"] == b"m/s"
+        assert file["particles/u"].dims[0][0].name == "/particles/t"
+
+
+def test_training_takes_the_vectors_as_they_are() -> None:
+    scales = Scales.from_flow(FLOW)
+    data = training_set(FLOW, scales, dtype=torch.float64)
+    expected = scales.points_to_dimensionless(PARTICLES.x, PARTICLES.y, PARTICLES.t)
+    np.testing.assert_array_equal(data.points.numpy(), expected)
+    np.testing.assert_allclose(data.velocity[:, 0].numpy() * scales.velocity, PARTICLES.u)
+    weight = 1 / PARTICLES.sigma_u.astype(float) ** 2
+    np.testing.assert_allclose(data.point_weights[:, 0].numpy(), weight / weight.mean(), rtol=1e-6)
+
+
+def test_no_vector_at_the_start_is_used() -> None:
+    shifted = scattered(t=PARTICLES.t - PARTICLES.t.min())
+    data = training_set(replace(shifted, surface=None), Scales.from_flow(shifted), "V0")
+    assert len(data.points) == int((PARTICLES.t > PARTICLES.t.min()).sum())
+    none = scattered(t=PARTICLES.t - 9)
+    with pytest.raises(FlowFileError, match="particles/t must hold times after 0, got none"):
+        training_set(replace(none, surface=None), Scales.from_flow(none), "V0")
+
+
+def test_the_height_is_that_of_the_first_grains() -> None:
+    """The first frame of the grid has grains in 21 rows of 1.1/24 m."""
+    assert Scales.from_flow(FLOW).length == pytest.approx(20 * 1.1 / 24 + FLOW.grain_diameter)
+
+
+def test_the_view_shows_where_grains_are() -> None:
+    """Its grains cover the area of the grid's cells to a fifth, and a cell has their mean."""
+    areas = [f.material.sum((1, 2)) * (f.x[1] - f.x[0]) * (f.y[1] - f.y[0]) for f in (FLOW, GRID)]
+    assert FLOW.t.size == GRID.t.size
+    np.testing.assert_allclose(areas[0], areas[1], rtol=0.35)
+    assert areas[0].sum() == pytest.approx(areas[1].sum(), rel=0.2)
+    k, j, i = 4, 2, 1
+    half = (FLOW.x[1] - FLOW.x[0]) / 2
+    inside = (np.abs(PARTICLES.x - FLOW.x[i]) < half) & (np.abs(PARTICLES.y - FLOW.y[j]) < half)
+    inside &= PARTICLES.t == FLOW.t[k]
+    assert inside.sum() > 1
+    assert FLOW.u[k, j, i] == pytest.approx(PARTICLES.u[inside].mean(), rel=1e-6)
+
+
+def test_noise_is_added_to_the_vectors() -> None:
+    noisy = add_noise(FLOW, 0.1, seed=3).particles
+    assert noisy is not None
+    sigma = 0.1 * np.hypot(PARTICLES.u, PARTICLES.v).max()
+    assert np.std(noisy.u - PARTICLES.u) == pytest.approx(sigma, rel=0.05)
+    np.testing.assert_allclose(noisy.sigma_v, np.hypot(PARTICLES.sigma_v, sigma), rtol=1e-5)
+    plain = add_noise(scattered(sigma_u=None, sigma_v=None), 0.1, seed=3)
+    assert plain.sigma_u == pytest.approx(sigma, rel=1e-5)
+
+
+def with_nan(name: str) -> dict[str, Any]:
+    values = getattr(PARTICLES, name).copy()
+    values[7] = np.nan
+    return {name: values}
+
+
+WRONG = {
+    "NaN": (with_nan("v"), "particles/v must be finite, got nan at index 7"),
+    "time of NaN": (with_nan("t"), "particles/t must be finite"),
+    "sigma": ({"sigma_u": -PARTICLES.sigma_u}, "particles/sigma_u must be positive and finite"),
+    "one sigma": ({"sigma_v": None}, "must come together"),
+    "one time": ({"t": np.full_like(PARTICLES.t, 0.5)}, "at least two different times, got 1"),
+    "one place": (
+        {"x": np.zeros_like(PARTICLES.x), "y": np.zeros_like(PARTICLES.y)},
+        "spread over an area",
+    ),
+    "far away": ({"x": PARTICLES.x + 1e17}, "spread over an area|vary by more than its rounding"),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_vectors_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(FlowFileError, match=message) as caught:
+        scattered(**changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_lengths_must_agree() -> None:
+    short = replace(PARTICLES, u=PARTICLES.u[1:])
+    with pytest.raises(FlowFileError, match="particles/u must be \\[N\\]"):
+        check_flow(replace(FLOW, particles=short))
+
+
+def edit(tmp_path: Path, change: Any) -> Path:
+    write_flow(FLOW, tmp_path / "flow.h5")
+    with h5py.File(tmp_path / "flow.h5", "a") as file:
+        change(file)
+    return tmp_path / "flow.h5"
+
+
+def _both(file: h5py.File) -> None:
+    file["u"] = GRID.u
+
+
+def _missing(file: h5py.File) -> None:
+    del file["particles/y"]
+
+
+def _outside(file: h5py.File) -> None:
+    del file["particles/u"]
+    file["particles/u"] = h5py.ExternalLink("elsewhere.h5", "/u")
+
+
+def _no_group(file: h5py.File) -> None:
+    del file["particles"]
+    file["particles"] = 1.0
+
+
+EDITS = {
+    "both layouts": (_both, "on a grid or at particles, got both u and particles/t"),
+    "no y": (_missing, "particles/y is missing: expected a dataset particles/y float64 \\[N\\]"),
+    "link": (_outside, "particles/u must be stored in the file itself"),
+    "no group": (_no_group, "particles must be a group"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), EDITS.values(), ids=EDITS.keys())
+def test_wrong_files_are_refused(tmp_path: Path, change: Any, message: str) -> None:
+    with pytest.raises(FlowFileError, match=message):
+        read_flow(edit(tmp_path, change))
+
+
+def test_density_of_grains_enters_the_inertial_number() -> None:
+    r"""$I = d \dot\gamma / \sqrt{p/\rho_g}$: in units of rho g H for p, d grows by sqrt(rho_g/rho).
+
+    At the same physical state the inertial number from dimensionless quantities is the one from
+    physical ones.
+    """
+    scales = Scales.from_flow(FLOW)
+    d = scales.material(FLOW).grain_diameter
+    rate, p = 7.0, 640.0  # 1/s, Pa
+    physical = FLOW.grain_diameter * rate / math.sqrt(p / 2500.0)
+    ours = d * scales.to_dimensionless(rate, "rate")
+    ours /= math.sqrt(scales.to_dimensionless(p, "pressure"))
+    assert ours == pytest.approx(physical, rel=1e-12)
+    merged = scales.material(replace(FLOW, grain_density=None)).grain_diameter
+    assert d / merged == pytest.approx(math.sqrt(2500 / 1500), rel=1e-12)
+    with pytest.raises(FlowFileError, match="grain_density must be at least density"):
+        check_flow(replace(FLOW, grain_density=1499.0))
+
+
+def test_particles_are_trained_on_and_drawn(tmp_path: Path) -> None:
+    """All of the chain: file, training, fields on the view, results; the vectors are scored."""
+    write_flow(FLOW, tmp_path / "flow.h5")
+    small = Config(steps=3, device="cpu", network=replace(Config().network, widths=(8,)))
+    result = identify(tmp_path / "flow.h5", small, run_dir=tmp_path / "run")
+    assert result.data.n_points == PARTICLES.t.size
+    assert result.error_percent.velocity is not None
+    with h5py.File(tmp_path / "run" / "fields.h5") as file:
+        assert file["p"].shape == FLOW.c.shape
+        assert file["p"].attrs["units"] == b"Pa"
+        assert np.isfinite(file["u"][:][FLOW.material]).all()

@@ -1,0 +1,213 @@
+"""The same flow in other units, axes and formats leads to the same dimensionless training set.
+
+The dimensionless collapse that comes with the package is measured here by an imaginary camera: in
+millimeters and milliseconds, in pixels and frames with y down, and with the camera tilted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn.data import Flow, Surface, TrainingSet, read, read_flow, training_set, write_flow
+from granpinn.importers import Settings, from_arrays
+from granpinn.importers.conversion import missing_units
+from granpinn.importers.frame import frame_of
+from granpinn.scales import Scales
+from granpinn.simulation import demo_path
+
+MILLIMETERS = 8.0  # of one unit of length of the demonstration
+G = 9.81
+MILLISECONDS = 1e3 * math.sqrt(MILLIMETERS * 1e-3 / G)  # of one unit of time
+SPEED = MILLIMETERS / MILLISECONDS  # mm/ms of one unit of velocity
+FRACTION = 0.6
+
+
+@pytest.fixture(scope="module")
+def demo() -> Flow:
+    """Every fifth frame of the demonstration."""
+    flow = read_flow(demo_path())
+    kept = slice(None, None, 5)
+    u, v, c = (a[kept] for a in (flow.u, flow.v, flow.c))
+    assert flow.surface is not None
+    return replace(flow, t=flow.t[kept], u=u, v=v, c=c, p=None, eta_max=None, eta_min=None)
+
+
+def dimensionless(flow: Flow, level: str = "V1") -> tuple[TrainingSet, float]:
+    scales = Scales.from_flow(flow)
+    data = training_set(flow, scales, level, torch.float64)
+    return data, scales.material(flow).grain_diameter
+
+
+def measured(flow: Flow, **changes: Any) -> dict[str, Any]:
+    """The flow in mm and ms, in float64."""
+    return {
+        "t": flow.t * MILLISECONDS,
+        "y": flow.y * MILLIMETERS,
+        "x": flow.x * MILLIMETERS,
+        "u": flow.u.astype(np.float64) * SPEED,
+        "v": flow.v.astype(np.float64) * SPEED,
+        "c": flow.c.astype(np.float64),
+        "length_unit": "mm",
+        "time_unit": "ms",
+        "velocity_unit": "mm/ms",
+        **changes,
+    }
+
+
+def material() -> dict[str, Any]:
+    """Grains whose effective diameter is that of the demonstration, d sqrt(rho_g / rho)."""
+    d = 0.025 * MILLIMETERS * math.sqrt(FRACTION)
+    return {
+        "grain_diameter": f"{d!r} mm",
+        "grain_density": "2.5 g/cm^3",
+        "solid_fraction": FRACTION,
+    }
+
+
+def surface_file(path: Path, flow: Flow, factor: float, unit: str) -> str:
+    assert flow.surface is not None
+    s = flow.surface
+    rows = [
+        f"{t * MILLISECONDS!r},{x * factor!r},{y * factor!r}"
+        for t, x, y in zip(s.t.tolist(), s.x.tolist(), s.y.tolist(), strict=True)
+    ]
+    path.write_text("\n".join([f"t [ms],x [{unit}],y [{unit}]", *rows]) + "\n")
+    return str(path)
+
+
+def assert_same(ours: tuple[TrainingSet, float], theirs: tuple[TrainingSet, float]) -> None:
+    """To 1e-6, relative to the largest of each array: flow files hold float32 velocities."""
+    assert ours[1] == pytest.approx(theirs[1], rel=1e-6)
+    for name, expected in vars(theirs[0]).items():
+        found = getattr(ours[0], name)
+        assert found.shape == expected.shape, name
+        if expected.numel():
+            error = float((found - expected).abs().max())
+            assert error <= 1e-6 * float(expected.abs().max()), name
+
+
+def test_millimeters_and_milliseconds(tmp_path: Path, demo: Flow) -> None:
+    line = surface_file(tmp_path / "surface.csv", demo, MILLIMETERS, "mm")
+    flow = read(measured(demo), surface=line, **material())
+    assert (flow.length_unit, flow.time_unit, flow.density_unit) == ("m", "s", "kg/m^3")
+    assert (flow.density, flow.grain_density) == pytest.approx((1500, 2500))
+    assert flow.gravity == pytest.approx((0, -G))
+    write_flow(flow, tmp_path / "flow.h5")
+    inside = (demo.surface.t >= demo.t[0]) & (demo.surface.t <= demo.t[-1] + 1e-9)  # type: ignore[union-attr]
+    seen = Surface(*(getattr(demo.surface, name)[inside] for name in ("t", "x", "y")))
+    # The size of the grains also says which surface points lie in the toe.
+    d = 0.025 * math.sqrt(FRACTION)
+    same = replace(demo, surface=seen, grain_diameter=d, grain_density=1 / FRACTION)
+    expected = dimensionless(same)
+    assert expected[1] == pytest.approx(0.025 / Scales.from_flow(demo).length)
+    assert len(expected[0].surface_points) > 100
+    assert_same(dimensionless(read_flow(tmp_path / "flow.h5")), expected)
+
+
+def test_pixels_and_frames_with_y_down(demo: Flow) -> None:
+    """20 px/mm, 500 frames/s; the image is 4000 px high. The frame decides where t begins."""
+    px_per_mm, height = 20.0, 4000.0
+    ms_per_frame = float(np.diff(demo.t).mean()) * MILLISECONDS
+    speed = px_per_mm * ms_per_frame
+    image = measured(
+        demo,
+        t=np.arange(demo.t.size),
+        x=measured(demo)["x"] * px_per_mm + 37,
+        y=(height - measured(demo)["y"] * px_per_mm)[::-1],
+        u=(measured(demo)["u"] * speed)[:, ::-1],
+        v=(-measured(demo)["v"] * speed)[:, ::-1],
+        c=measured(demo)["c"][:, ::-1],
+        y_down=True,
+        length_unit="px",
+        time_unit="frame",
+        velocity_unit="px/frame",
+    )
+    flow = read(
+        image,
+        scale=f"{px_per_mm} px/mm",
+        frame_rate=f"{1e3 / ms_per_frame:.17g} Hz",
+        start=f"{demo.t[0] * MILLISECONDS:.17g} ms",
+        origin=f"37,{height}",
+        surface="none",
+        **material(),
+    )
+    assert_same(dimensionless(flow, "V0"), dimensionless(replace(demo, surface=None), "V0"))
+
+
+def scattered(demo: Flow, tilt: float) -> dict[str, Any]:
+    """The vectors of the demonstration as a camera sees them that is turned by `tilt`.
+
+    In its image a plumb line leans by `tilt` to the right: all is turned counterclockwise.
+    """
+    frame, row, column = np.nonzero(demo.valid)
+    cos, sin = math.cos(tilt), math.sin(tilt)
+    m = measured(demo)
+    x, y = m["x"][column], m["y"][row]
+    u, v = (m[name][frame, row, column] for name in ("u", "v"))
+    return {
+        "t": m["t"][frame],
+        "x": cos * x - sin * y,
+        "y": sin * x + cos * y,
+        "u": cos * u - sin * v,
+        "v": sin * u + cos * v,
+        "length_unit": "mm",
+        "time_unit": "ms",
+        "velocity_unit": "mm/ms",
+    }
+
+
+def test_a_tilted_camera_rotates_gravity(demo: Flow) -> None:
+    """Turned back by the direction of gravity the training sets agree, heights and all."""
+    tilt = math.radians(1.2)
+    level = read(scattered(demo, 0.0), surface="none", **material())
+    tilted = read(scattered(demo, tilt), surface="none", tilt="1.2 deg", **material())
+    assert tilted.gravity == pytest.approx((G * math.sin(tilt), -G * math.cos(tilt)))
+    expected, d = dimensionless(level, "V0")
+    found, d_tilted = dimensionless(tilted, "V0")
+    assert d_tilted == pytest.approx(d, rel=1e-6)
+    g_x, g_y = Scales.from_flow(tilted).material(tilted).gravity
+    for name in ("points", "velocity"):
+        a, b = getattr(found, name), getattr(expected, name)
+        # The unit vectors "to the right" (-g_y, g_x) and "up" (-g_x, -g_y) in the tilted axes.
+        right = -g_y * a[:, 0] + g_x * a[:, 1]
+        up = -g_x * a[:, 0] - g_y * a[:, 1]
+        largest = float(b.abs().max())
+        assert float((right - b[:, 0]).abs().max()) <= 1e-6 * largest
+        assert float((up - b[:, 1]).abs().max()) <= 1e-6 * largest
+    assert float((found.points - expected.points).abs().max()) > 0.01
+
+
+@pytest.mark.parametrize("down", [False, True])
+def test_round_trip(demo: Flow, down: bool) -> None:
+    """To SI and back in float64: 1e-12."""
+    fields = from_arrays(
+        measured(demo, length_unit="px", time_unit="frame", velocity_unit="px/frame", y_down=down)
+    )
+    settings = Settings(scale="0.12 mm/px", frame_rate="498 Hz", pulse_delay="0.3 ms", tilt="3 deg")
+    assert missing_units(fields, settings) == []
+    frame = frame_of(fields, settings)
+    si = frame.apply(fields)
+    np.testing.assert_allclose(np.nanmax(si.u), np.nanmax(fields.u) * 0.12e-3 / 0.3e-3, rtol=1e-12)
+    back = frame.undo(si)
+    for name in ("t", "x", "y", "u", "v", "c", "validity"):
+        expected = getattr(fields, name)
+        largest = np.nanmax(np.abs(expected))
+        np.testing.assert_allclose(getattr(back, name), expected, rtol=1e-12, atol=1e-12 * largest)
+
+
+def test_round_trip_without_dimensions(demo: Flow) -> None:
+    """SI to dimensionless and back, points and velocities, in float64: 1e-12."""
+    flow = read(measured(demo), surface="none", **material())
+    scales = Scales.from_flow(flow)
+    points = scales.points_to_dimensionless(flow.x[3], flow.y, flow.t[1])
+    np.testing.assert_allclose(scales.points_to_physical(points)[:, 1], flow.y, rtol=1e-12)
+    speed = measured(demo)["u"][flow.valid]
+    there = scales.to_dimensionless(speed, "velocity")
+    np.testing.assert_allclose(scales.to_physical(there, "velocity"), speed, rtol=1e-12)

@@ -1,0 +1,77 @@
+"""Scattered vectors of simulations and tables on their way to a particle file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.data import FlowFileWarning, check_flow, read
+from granpinn.importers import DataFileError
+
+MATERIAL: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1"}
+RNG = np.random.default_rng(3)
+N = 600
+T, X, Y = np.repeat([0.5, 1.0, 1.5], N // 3), RNG.uniform(0, 4, N), RNG.uniform(0, 3, N)
+
+
+def arrays(**changes: Any) -> dict[str, Any]:
+    return {"t": T, "x": X, "y": Y, "u": 1 + X, "v": -1 - Y, **changes}
+
+
+def test_full_cells_are_particles_and_cut_ones_the_surface() -> None:
+    c = np.clip((2 - Y) / 0.4 + 0.5, 0, 1)
+    flow = read(arrays(c=c), **MATERIAL)
+    check_flow(flow)
+    assert flow.particles is not None
+    assert flow.particles.t.size == (c == 1).sum()
+    assert flow.surface is not None
+    assert np.abs(flow.surface.y - 2).max() < 0.1
+    assert read(arrays(c=c), surface="none", **MATERIAL).surface is None
+    outside = arrays(c=np.where(c == 1, 1.0, 0.0))
+    with pytest.warns(FlowFileWarning, match="the free surface is not known"):
+        assert read(outside, **MATERIAL).surface is None
+
+
+def test_standard_deviations_go_with_their_vectors() -> None:
+    """Where a vector has none it counts as little as the worst one."""
+    sigma = 0.1 + 0.01 * np.arange(N)
+    holes = np.where(np.arange(N) % 7 == 0, np.nan, sigma)
+    u = np.where(np.arange(N) == 5, np.nan, 1 + X)
+    flow = read(arrays(u=u, sigma_u=holes, sigma_v=sigma), surface="none", **MATERIAL)
+    assert flow.particles is not None
+    kept = np.arange(N) != 5
+    worst = np.nanmax(holes)
+    expected = np.where(np.isnan(holes), worst, holes)[kept]
+    np.testing.assert_allclose(flow.particles.sigma_u, expected, rtol=1e-6)
+    one = read(arrays(), surface="none", sigma="0.2", **MATERIAL)
+    assert one.particles is not None
+    assert one.particles.sigma_u is None
+    assert one.sigma_v == 0.2
+
+
+def test_frames_are_chosen_by_their_time() -> None:
+    flow = read(arrays(), surface="none", frames="1:3", **MATERIAL)
+    assert flow.particles is not None
+    np.testing.assert_array_equal(np.unique(flow.particles.t), [1.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "message"),
+    [
+        ({"u": np.full(N, np.nan)}, {}, "no vector is valid"),
+        ({}, {"mask": "m.png"}, "--mask is for vectors on a grid, got scattered ones"),
+        ({}, {"sigma": "-1"}, "--sigma must be positive"),
+        ({}, {"sigma": "much"}, "--sigma must be a plain number"),
+        ({}, {"times": "name"}, "--times name needs files, got arrays"),
+        ({}, {"frames": "0:9:0"}, "--frames must be FIRST:LAST:STEP"),
+        ({"length_unit": "mm"}, {}, "--dimensionless contradicts the files"),
+    ],
+)
+def test_wrong_input_is_refused(
+    change: dict[str, Any], settings: dict[str, Any], message: str
+) -> None:
+    settings = {"surface": "none", **settings, **MATERIAL}
+    with pytest.raises(DataFileError, match=message):
+        read(arrays(**change), **settings)

@@ -1,0 +1,206 @@
+"""Tracked particles: tables in CSV and HDF5, velocities and their standard deviations."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn.importers import DataFileError, Validity, read_vectors
+from granpinn.importers.tracking import velocities
+
+N_TRACKS, N_FRAMES = 40, 12
+A, B, C = 0.3, 1.5, -0.04  # a parabola in px and frames, exact for the local fit
+
+
+def motion(noise: float = 0.0, tracks: int = N_TRACKS) -> dict[str, Any]:
+    """Columns of a table: every track starts elsewhere, the order is random."""
+    rng = np.random.default_rng(7)
+    frame, particle = np.meshgrid(np.arange(N_FRAMES), np.arange(tracks))
+    frame, particle = frame.ravel(), particle.ravel()
+    start = rng.uniform(0, 500, (2, tracks))[:, particle]
+    x = start[0] + A * particle % 3 + B * frame + C * frame**2
+    y = start[1] + 0.5 * frame
+    order = rng.permutation(frame.size)
+    columns = {"y": y, "x": x, "frame": frame, "particle": particle}
+    columns = {name: np.asarray(values, float)[order] for name, values in columns.items()}
+    for name in ("x", "y"):
+        columns[name] += noise * rng.standard_normal(order.size)
+    return columns
+
+
+def write_csv(path: Path, columns: dict[str, Any], delimiter: str = ",") -> Path:
+    rows = [delimiter.join(columns)]
+    rows += [
+        delimiter.join(f"{c:.12g}" for c in row) for row in zip(*columns.values(), strict=True)
+    ]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_parabolas_are_exact(tmp_path: Path) -> None:
+    columns = motion()
+    fields = read_vectors(write_csv(tmp_path / "a.csv", columns))
+    assert fields.scattered
+    assert fields.count(Validity.VALID) == N_TRACKS * N_FRAMES
+    np.testing.assert_allclose(fields.u, B + 2 * C * columns["frame"], rtol=1e-9)
+    np.testing.assert_allclose(fields.v, 0.5, rtol=1e-9)
+    np.testing.assert_allclose(fields.x, columns["x"], rtol=1e-9)
+    np.testing.assert_array_equal(fields.t, columns["frame"])
+    assert (fields.time_unit, fields.length_unit, fields.y_down) == ("frame", None, None)
+
+
+@pytest.mark.parametrize("given", [True, False], ids=["ep", "scatter"])
+def test_standard_deviations_are_true(given: bool) -> None:
+    """The errors of u over their standard deviations are standard normal, at the ends too."""
+    noise = 0.05
+    c = motion(noise, tracks=400)
+    ep = np.full(c["x"].size, noise) if given else None
+    found = velocities(c["frame"], c["frame"], c["x"], c["y"], c["particle"], ep, 5)
+    assert found.sigma_u is not None
+    score = (found.u - (B + 2 * C * c["frame"])) / found.sigma_u
+    ends = np.isin(c["frame"], (0, N_FRAMES - 1))
+    for part in (ends, ~ends):
+        # 800 and 4000 scores, five of which share a window: 3 standard errors of their spread.
+        assert np.std(score[part]) == pytest.approx(1, abs=0.1)
+    assert found.sigma_u[ends].min() > 2 * found.sigma_u[~ends].max()
+
+
+def test_short_tracks_and_gaps() -> None:
+    """Two observations are no track; a missing frame is bridged by those around it."""
+    frame = np.array([0, 1, 0, 1, 3, 4, 5.0])
+    particle = np.array([0, 0, 1, 1, 1, 1, 1.0])
+    x = 3 + 2 * frame
+    found = velocities(frame, frame, x, x, particle, None, 5)
+    assert np.isnan(found.u[:2]).all()
+    np.testing.assert_allclose(found.u[3:], 2, rtol=1e-12)
+
+
+def test_no_track_is_mixed_with_its_neighbor() -> None:
+    frame = np.tile(np.arange(5.0), 2)
+    particle = np.repeat([3.0, 9.0], 5)
+    x = np.where(particle == 3, 2 * frame, 900 - 7 * frame)
+    found = velocities(frame, frame, x, x, particle, None, 5)
+    np.testing.assert_allclose(found.u, np.where(particle == 3, 2, -7), rtol=1e-9)
+
+
+def test_wrong_tracks_are_refused() -> None:
+    frame = np.zeros(4)
+    with pytest.raises(DataFileError, match="one position in every frame, got two"):
+        velocities(frame, frame, frame, frame, frame, None, 5)
+    for window in (1, 4):
+        with pytest.raises(DataFileError, match="--track-window must be odd and at least 3"):
+            velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_given_velocities_and_units(tmp_path: Path, delimiter: str) -> None:
+    """Times and units in the header; text columns and empty cells do no harm."""
+    lines = [
+        ["Time (ms)", "X [mm]", "Y [mm]", "VX [mm/s]", "VY [mm/s]", "kind", "sigma_vx", "sigma_vy"],
+        ["1", "2", "3", "4", "5", "bead", "0.1", "0.2"],
+        ["2", "3", "4", "", "", "bead, red", "", ""],
+        ["2", "4", "4", "nan", "6", "", "0.1", "0.1"],
+    ]
+    text = "\n".join(delimiter.join(f'"{cell}"' for cell in line) for line in lines)
+    (tmp_path / "a.csv").write_text("\ufeff" + text + "\r\n")
+    fields = read_vectors(tmp_path / "a.csv")
+    np.testing.assert_array_equal(fields.t, [1, 2, 2])
+    assert (fields.length_unit, fields.time_unit, fields.velocity_unit) == ("mm", "ms", "mm/s")
+    assert [fields.u[0], fields.v[0]] == [4, 5]
+    np.testing.assert_array_equal(fields.validity, [1, 3, 3])
+    assert np.isnan(fields.u[1:]).all()
+    assert np.isnan(fields.v[1:]).all()
+    assert fields.sigma_v is not None
+    assert fields.sigma_v[0] == 0.2
+
+
+def trackpy_table() -> Any:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("tables")
+    more = {"mass": 9.0, "size": 2.0, "ecc": 0.1, "signal": 5.0, "raw_mass": 20.0, "ep": 0.05}
+    return pandas.DataFrame(motion(0.05)).assign(**more).astype({"frame": int, "particle": int})
+
+
+@pytest.mark.parametrize("kind", ["nodes", "single"])
+def test_hdf5_of_trackpy(tmp_path: Path, kind: str) -> None:
+    """A node per frame, or one node for all; in pixels with y down, as trackpy counts."""
+    pandas = pytest.importorskip("pandas")
+    table = trackpy_table()
+    path = tmp_path / "tracks.h5"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of pandas, about its defaults
+        with pandas.HDFStore(path) as store:
+            if kind == "single":
+                store.append("FrameData", table, data_columns=["frame"])
+            else:
+                for frame, rows in table.groupby("frame"):
+                    store.put(f"Frame_{frame}", rows, format="table")
+    fields = read_vectors(path)
+    assert (fields.length_unit, fields.time_unit, fields.velocity_unit) == (
+        "px",
+        "frame",
+        "px/frame",
+    )
+    assert fields.y_down is True
+    assert fields.count(Validity.VALID) == N_TRACKS * N_FRAMES
+    table.to_csv(tmp_path / "tracks.csv", index=False)
+    same = read_vectors(tmp_path / "tracks.csv")
+    for name in ("t", "x", "y", "u", "v", "sigma_u"):
+        ours, theirs = getattr(fields, name), getattr(same, name)
+        np.testing.assert_allclose(np.sort(ours), np.sort(theirs), rtol=1e-9)
+    assert same.y_down is True
+
+
+def test_unpickling_is_not_needed(tmp_path: Path) -> None:
+    """The names of a block are a pickle: its strings are read, its instructions never run."""
+    attack = b"cos\nsystem\n(S'touch %s'\ntR." % str(tmp_path / "ran").encode()
+    rows = np.zeros(3, [("index", "i8"), ("values_block_0", "f8", (1,))])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("Frame_0/table", data=rows)
+        file["Frame_0/table"].attrs["values_block_0_kind"] = np.bytes_(attack)
+    with pytest.raises(DataFileError, match="must have the columns x, y, frame"):
+        read_vectors(tmp_path / "a.h5")
+    assert not (tmp_path / "ran").exists()
+
+
+def csv_lines(path: Path, change: Any) -> Path:
+    write_csv(path, motion())
+    path.write_text(change(path.read_text()))
+    return path
+
+
+WRONG = {
+    "unlinked": (lambda s: s.replace("particle", "nothing"), "columns particle \\(or u, v\\)"),
+    "cut off": (lambda s: s[:-20], "expected 4 cells as in the header, got|expected numbers"),
+    "text": (lambda s: s.replace("\n", "\na,b,c,d\n", 1), "expected numbers"),
+    "header alone": (lambda s: s.split("\n")[0] + "\n", "no rows of numbers"),
+    "nothing measured": (
+        lambda s: s.split("\n")[0] + "\n,,,\n,,,\n",
+        "holds no particle with a position and a time",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_tables_are_refused(tmp_path: Path, change: Any, message: str) -> None:
+    with pytest.raises(DataFileError, match=message) as caught:
+        read_vectors(csv_lines(tmp_path / "a.csv", change), format="tracks")
+    assert "\n" not in str(caught.value)
+
+
+def test_damaged_hdf5_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.ones(9)
+    with pytest.raises(DataFileError, match="is of no known format: name it with --format"):
+        read_vectors(path)
+    with pytest.raises(DataFileError, match="holds no tables of pandas"):
+        read_vectors(path, format="tracks")
+    path.write_bytes(path.read_bytes()[:600])
+    with pytest.raises(DataFileError, match="cannot be read as HDF5"):
+        read_vectors(path, format="tracks")
