@@ -19,7 +19,7 @@ SAMPLE_MS = 2.0  # a sample is as many steps as take this long
 ROUNDS = (5, 50)
 
 
-def milliseconds(advance: Advance, device: torch.device, seconds: float = 0.4) -> float:
+def milliseconds(advance: Advance, device: torch.device, seconds: float = 0.3) -> float:
     """Median time of a step: samples of some steps each, for about so many seconds."""
     for _ in range(3):
         advance()

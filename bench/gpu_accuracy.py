@@ -10,7 +10,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -89,12 +89,17 @@ def network_of_run(folder: Path) -> Weighed:
 
 
 def _weighed(case: Case, params: Tensor, theta: Tensor) -> Weighed:
-    data, problem = case.member.data, case.member.problem
-    surface = (data.surface_points, data.surface_pressure)
+    seen, problem = case.member.data, case.member.problem
     return Weighed(
         params=params.detach().float().cpu(),
         theta=theta.detach().float().cpu(),
-        data=(data.points, data.velocity, data.point_weights, *surface),
+        data=(
+            seen.points.float(),
+            seen.velocity.float(),
+            seen.point_weights.float(),
+            seen.surface_points.float(),
+            seen.surface_pressure.float(),
+        ),
         term_weights=problem.term_weights,
         spec=problem.spec,
         physics=problem.physics,
@@ -104,13 +109,14 @@ def _weighed(case: Case, params: Tensor, theta: Tensor) -> Weighed:
 def errors(network: Weighed, device: torch.device, interior: int, surface: int) -> dict[str, Any]:
     """Median relative L2 errors over some batches, and the ratio that the rule is about."""
     found: dict[str, dict[str, list[float]]] = {}
+    loss: Any = ops.residual_loss
     for batch in network.batches(interior, surface):
         arguments: list[Any] = [x.to(device) if isinstance(x, Tensor) else x for x in batch]
         doubles: list[Any] = [x.double() if isinstance(x, Tensor) else x for x in arguments]
         exact = reference.residual_loss(*doubles)
         results = {
-            "fp32": ops.residual_loss(*arguments, "fp32"),
-            "fast": ops.residual_loss(*arguments, "fast"),
+            "fp32": loss(*arguments, "fp32"),
+            "fast": loss(*arguments, "fast"),
             "eager float32": reference.residual_loss(*arguments),
         }
         for name, result in results.items():
@@ -154,9 +160,7 @@ def study(
         cases.append((f"run {run_dir.name}", partial(network_of_run, run_dir)))
     for name, make in cases:
         try:
-            network = make()
-            network = replace(network, data=tuple(part.float() for part in network.data))
-            rows.append({"weights": name} | errors(network, device, *sizes))
+            rows.append({"weights": name} | errors(make(), device, *sizes))
         except Exception as error:
             rows.append({"weights": name, "error": f"{type(error).__name__}: {error}"})
     return rows

@@ -59,7 +59,7 @@ def rows(form: str, points: int) -> list[dict[str, Any]]:
             if "peak_bytes_in_use" in used:  # of this process so far: batches come in rising order
                 row["peak_gb"] = used["peak_bytes_in_use"] / 1e9
         except Exception as error:
-            row["error"] = f"{type(error).__name__}: {str(error).splitlines()[0][:300]}"
+            row["error"] = f"{type(error).__name__}: {str(error).strip()[:300]}"
         out.append(row)
     return out
 

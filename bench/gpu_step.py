@@ -43,8 +43,14 @@ JAX = "JAX"
 class Study:
     """The measurements so far, and how much time is left for more."""
 
-    def __init__(self, device: torch.device, seconds: float, json_file: Path | None) -> None:
-        self.device, self.json_file = device, json_file
+    def __init__(
+        self,
+        device: torch.device,
+        seconds: float,
+        json_file: Path | None,
+        chosen: list[str] | None = None,
+    ) -> None:
+        self.device, self.json_file, self.chosen = device, json_file, chosen
         self.begin = time.monotonic()
         self.end = self.begin + seconds
         self.kept: list[Measured] = []
@@ -73,7 +79,7 @@ class Study:
 
     def measure(self, some: list[Rival], sizes: Sizes) -> None:
         """All sizes of some rivals."""
-        for rival in some:
+        for rival in filter(self.wanted, some):
             for form, counts in sizes.items():
                 for points in filter(lambda n: rival.wants(form, n), counts):
                     reason = too_large(self.rows, rival, form, points) or self._late(rival)
@@ -86,6 +92,13 @@ class Study:
                     if found.advance is not None:
                         self.kept.append(found)
             self.add("rows", self.rows)
+
+    def wanted(self, rival: Rival) -> bool:
+        return rival in GRANPINN or self.named(rival.name)
+
+    def named(self, name: str) -> bool:
+        """Whether the command line asks for a rival of this name."""
+        return self.chosen is None or any(part in name for part in self.chosen)
 
     def _late(self, rival: Rival) -> str | None:
         late = rival not in GRANPINN and time.monotonic() + rival.seconds > self.end
@@ -167,7 +180,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
     parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
-    parser.add_argument("--seconds", type=float, help="no rival is begun later (230, quick 55)")
+    parser.add_argument("--seconds", type=float, help="no rival is begun later (215, quick 55)")
+    parser.add_argument(
+        "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
+    )
     parser.add_argument("--trained", type=Path, metavar="RUN_DIR", help="errors for this run too")
     parser.add_argument("--json", type=Path, help="file for the raw results")
     arguments = parser.parse_args()
@@ -175,19 +191,21 @@ def main() -> int:
         warnings.filterwarnings("ignore", category=noise)
     device, quick = choose_device(arguments.device), arguments.quick
     tiny = device.type == "cpu"
-    study = Study(device, arguments.seconds or (55.0 if quick else 230.0), arguments.json)
+    seconds = arguments.seconds or (55.0 if quick else 215.0)
+    study = Study(device, seconds, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
     study.add("ceilings", ceilings(device))
     study.measure(GRANPINN, sizes)
     study.measure(QUICK_RIVALS, sizes)
-    trained = 8 if tiny else 0 if quick else 4000
+    trained = 8 if tiny else 0 if quick else 3000
     batch = (32, 8) if tiny else (1024, 128)
     study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
     if not quick:
         study.add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
         study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
         study.measure(OTHER_RIVALS, sizes)
-        study.jax(sizes)
+        if study.named(JAX):
+            study.jax(sizes)
         study.measure([LAST_RIVAL], sizes)
     study.count_launches()
     gpu_table.complete(study.rows, study.result["ceilings"])

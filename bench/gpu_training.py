@@ -124,7 +124,7 @@ def training(device: torch.device, steps: int, tiny: bool = False) -> list[dict[
         ("6 cases, 512 + 64 points", 6, six),
         ("6 cases, 512 + 64 points, network 3x250", 6, six | paper),
         ("1 case, default batch", 1, {}),
-        ("32 cases, default batch", 32, {}),
+        ("32 cases, default batch", 32, {"steps": steps // 2}),
     ]
     rows = [
         guarded(

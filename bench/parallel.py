@@ -61,7 +61,8 @@ def measure(processes: int, settings: dict[str, Any], seconds: float) -> dict[st
         _, reason = run_lines(command, None, seconds)
         if not answer.exists():
             return row | {"error": reason or "the processes left no answer"}
-        return row | json.loads(answer.read_text())
+        found: dict[str, Any] = json.loads(answer.read_text())
+        return row | found
 
 
 def per_hour(row: dict[str, Any], steps: int) -> dict[str, float]:
