@@ -1,0 +1,127 @@
+"""From trained networks to a result: the center of the ensemble, its error bars, the verdict.
+
+Error bars and verdict are those of the setting that they were calibrated for: the default recipe at
+level V1 or V2. Elsewhere the result has none, and says so.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from granpinn import calibration, prediction, results, scoring, uncertainty
+from granpinn.config import Config
+from granpinn.fields import Fields
+from granpinn.records import Members, Residuals, Verdict
+from granpinn.results import Covariance, Parameter, Parameters, Result
+from granpinn.run import Run
+
+if TYPE_CHECKING:
+    from granpinn.identification import Case, Model
+
+CALIBRATED_LEVELS = ("V1", "V2")
+
+
+def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, int]:
+    """What the members from `first` on have identified, and which of them is to be shown.
+
+    Those that diverged are left out; where all did, the first one stands with its last good state.
+    """
+    places = range(len(cases))
+    sound = [k for k in places if first + k not in run.training.lost] or [0]
+    values = [run.training.solution(first + k)[1].tolist() for k in sound]
+    members = Members(
+        seed=tuple(cases[k].member.seed for k in sound),
+        mu_s=tuple(value[0] for value in values),
+        mu_2=tuple(value[1] for value in values),
+        redrawn=tuple(cases[k].redrawn for k in sound),
+        lost=sum(first + k in run.training.lost for k in places),
+    )
+    shown = uncertainty.nearest(members, calibration.load())
+    return dataclasses.replace(members, shown=shown), sound[shown]
+
+
+def residuals_of(case: Case, run: Run, e: int) -> Residuals:
+    """What the trained member `e` of the run leaves of its data and equations."""
+    training, data = run.training, case.member.data
+    form = case.member.problem.spec.form
+    terms = training.objective.terms(e, training.step, *training.solution(e), form)
+    velocity, *others = (math.sqrt(2 * term) for term in terms.tolist())  # terms are halves
+    measured = math.sqrt(2 * float(data.velocity.square().mean())) or 1.0
+    noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
+    return Residuals(velocity / measured, noise / measured, *others)
+
+
+def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: Fields) -> Result:
+    """The result of an ensemble.
+
+    Args:
+        case, e: the member that is shown, and its place in the run.
+        model, maps: its network and fields.
+    """
+    flow, config, data = case.flow, case.config, case.member.data
+    residuals, lost = residuals_of(case, run, e), run.training.lost.get(e)
+    table = calibration.load()
+    mu, bars, covariance = uncertainty.center(members), None, None
+    verdict = Verdict(None, _why_not(config) if lost is None else "the training diverged")
+    mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
+    if calibrated(config) and lost is None:
+        found = uncertainty.estimate(members, residuals, table)
+        bars, verdict = found.bars, uncertainty.verdict(mu, residuals, table)
+        rows = found.covariance.tolist()
+        covariance = Covariance(("mu_s", "mu_2"), tuple(tuple(row) for row in rows))
+        mu_s, mu_2 = (
+            Parameter(value, False, std, interval)
+            for value, std, interval in zip(mu, found.std, found.intervals, strict=True)
+        )
+    parameters = Parameters(mu_s, mu_2, Parameter(config.I0, fixed=True))
+    at_particles = prediction.velocity_at_particles(
+        flow, model.problem.spec, model.params, model.problem.physics, model.scales
+    )
+    scores = scoring.score(flow, maps, parameters, at_particles)
+    steps = run.training.step
+    return Result(
+        parameters=parameters,
+        level=config.level,
+        form=config.form,
+        recipe=config.recipe,
+        seed=config.seed,
+        data=results.DataSummary(
+            n_points=len(data.points),
+            n_surface=len(data.surface_points),
+            noise=config.noise,
+            n_frames=int(flow.t.size),
+        ),
+        timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
+        device=str(run.training.params.device),
+        versions=results.versions(),
+        input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
+        settings=dataclasses.asdict(config),
+        stopped=run.stopped if lost is None else "diverged",
+        failure=lost,
+        truth=flow.truth,
+        error_percent=scores.error_percent,
+        zones=scores.zones,
+        inertial_number=scores.inertial_number,
+        covariance=covariance,
+        members=members,
+        residuals=residuals,
+        error_bars=bars,
+        verdict=verdict,
+    )
+
+
+def calibrated(config: Config) -> bool:
+    """Whether the calibration table was made for these settings."""
+    return (
+        config.recipe == "default" and config.form == "mixed" and config.level in CALIBRATED_LEVELS
+    )
+
+
+def _why_not(config: Config) -> str:
+    return (
+        "no error bars and no verdict: they are calibrated for the default recipe in the mixed "
+        f"form at level V1 or V2, not for {config.recipe}, {config.form}, {config.level}"
+    )
