@@ -72,6 +72,7 @@ class ErrorBars:
         scatter: sd that comes from seeds and measurement noise.
         discrepancy: sd of what simulated collapses show beyond that, scaled by the misfit.
         freedom: degrees of freedom behind the intervals.
+        half_width: of the 90 % intervals, in standard deviations.
         provenance: where the calibration comes from.
         provisional: no coverage study has confirmed the calibration yet.
     """
@@ -79,5 +80,6 @@ class ErrorBars:
     scatter: tuple[float, float]
     discrepancy: tuple[float, float]
     freedom: tuple[float, float]
+    half_width: tuple[float, float]
     provenance: str
     provisional: bool

@@ -85,13 +85,14 @@ def estimate(members: Members, residuals: Residuals, calibration: Calibration) -
     C = V + D
     v, d, c = np.diag(V), np.diag(D), np.diag(C)
     n = c**2 / (v**2 / freedom + d**2 / calibration.discrepancy_weight)
-    half = [student_95(n_j) * w for n_j, w in zip(n, calibration.widening, strict=True)]
-    reach = np.minimum(np.array(half) * np.sqrt(c) * mu[0] / np.array(mu), LONGEST)
+    half = np.array([student_95(n_j) for n_j in n]) * np.array(calibration.widening)
+    reach = np.minimum(half * np.sqrt(c) * mu[0] / np.array(mu), LONGEST)
     intervals = [(m * math.exp(-r), m * math.exp(r)) for m, r in zip(mu, reach, strict=True)]
     bars = ErrorBars(
         scatter=_pair(mu[0] * np.sqrt(v)),
         discrepancy=_pair(mu[0] * np.sqrt(d)),
         freedom=_pair(n),
+        half_width=_pair(half),
         provenance=calibration.provenance,
         provisional=calibration.provisional,
     )

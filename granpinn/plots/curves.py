@@ -55,8 +55,12 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     mu = friction(I, p.mu_s.value, p.mu_2.value, p.I0.value)
     law.plot(I, mu, color=BLUE, lw=2.2, label="identified", zorder=3)
     if result.covariance is not None:
-        half = NORMAL_90 * friction_sd(I, p, result.covariance)
-        law.fill_between(I, mu - half, mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+        # Any value in between is a mixture of both parameters: the wider interval counts.
+        width = max(result.error_bars.half_width) if result.error_bars else NORMAL_90
+        half = width * friction_sd(I, p, result.covariance)
+        law.fill_between(
+            I, np.maximum(mu - half, 0), mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band"
+        )
     truth = result.truth
     if truth is not None and truth.mu_s is not None and truth.mu_2 is not None:
         true = friction(I, truth.mu_s, truth.mu_2, truth.I0 or p.I0.value)

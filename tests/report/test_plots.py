@@ -16,6 +16,7 @@ from granpinn.data import Truth
 from granpinn.fields import Fields
 from granpinn.plots import album, curves, style
 from granpinn.plots.style import NothingToDraw
+from granpinn.records import ErrorBars
 from granpinn.results import Covariance, InertialNumber, Parameter, Parameters, Result
 from tests.report.run_folder import Array, Contents, with_values
 
@@ -28,7 +29,14 @@ def result(contents: Contents) -> Result:
     """A result with round numbers over a known band."""
     parameters = Parameters(Parameter(0.4, False), Parameter(0.6, False), Parameter(0.25, True))
     truth = Truth(mu_s=0.38, mu_2=0.64, I0=0.3)
-    return replace(contents.result, parameters=parameters, truth=truth, inertial_number=BAND)
+    return replace(
+        contents.result,
+        parameters=parameters,
+        truth=truth,
+        inertial_number=BAND,
+        covariance=None,
+        error_bars=None,
+    )
 
 
 def line(axes: Axes, name: str) -> Line2D:
@@ -105,6 +113,16 @@ def test_the_band_of_uncertainty_is_90_percent_of_a_sample(
         mu = drawn[:, 0] + (drawn[:, 1] - drawn[:, 0]) / (1 + 0.25 / at)
         low, high = np.quantile(mu, (0.05, 0.95))
         assert (edges.min(), edges.max()) == pytest.approx((low, high), abs=0.02 * (high - low))
+
+
+def test_the_band_is_as_wide_as_the_intervals(result: Result, contents: Contents) -> None:
+    bars = ErrorBars((0.01, 0.02), (0.01, 0.02), (5.0, 6.0), (2.0, 3.29), "a test", False)
+    heights = []
+    for error_bars in (None, bars):
+        known = replace(result, covariance=COVARIANCE, error_bars=error_bars)
+        law = curves.friction_law(known, contents.fields).figure.axes[0]
+        heights.append(np.ptp(np.asarray(law.collections[0].get_paths()[0].vertices)[:5, 1]))
+    assert heights[1] / heights[0] == pytest.approx(2, rel=0.01)
 
 
 def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result) -> None:
