@@ -122,6 +122,7 @@ def row(task: Task, result: Result) -> dict[str, Any]:
         "members": dataclasses.asdict(result.members),
         "residuals": dataclasses.asdict(result.residuals),
         "velocity_error_percent": result.error_percent.velocity,
+        "steps": result.timing.steps,
         "n_points": result.data.n_points,
         "failure": result.failure,
     }

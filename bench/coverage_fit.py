@@ -43,6 +43,7 @@ class Case(NamedTuple):
     mu: Array
     members: Members
     residuals: Residuals
+    steps: int
 
 
 def cases_of(rows: Sequence[dict[str, Any]]) -> list[Case]:
@@ -53,6 +54,7 @@ def cases_of(rows: Sequence[dict[str, Any]]) -> list[Case]:
             np.array([row["truth"]["mu_s"], row["truth"]["mu_2"]]),
             decode(Members, row["members"]),
             decode(Residuals, row["residuals"]),
+            row["steps"],
         )
         for row in rows
         if row["failure"] is None
@@ -75,7 +77,11 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
         scatter=_scatter(cases, base),
     )
     errors = [uncertainty.velocity_error(case.residuals, table) for case in cases]
-    table = dataclasses.replace(table, misfit=float(np.quantile(errors, CONFIDENCE)))
+    table = dataclasses.replace(
+        table,
+        misfit=float(np.quantile(errors, CONFIDENCE)),
+        steps=min(base.steps, *(case.steps for case in cases)),
+    )
     table = _with_ranges(table, cases)
     table = _with_discrepancy(table, cases)
     reaches = np.array([_reach(case, table) for case in cases])
@@ -117,12 +123,12 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
 
 def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
-    """Second moments of z beyond the scatter, for a misfit of m_0, averaged around each knot."""
+    """Second moments of z beyond the scatter, over s^2, averaged around each knot."""
     beyond, mu_s = [], []
     for case in cases:
         center = np.array(uncertainty.center(case.members))
         z = (center - case.mu) / center[0]
-        scale = max(1.0, uncertainty.velocity_error(case.residuals, table) / table.misfit)
+        scale = uncertainty.discrepancy_scale(case.residuals, case.steps, table)
         scatter, _ = uncertainty.scatter(case.members, table)
         beyond.append((np.outer(z, z) - scatter) / scale**2)
         mu_s.append(center[0])
@@ -140,7 +146,7 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
 def _reach(case: Case, table: Calibration) -> Array:
     """Half of the 90 % intervals, in log mu."""
-    found = uncertainty.estimate(case.members, case.residuals, table)
+    found = uncertainty.estimate(case.members, case.residuals, case.steps, table)
     return np.array(
         [math.log(high / mu) for mu, (_, high) in zip(found.mu, found.intervals, strict=True)]
     )
@@ -176,7 +182,7 @@ class Score(NamedTuple):
 
 
 def score(case: Case, table: Calibration) -> Score:
-    found = uncertainty.estimate(case.members, case.residuals, table)
+    found = uncertainty.estimate(case.members, case.residuals, case.steps, table)
     error = np.array(found.mu) - case.mu
     covered = [low <= mu <= high for (low, high), mu in zip(found.intervals, case.mu, strict=True)]
     return Score(error / case.mu, error / np.array(found.std), np.array(covered))

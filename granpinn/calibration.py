@@ -50,6 +50,7 @@ class Calibration:
         discrepancy: second moment of z at these knots, beyond the scatter.
         discrepancy_weight: number of truths behind each.
         misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
+        steps: of the shortest trainings in the study; likewise for fewer steps.
         noise_part: velocity error of the fit, as a part of the measurement noise.
         widening: factors on the 90 % intervals of mu_s and mu_2, for what is not normal.
         momentum, constitutive: the residuals.
@@ -65,6 +66,7 @@ class Calibration:
     discrepancy: tuple[Matrix, ...]
     discrepancy_weight: float
     misfit: float
+    steps: int
     noise_part: float
     widening: tuple[float, float]
     momentum: Range

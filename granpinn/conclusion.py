@@ -1,7 +1,7 @@
 """From trained networks to a result: the center of the ensemble, its error bars, the verdict.
 
-Error bars and verdict are those of the setting that they were calibrated for: the default recipe at
-level V1 or V2. Elsewhere the result has none, and says so.
+Error bars and verdict are given for the settings that they were calibrated for: the default recipe
+at level V1 or V2. With others the result has none, and says why.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from granpinn import calibration, prediction, results, scoring, uncertainty
-from granpinn.config import Config
+from granpinn.config import Config, flatten
 from granpinn.fields import Fields
+from granpinn.recipes import build
 from granpinn.records import Members, Residuals, Verdict
 from granpinn.results import Covariance, Parameter, Parameters, Result
 from granpinn.run import Run
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from granpinn.identification import Case, Model
 
 CALIBRATED_LEVELS = ("V1", "V2")
+STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
 
 
 def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, int]:
@@ -65,10 +67,11 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
     residuals, lost = residuals_of(case, run, e), run.training.lost.get(e)
     table = calibration.load()
     mu, bars, covariance = uncertainty.center(members), None, None
-    verdict = Verdict(None, _why_not(config) if lost is None else "the training diverged")
+    changed = uncalibrated(config)
+    verdict = Verdict(None, "the training diverged" if lost else _why_not(changed))
     mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
-    if calibrated(config) and lost is None:
-        found = uncertainty.estimate(members, residuals, table)
+    if not changed and lost is None:
+        found = uncertainty.estimate(members, residuals, run.training.step, table)
         bars, verdict = found.bars, uncertainty.verdict(mu, residuals, table)
         rows = found.covariance.tolist()
         covariance = Covariance(("mu_s", "mu_2"), tuple(tuple(row) for row in rows))
@@ -113,15 +116,16 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
     )
 
 
-def calibrated(config: Config) -> bool:
-    """Whether the calibration table was made for these settings."""
-    return (
-        config.recipe == "default" and config.form == "mixed" and config.level in CALIBRATED_LEVELS
-    )
+def uncalibrated(config: Config) -> list[str]:
+    """The settings that are others than those which the calibration table was made with."""
+    usual = flatten(build({}))
+    fixed = [key for key in usual if "." in key and key not in STARTS] + ["form"]
+    changed = [key for key in fixed if flatten(config)[key] != usual[key]]
+    return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
 
 
-def _why_not(config: Config) -> str:
+def _why_not(settings: Sequence[str]) -> str:
     return (
-        "no error bars and no verdict: they are calibrated for the default recipe in the mixed "
-        f"form at level V1 or V2, not for {config.recipe}, {config.form}, {config.level}"
+        "no error bars and no verdict: they are calibrated for the default recipe at level V1 or "
+        f"V2, and this run has another {', '.join(settings)}"
     )

@@ -31,8 +31,7 @@ def test_a_notebook_needs_no_folder(flow: Flow, tmp_path: Path, monkeypatch: Any
     result = identify(flow, tiny())
     assert 0 < result.parameters.mu_s.value < result.parameters.mu_2.value
     assert results.Parameter(0.3, fixed=True) == result.parameters.I0
-    assert result.parameters.mu_s.std is not None
-    assert result.parameters.mu_s.std > 0.1  # after 40 steps nothing is known
+    assert result.parameters.mu_s.std is None
     assert result.timing.steps == 40
     assert result.stopped == "steps"
     assert result.error_percent.velocity is not None
