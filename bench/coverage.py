@@ -150,10 +150,11 @@ def settings_of(words: Sequence[str]) -> dict[str, Any]:
     """`--steps 200 --network.widths 64,64` as settings of the identification."""
     kinds = kinds_of(Config)
     values = {}
-    for flag, text in zip(words[::2], words[1::2], strict=False):
+    padded = [*words, ""][: len(words) + len(words) % 2]
+    for flag, text in zip(padded[::2], padded[1::2], strict=True):
         key = flag.removeprefix("--")
         key = key if key in kinds else key.replace("-", "_")
-        if key not in kinds or len(words) % 2:
+        if key not in kinds or not text:
             raise ConfigError(f"{flag} must be a setting of granpinn.train and have a value")
         values[key] = convert(text, kinds[key], flag)
     return values
