@@ -129,7 +129,10 @@ class Config:
         "their scatter enters the error bars; 4 to 16 cost little on a GPU",
     )
     device: Literal["auto", "cpu", "cuda"] = setting("auto", "where to compute")
-    dtype: Literal["float32", "float64"] = setting("float32", "precision")
+    dtype: Literal["float32", "float64"] = setting("float32", "type of every number")
+    precision: Literal["fp32", "fast"] = setting(
+        "fast", "products on a GPU: plain float32 (fp32), or compensated on tensor cores (fast)"
+    )
     max_time: float | None = setting(
         None, "seconds that the command may take; the run is planned to end within them"
     )

@@ -185,7 +185,8 @@ def start(
     device = choose_device(config.device)
     together = together or Alone()
     share = (together.rank, together.size)
-    objective = Objective([case.member for case in cases], config.batch, device, share)
+    everyone = [case.member for case in cases]
+    objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)

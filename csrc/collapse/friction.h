@@ -1,4 +1,4 @@
-// The viscosity of the mixture at cell centers and corners, from strain rate, pressure and fraction.
+// The viscosity of the mixture at cell centers and corners: strain rate, pressure and fraction.
 //
 //   gamma_dot = sqrt(2 D:D),  eta_g = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]
 //   1 / eta = c / eta_g + (1 - c) / eta_air                       (paper, equations means and eta)
