@@ -9,13 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn import calibration, prediction, results, scoring, uncertainty
 from granpinn.config import Config, flatten
 from granpinn.fields import Fields
 from granpinn.recipes import build
-from granpinn.records import Members, Residuals, Verdict
+from granpinn.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.results import Covariance, Parameter, Parameters, Result
 from granpinn.run import Run
 
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from granpinn.identification import Case, Model
 
 CALIBRATED_LEVELS = ("V1", "V2")
+TOO_LITTLE = (
+    "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
+    "errors as large as the values"
+)
 STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
 
 
@@ -65,21 +69,8 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
     """
     flow, config, data = case.flow, case.config, case.member.data
     residuals, lost = residuals_of(case, run, e), run.training.lost.get(e)
-    table = calibration.load()
-    mu, bars, covariance = uncertainty.center(members), None, None
-    changed = uncalibrated(config)
-    verdict = Verdict(None, "the training diverged" if lost else _why_not(changed))
-    mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
-    if not changed and lost is None:
-        found = uncertainty.estimate(members, residuals, run.training.step, table)
-        bars, verdict = found.bars, uncertainty.verdict(mu, residuals, table)
-        rows = found.covariance.tolist()
-        covariance = Covariance(("mu_s", "mu_2"), tuple(tuple(row) for row in rows))
-        mu_s, mu_2 = (
-            Parameter(value, False, std, interval)
-            for value, std, interval in zip(mu, found.std, found.intervals, strict=True)
-        )
-    parameters = Parameters(mu_s, mu_2, Parameter(config.I0, fixed=True))
+    judged = judge(members, residuals, run.training.step, config, lost)
+    parameters = Parameters(*judged.free, Parameter(config.I0, fixed=True))
     at_particles = prediction.velocity_at_particles(
         flow, model.problem.spec, model.params, model.problem.physics, model.scales
     )
@@ -108,12 +99,41 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
         error_percent=scores.error_percent,
         zones=scores.zones,
         inertial_number=scores.inertial_number,
-        covariance=covariance,
+        covariance=judged.covariance,
         members=members,
         residuals=residuals,
-        error_bars=bars,
-        verdict=verdict,
+        error_bars=judged.bars,
+        verdict=judged.verdict,
     )
+
+
+class Judgement(NamedTuple):
+    """Center (mu_s, mu_2) with its error bars, where there are any, and what to think of it."""
+
+    free: tuple[Parameter, Parameter]
+    covariance: Covariance | None
+    bars: ErrorBars | None
+    verdict: Verdict
+
+
+def judge(
+    members: Members, residuals: Residuals, steps: int, config: Config, lost: str | None
+) -> Judgement:
+    """Error bars and verdict, unless they would mean nothing: the verdict then says why."""
+    table, changed = calibration.load(), uncalibrated(config)
+    found = uncertainty.estimate(members, residuals, steps, table)
+    unknown = any(std > mean for std, mean in zip(found.std, found.mu, strict=True))
+    if lost is not None or changed or unknown:
+        mu_s, mu_2 = (Parameter(value, fixed=False) for value in found.mu)
+        words = "the training diverged" if lost else _why_not(changed) if changed else TOO_LITTLE
+        return Judgement((mu_s, mu_2), None, None, Verdict(None, words))
+    mu_s, mu_2 = (
+        Parameter(value, False, std, interval)
+        for value, std, interval in zip(found.mu, found.std, found.intervals, strict=True)
+    )
+    rows = tuple(tuple(row) for row in found.covariance.tolist())
+    verdict = uncertainty.verdict(found.mu, residuals, table)
+    return Judgement((mu_s, mu_2), Covariance(("mu_s", "mu_2"), rows), found.bars, verdict)
 
 
 def uncalibrated(config: Config) -> list[str]:

@@ -17,8 +17,8 @@ from granpinn.identification import (
     Case,
     choose_device,
     finish,
+    histories,
     members,
-    parts_of,
     pose,
     prepare,
     start,
@@ -88,16 +88,16 @@ def identify_many(
         if group.size > 1:
             folder = prepare(folder / f"process-{group.rank}", config)
         parts = [
-            prepare(Path(run_dir) / f"{e:03d}", case.config)
+            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
             for e, case in zip(own, cases, strict=True)
         ]
     found: list[Result] = []
     if cases:
         K = config.members
         every = [member for case in cases for member in members(case)]
-        histories = [place for part in parts for place in parts_of(part, K)]
+        places = [place for part in parts for place in histories(part, K)]
         listener = progress if group.rank == 0 else None
-        run = start(every, config, folder, listener, begin, histories)
+        run = start(every, config, folder, listener, begin, places)
         run.train()
         found = [
             finish(every[e * K : (e + 1) * K], run, e * K, part) for e, part in enumerate(parts)

@@ -87,9 +87,9 @@ def identify(
     if together.rank > 0:
         progress = None
     elif folder is not None:
-        prepare(folder, config)
+        prepare(folder, config, len(cases))
     together.wait()
-    parts = parts_of(folder, len(cases)) if len(cases) > 1 else None
+    parts = None if len(cases) == 1 else histories(folder, len(cases))
     run = start(cases, config, folder, progress, begin, parts, together)
     run.train()
     if len(run.training.lost) == len(cases):
@@ -163,13 +163,14 @@ def member_seed(seed: int, k: int) -> int:
     return int.from_bytes(digest[:8], "big") >> 1
 
 
-def parts_of(folder: Path | None, count: int) -> list[Path | None]:
-    """The folders of the histories of `count` members of a run folder."""
-    if folder is None:
-        return [None] * count
-    if count == 1:
-        return [folder]
-    return [folder / "members" / f"{k:02d}" for k in range(count)]
+def parts_of(folder: Path, count: int) -> list[Path]:
+    """The folders of the histories of `count` members of a run."""
+    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+
+
+def histories(folder: Path | None, count: int) -> list[Path | None]:
+    """The same; None for each where there is no run folder."""
+    return [None] * count if folder is None else [*parts_of(folder, count)]
 
 
 def start(
@@ -214,7 +215,6 @@ def finish(cases: Sequence[Case], run: Run, first: int, folder: Path | None) -> 
         fields.write_fields(maps, folder / "fields.h5")
         if len(cases) > 1:
             shown = parts_of(folder, len(cases))[place]
-            assert shown is not None
             with atomic_path(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
     return result
@@ -243,8 +243,8 @@ def choose_device(name: str) -> torch.device:
     return torch.device("cuda" if usable and name != "cpu" else "cpu")
 
 
-def prepare(folder: Path, config: Config) -> Path:
-    """Make the run folder and write config.toml to it; never mix two runs."""
+def prepare(folder: Path, config: Config, members: int = 1) -> Path:
+    """Make the folder of a run of so many members and write config.toml; never mix two runs."""
     taken = [
         name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
     ]
@@ -255,10 +255,8 @@ def prepare(folder: Path, config: Config) -> Path:
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if config.members > 1:
-            for part in parts_of(folder, config.members):
-                assert part is not None
-                part.mkdir(parents=True, exist_ok=True)
+        for part in parts_of(folder, members):
+            part.mkdir(parents=True, exist_ok=True)
         if not (config.resume and (folder / "config.toml").exists()):
             settings = dataclasses.replace(config, resume=False)
             with atomic_path(folder / "config.toml") as temporary:

@@ -12,6 +12,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from granpinn import summary
 from granpinn.data import Truth
 from granpinn.fields import Fields
 from granpinn.plots import album, curves, style
@@ -137,7 +138,7 @@ def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result
     J = np.stack([(mu(values + h) - mu(values - h)) / 2e-6 for h in step])
     order = [2, 0, 1]
     covariance = Covariance(("I0", "mu_s", "mu_2"), tuple(map(tuple, matrix[order][:, order])))
-    sd = curves.friction_sd(I, result.parameters, covariance)
+    sd = summary.friction_sd(I, result.parameters, covariance)
     np.testing.assert_allclose(sd, np.sqrt(np.einsum("in,ij,jn->n", J, matrix, J)), rtol=1e-6)
 
 

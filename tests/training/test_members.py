@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import conclusion, identify, identify_many, report, results
+from granpinn import calibration, conclusion, identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow, known_sd, redraw
 from granpinn.guard import NonFiniteError
@@ -26,6 +26,8 @@ THREE = tiny(members=3, seed=4)
 @pytest.fixture
 def all_settings_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """The networks of these tests are not those that the error bars were calibrated for."""
+    table = dataclasses.replace(calibration.load(), misfit=10.0, largest_misfit=10.0, steps=1)
+    monkeypatch.setattr(calibration, "load", lambda: table)
     monkeypatch.setattr(conclusion, "uncalibrated", lambda config: [])
 
 
@@ -187,6 +189,16 @@ def test_other_settings_than_the_calibrated_have_no_error_bars(flow: Flow) -> No
     assert found.verdict.follows is None
     for name in ("network.widths", "batch.interior", "level"):
         assert name in found.verdict.words
+
+
+def test_a_run_that_has_hardly_begun_has_no_error_bars(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(conclusion, "uncalibrated", lambda config: [])
+    found = identify(flow, tiny(steps=3))
+    assert (found.covariance, found.error_bars, found.parameters.mu_s.std) == (None, None, None)
+    assert found.verdict is not None
+    assert "not known yet" in found.verdict.words
 
 
 def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
