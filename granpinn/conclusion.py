@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from granpinn import calibration, prediction, results, scoring, uncertainty
 from granpinn.config import Config, flatten
 from granpinn.fields import Fields
+from granpinn.final_loss import final_loss
+from granpinn.findings import Loss
 from granpinn.recipes import build
 from granpinn.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.results import Covariance, Parameter, Parameters, Result
@@ -27,6 +29,7 @@ TOO_LITTLE = (
     "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
     "errors as large as the values"
 )
+DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
 STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
 
 
@@ -49,15 +52,14 @@ def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, in
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 
-def residuals_of(case: Case, run: Run, e: int) -> Residuals:
-    """What the trained member `e` of the run leaves of its data and equations."""
-    training, data = run.training, case.member.data
-    form = case.member.problem.spec.form
-    terms = training.objective.terms(e, training.step, *training.solution(e), form)
-    velocity, *others = (math.sqrt(2 * term) for term in terms.tolist())  # terms are halves
-    measured = math.sqrt(2 * float(data.velocity.square().mean())) or 1.0
+def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
+    """What a trained member leaves of its data and equations, None where that is not finite."""
+    if loss is None:
+        return None
+    rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
+    measured = math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
     noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
-    return Residuals(velocity / measured, noise / measured, *others)
+    return Residuals(**rms | {"velocity": rms["velocity"] / measured, "noise": noise / measured})
 
 
 def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: Fields) -> Result:
@@ -68,7 +70,8 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
         model, maps: its network and fields.
     """
     flow, config, data = case.flow, case.config, case.member.data
-    residuals, lost = residuals_of(case, run, e), run.training.lost.get(e)
+    loss, lost = final_loss(run.training, e), run.training.lost.get(e)
+    residuals = residuals_of(case, loss)
     judged = judge(members, residuals, run.training.step, config, lost)
     parameters = Parameters(*judged.free, Parameter(config.I0, fixed=True))
     at_particles = prediction.velocity_at_particles(
@@ -100,6 +103,7 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
         zones=scores.zones,
         inertial_number=scores.inertial_number,
         covariance=judged.covariance,
+        loss=loss,
         members=members,
         residuals=residuals,
         error_bars=judged.bars,
@@ -117,16 +121,23 @@ class Judgement(NamedTuple):
 
 
 def judge(
-    members: Members, residuals: Residuals, steps: int, config: Config, lost: str | None
+    members: Members, residuals: Residuals | None, steps: int, config: Config, lost: str | None
 ) -> Judgement:
     """Error bars and verdict, unless they would mean nothing: the verdict then says why."""
     table, changed = calibration.load(), uncalibrated(config)
-    found = uncertainty.estimate(members, residuals, steps, table)
-    unknown = any(std > mean for std, mean in zip(found.std, found.mu, strict=True))
-    if lost is not None or changed or unknown:
-        mu_s, mu_2 = (Parameter(value, fixed=False) for value in found.mu)
-        words = "the training diverged" if lost else _why_not(changed) if changed else TOO_LITTLE
+    mu = uncertainty.center(members)
+
+    def without(words: str) -> Judgement:
+        mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
         return Judgement((mu_s, mu_2), None, None, Verdict(None, words))
+
+    if lost is not None or residuals is None:
+        return without("the training diverged")
+    if changed:
+        return without(_why_not(changed))
+    found = uncertainty.estimate(members, residuals, steps, table)
+    if any(std > value for std, value in zip(found.std, mu, strict=True)):
+        return without(TOO_LITTLE)
     mu_s, mu_2 = (
         Parameter(value, False, std, interval)
         for value, std, interval in zip(found.mu, found.std, found.intervals, strict=True)
@@ -139,7 +150,7 @@ def judge(
 def uncalibrated(config: Config) -> list[str]:
     """The settings that are others than those which the calibration table was made with."""
     usual = flatten(build({}))
-    fixed = [key for key in usual if "." in key and key not in STARTS] + ["form"]
+    fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
     changed = [key for key in fixed if flatten(config)[key] != usual[key]]
     return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
 

@@ -203,7 +203,9 @@ def start(
     return run
 
 
-def finish(cases: Sequence[Case], run: Run, first: int, folder: Path | None) -> Result:
+def finish(
+    cases: Sequence[Case], run: Run, first: int, folder: Path | None, keep_fields: bool = True
+) -> Result:
     """The result of an ensemble, the members of the run from `first` on, written to its folder."""
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
@@ -212,7 +214,8 @@ def finish(cases: Sequence[Case], run: Run, first: int, folder: Path | None) -> 
     result = conclusion.result(case, run, e, found, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
-        fields.write_fields(maps, folder / "fields.h5")
+        if keep_fields:
+            fields.write_fields(maps, folder / "fields.h5")
         if len(cases) > 1:
             shown = parts_of(folder, len(cases))[place]
             with atomic_path(folder / "history.csv") as temporary:

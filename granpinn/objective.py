@@ -18,7 +18,7 @@ from granpinn.config import Batch, ConfigError
 from granpinn.control import Control
 from granpinn.data import TrainingSet
 from granpinn.problem import Problem
-from granpinn.sampling import MISFIT, MISFIT_SURFACE, draw
+from granpinn.sampling import MISFIT, draw
 
 MISFIT_POINTS = 32768
 
@@ -164,40 +164,28 @@ class Objective:
 
     def misfit(self, step: int, params: Tensor, theta: Tensor) -> list[float]:
         """For every member, by how much one velocity component is off: rms over many points."""
-        terms = [self.terms(e, step, params[e], theta[e], "data") for e in range(len(self.members))]
-        return [math.sqrt(square) for square in torch.stack(terms)[:, 0].tolist()]
-
-    def terms(self, e: int, step: int, params: Tensor, theta: Tensor, form: str) -> Tensor:
-        """The terms [5] of one member over many of its points, mean squares over two.
-
-        Args:
-            step: gives the points, with the seed of the member.
-            params, theta: [P], [3].
-            form: that of the network, or "data" for the velocity alone.
-        """
-        start, count, surface_start, surface_count = self.places[e].tolist()
-        own = slice(start, start + count)
-        edge = slice(surface_start, surface_start + (0 if form == "data" else surface_count))
-        seed = self.members[e].seed
-        points, surface = self.points[own], self.surface_points[edge]
-        i = draw(seed, step, MISFIT, min(MISFIT_POINTS, count), points)
-        k = draw(seed, step, MISFIT_SURFACE, min(MISFIT_POINTS, len(surface)), surface)
-        _, terms, _, _ = ops.residual_loss(
-            params,
-            theta,
-            points[i],
-            self.velocity[own][i],
-            self.point_weights[own][i],
-            surface[k],
-            self.surface_pressure[edge][k],
-            self.term_weights[e],
-            self.spec.widths,
-            self.input_shift[e],
-            self.input_scale[e],
-            self.physics[e],
-            form,
-        )
-        return terms
+        squares = []
+        for e, member in enumerate(self.members):
+            start, population, _, _ = self.places[e].tolist()
+            own = slice(start, start + population)
+            i = draw(member.seed, step, MISFIT, min(MISFIT_POINTS, population), self.points[own])
+            _, terms, _, _ = ops.residual_loss(
+                params[e],
+                theta[e],
+                self.points[own][i],
+                self.velocity[own][i],
+                self.point_weights[own][i],
+                self.surface_points[:0],
+                self.surface_pressure[:0],
+                self.term_weights[e],
+                self.spec.widths,
+                self.input_shift[e],
+                self.input_scale[e],
+                self.physics[e],
+                "data",
+            )
+            squares.append(terms[0])
+        return [math.sqrt(square) for square in torch.stack(squares).tolist()]
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:

@@ -23,6 +23,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.data import Truth
 from granpinn.decoding import decode
+from granpinn.findings import Loss, Profile, Resimulation
 from granpinn.records import ErrorBars, Members, Residuals, Verdict
 
 FORMAT_NAME = "granpinn-results"
@@ -176,6 +177,9 @@ class Result:
     zones: Zones | None = None
     inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
+    loss: Loss | None = None
+    profile: Profile | None = None
+    resimulation: Resimulation | None = None
     members: Members | None = None
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
@@ -208,7 +212,10 @@ class Result:
         for name in ("velocity", "pressure", "pressure_flowing", "pressure_stagnant"):
             error = number(getattr(self.error_percent, name), ".2f")
             lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
-        return "\n".join(lines + ([self.verdict.words] if self.verdict else []))
+        if self.verdict is not None:
+            lines.append(self.verdict.words)
+        lines += [str(part) for part in (self.profile, self.resimulation) if part is not None]
+        return "\n".join(lines)
 
 
 def number(value: float | None, spec: str) -> str:

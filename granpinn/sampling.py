@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granpinn import ops
 
-INTERIOR, SURFACE, MISFIT, MISFIT_SURFACE = range(4)
+INTERIOR, SURFACE, MISFIT = 0, 1, 2
 
 
 def draw(seed: int, step: int, stream: int, count: int, points: Tensor) -> Tensor:
