@@ -21,6 +21,7 @@ from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
 from granpinn.progress import Progress, Silent
 from granpinn.results import Parameter, Parameters, Result
+from granpinn.results_csv import write_csv
 from granpinn.run import Run
 from granpinn.scales import Scales
 
@@ -148,6 +149,7 @@ def finish(case: Case, run: Run, member: int, folder: Path | None) -> Result:
     result = _result(case, run, member, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
+        write_csv(result, folder / "results.csv")
         fields.write_fields(maps, folder / "fields.h5")
     return result
 
