@@ -32,6 +32,7 @@ from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
 from granpinn.progress import Progress, Silent
 from granpinn.results import Result
+from granpinn.results_csv import write_csv
 from granpinn.run import Run
 from granpinn.scales import Scales
 
@@ -214,6 +215,7 @@ def finish(
     result = conclusion.result(case, run, e, found, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
+        write_csv(result, folder / "results.csv")
         if keep_fields:
             fields.write_fields(maps, folder / "fields.h5")
         if len(cases) > 1:
