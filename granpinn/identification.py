@@ -16,6 +16,7 @@ from granpinn import arguments, fields, prediction, problem, results, scoring
 from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, check_flow, read_flow, training_set
+from granpinn.final_loss import final_loss
 from granpinn.objective import Member, Objective
 from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
@@ -125,7 +126,8 @@ def start(
     device = choose_device(config.device)
     together = together or Alone()
     share = (together.rank, together.size)
-    objective = Objective([case.member for case in cases], config.batch, device, share)
+    everyone = [case.member for case in cases]
+    objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
         kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
@@ -141,14 +143,17 @@ def start(
     return run
 
 
-def finish(case: Case, run: Run, member: int, folder: Path | None) -> Result:
+def finish(
+    case: Case, run: Run, member: int, folder: Path | None, keep_fields: bool = True
+) -> Result:
     """The result of a trained member, written to its folder where it has one."""
     model = Model(case.member.problem, *run.training.solution(member), case.scales)
     maps = predict(case.flow, model)
     result = _result(case, run, member, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
-        fields.write_fields(maps, folder / "fields.h5")
+        if keep_fields:
+            fields.write_fields(maps, folder / "fields.h5")
     return result
 
 
@@ -228,4 +233,5 @@ def _result(case: Case, run: Run, member: int, model: Model, maps: fields.Fields
         error_percent=scores.error_percent,
         zones=scores.zones,
         inertial_number=scores.inertial_number,
+        loss=final_loss(run.training, member),
     )

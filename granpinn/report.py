@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.atomic import atomic_path
+from granpinn.comparison import FILE, Comparison, read_comparison
 from granpinn.fields import Fields, FieldsFileError, read_fields
 from granpinn.history import COLUMNS
 from granpinn.plots import album, maps
@@ -58,8 +59,14 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
         history = read_history(folder / "history.csv")
     except HistoryFileError as error:
         problems.append(str(error))
+    compared: Comparison | None = None
+    if result.resimulation is not None and result.resimulation.objection is None:
+        try:
+            compared = read_comparison(folder / FILE)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
-    source = album.Source(result, fields, history, frame)
+    source = album.Source(result, fields, history, frame, compared)
     pictures, missing = album.draw_all(source, folder / "figures")
     page = folder / "report.html"
     with atomic_path(page) as temporary:

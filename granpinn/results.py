@@ -23,6 +23,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.data import Truth
 from granpinn.decoding import decode
+from granpinn.findings import Loss, Profile, Resimulation
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 1
@@ -175,6 +176,9 @@ class Result:
     zones: Zones | None = None
     inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
+    loss: Loss | None = None
+    profile: Profile | None = None
+    resimulation: Resimulation | None = None
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
@@ -200,6 +204,7 @@ class Result:
         for name in ("velocity", "pressure", "pressure_flowing", "pressure_stagnant"):
             error = number(getattr(self.error_percent, name), ".2f")
             lines.append(f"{name.replace('_', ', '):34s}{error:>10s}")
+        lines += [str(part) for part in (self.profile, self.resimulation) if part is not None]
         return "\n".join(lines)
 
 
