@@ -69,7 +69,8 @@ def column(cells: int, frames: int) -> Flow:
     """The paper's collapse (0.4, 0.64) in SI units, with every cell of the grid."""
     return simulate(
         Collapse(
-            **TRUTH,
+            mu_s=TRUTH["mu_s"],
+            mu_2=TRUTH["mu_2"],
             d=0.0025 * HEIGHT,
             height=HEIGHT,
             density=FRACTION * GRAIN_DENSITY,
