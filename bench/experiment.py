@@ -36,6 +36,7 @@ from granpinn.data import Flow, read_flow, write_flow
 from granpinn.importers import read_vectors
 from granpinn.simulation import Collapse, simulate
 
+TRUTH = {"mu_s": 0.4, "mu_2": 0.64}
 HEIGHT = 0.1  # m, of the column; its shape is that of the paper
 GRAVITY = 9.81
 FRACTION = 0.6  # of the volume: grains
@@ -68,8 +69,8 @@ def column(cells: int, frames: int) -> Flow:
     """The paper's collapse (0.4, 0.64) in SI units, with every cell of the grid."""
     return simulate(
         Collapse(
-            mu_s=0.4,
-            mu_2=0.64,
+            mu_s=TRUTH["mu_s"],
+            mu_2=TRUTH["mu_2"],
             d=0.0025 * HEIGHT,
             height=HEIGHT,
             density=FRACTION * GRAIN_DENSITY,
@@ -175,10 +176,14 @@ def identify(flow: Path, out: Path, settings: Sequence[str]) -> dict[str, Any]:
     run([sys.executable, "-m", "granpinn.train", str(flow), "--out", str(out), *settings])
     result = json.loads((out / "results.json").read_text())
     parameters = {name: result["parameters"][name] for name in ("mu_s", "mu_2")}
-    truth = {"mu_s": 0.4, "mu_2": 0.64}
+    intervals = {name: parameters[name]["interval_90"] for name in TRUTH}
     return {
         "parameters": parameters,
-        "error_percent": {n: 100 * (parameters[n]["value"] / truth[n] - 1) for n in truth},
+        "error_percent": {n: 100 * (parameters[n]["value"] / TRUTH[n] - 1) for n in TRUTH},
+        "truth_in_interval_90": {
+            name: None if interval is None else interval[0] <= TRUTH[name] <= interval[1]
+            for name, interval in intervals.items()
+        },
         "misfit_percent": result["error_percent"]["velocity"],
         "command_s": round(time.monotonic() - begin, 1),
     }

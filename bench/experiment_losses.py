@@ -133,6 +133,11 @@ def table(found: dict[str, Any]) -> str:
         lines.append(
             f"{name.replace('_', ' '):<22}"
             + ", ".join(f"{n} {values[n]['value']:.4f} ({error[n]:+.1f} %)" for n in values)
+            + "".join(
+                f", truth of {n} outside its interval"
+                for n, inside in row["truth_in_interval_90"].items()
+                if inside is False
+            )
             + f", {row['command_s']:.0f} s"
         )
     return "\n".join(lines)

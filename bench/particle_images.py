@@ -99,7 +99,7 @@ def take_pair(
 ) -> tuple[Image, Image]:
     """Two pictures at t - delay / 2 and t + delay / 2."""
     middle = seed_grains(field, t, camera, random)
-    brightness = camera.brightness * random.uniform(0.15, 1.0, middle.shape[1])
+    brightness = camera.brightness * random.uniform(0.15, 1.0, size=(middle.shape[1],))
     # A share of lost / 2 is missing in each picture.
     fate = random.random(middle.shape[1])
     pictures = []
@@ -118,8 +118,8 @@ def smoothed(image: npt.NDArray[Any], sigma: float) -> Array:
     out = np.asarray(image, np.float64)
     for _ in range(2):  # along the rows, then transposed along the columns
         padded = np.pad(out, ((reach, reach), (0, 0)), mode="symmetric")
-        parts = (w * padded[k : k + len(out)] for k, w in enumerate(weights))
-        out = np.asarray(sum(parts)).T
+        parts = [w * padded[k : k + len(out)] for k, w in enumerate(weights)]
+        out = np.sum(parts, axis=0).T
     return out
 
 

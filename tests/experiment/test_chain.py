@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,8 @@ import pytest
 from bench import experiment
 from bench.experiment import ExperimentError, Film
 from bench.experiment_losses import table
+from bench.units_invariance import demonstration
 from granpinn.data import read_flow, write_flow
-from granpinn.simulation import demo_path
 
 WINDOW = 8
 INVALID = 7  # every seventh vector
@@ -79,14 +78,12 @@ def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
 
 
 def test_identification_by_the_command(tmp_path: Path) -> None:
-    flow = read_flow(demo_path())
-    few = slice(None, None, 20)
-    u, v, c = (a[few] for a in (flow.u, flow.v, flow.c))
-    write_flow(replace(flow, t=flow.t[few], u=u, v=v, c=c, p=None), tmp_path / "flow.h5")
+    write_flow(demonstration(every=20), tmp_path / "flow.h5")
     found = experiment.identify(tmp_path / "flow.h5", tmp_path / "run", TINY)
     value = found["parameters"]["mu_s"]["value"]
     assert found["error_percent"]["mu_s"] == pytest.approx(100 * (value / 0.4 - 1))
     assert 0 < found["misfit_percent"] < 100
+    assert set(found["truth_in_interval_90"]) == {"mu_s", "mu_2"}
     rows = {"identification": {"measured": found}}
     assert f"mu_s {value:.4f}" in table(rows)
 
