@@ -18,7 +18,7 @@ from unittest import mock
 
 MARK = "<!-- generated: commands -->"
 WIDTH = 100  # characters of a line of help
-FIRST = ("convert", "train", "report", "simulate")  # the order in which they are needed
+FIRST = ("convert", "inspect", "train", "report", "simulate")  # the order in which they are needed
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:

@@ -63,7 +63,7 @@ def test_command_reference_has_every_command_that_the_readme_names() -> None:
     commands = hook("commands").commands(ROOT / "granpinn")
     named = set(re.findall(r"python -m granpinn\.([a-z_]+)", (ROOT / "README.md").read_text()))
     assert named <= set(commands)
-    assert commands[:2] == ["convert", "train"]
+    assert [name for name in commands if name in ("convert", "train")] == ["convert", "train"]
 
 
 @pytest.mark.parametrize("name", ["convert", "train", "report", "simulate", "doctor"])
