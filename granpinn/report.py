@@ -25,6 +25,7 @@ from markupsafe import Markup
 from granpinn import film as films
 from granpinn.assessment import assess
 from granpinn.atomic import atomic_path
+from granpinn.comparison import FILE, Comparison, read_comparison
 from granpinn.fields import Fields, FieldsFileError, read_fields
 from granpinn.history import COLUMNS
 from granpinn.plots import album, maps
@@ -66,8 +67,14 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
         history = read_history(folder / "history.csv")
     except HistoryFileError as error:
         problems.append(str(error))
+    compared: Comparison | None = None
+    if result.resimulation is not None and result.resimulation.objection is None:
+        try:
+            compared = read_comparison(folder / FILE)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
-    source = album.Source(result, fields, history, frame)
+    source = album.Source(result, fields, history, frame, compared)
     pictures, missing = album.draw_all(source, folder / "figures")
     film: films.Film | None = None
     try:

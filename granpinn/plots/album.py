@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.comparison import Comparison
 from granpinn.fields import VARIABLES, Fields
-from granpinn.plots import curves, maps, profiles
+from granpinn.plots import checks, curves, maps, profiles
 from granpinn.plots.style import Drawing, NothingToDraw, save
 from granpinn.results import Result
 from granpinn.scoring import after_start
@@ -25,6 +26,7 @@ class Source(NamedTuple):
     fields: Fields | None
     history: History | None
     frame: int
+    comparison: Comparison | None = None
 
 
 class Picture(NamedTuple):
@@ -78,11 +80,28 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
 }
 
 
+def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
+    """The figures of what a run does only when it is asked to."""
+    found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
+    profile, comparison = source.result.profile, source.comparison
+    if profile is not None:
+        found["profile_of_I0"] = (
+            "Profile of I0",
+            lambda s: checks.profile_of_I0(profile, s.result),
+        )
+    if comparison is not None:
+        found["resimulation"] = (
+            "Simulated with the identified law",
+            lambda s: checks.resimulation(comparison, s.fields.units if s.fields else None),
+        )
+    return found
+
+
 def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
     """Write every figure that can be drawn to `folder`; remove old files of those that cannot."""
     folder.mkdir(exist_ok=True)
     pictures, missing = [], []
-    for name, (title, draw) in FIGURES.items():
+    for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"
         try:
             drawing = draw(source)
