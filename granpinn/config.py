@@ -102,6 +102,25 @@ class Optimizer:
 
 
 @dataclass(frozen=True)
+class Profile:
+    """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
+
+    values: int = setting(7, "values of I0, evenly spaced in log I0 around that of --I0")
+    reach: float = setting(4.0, "largest value relative to --I0, which is as far from the least")
+    seeds: int = setting(3, "trainings at each value, whose scatter says what a loss is worth")
+    law_accuracy: float = setting(
+        0.005, "laws that differ by less over the I of the data are not told apart"
+    )
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """The simulation that --resimulate compares with the data."""
+
+    cells: int | None = setting(None, "cells across the box; none: the grid of the data, at most")
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that a run needs to know."""
 
@@ -123,8 +142,16 @@ class Config:
     )
     I0: float = setting(0.3, "I0 of the friction law, held fixed")
     seed: int = setting(0, "seed of the network, of the batches and of the noise")
+    members: int = setting(
+        1,
+        "networks with different seeds, trained side by side: the result is their center, and "
+        "their scatter enters the error bars; 4 to 16 cost little on a GPU",
+    )
     device: Literal["auto", "cpu", "cuda"] = setting("auto", "where to compute")
-    dtype: Literal["float32", "float64"] = setting("float32", "precision")
+    dtype: Literal["float32", "float64"] = setting("float32", "type of every number")
+    precision: Literal["fp32", "fast"] = setting(
+        "fast", "products on a GPU: plain float32 (fp32), or compensated on tensor cores (fast)"
+    )
     max_time: float | None = setting(
         None, "seconds that the command may take; the run is planned to end within them"
     )
@@ -132,6 +159,12 @@ class Config:
     epochs: int | None = setting(None, "passes over the points, where --steps is none")
     log_every: int = setting(100, "steps between the rows of history.csv")
     checkpoint_every: float = setting(30.0, "seconds between checkpoints")
+    free_I0: bool = setting(
+        False, "then ask which I0 the data allow, outside of --max-time (group profile)"
+    )
+    resimulate: bool = setting(
+        False, "then simulate with the identified law and compare, outside of --max-time"
+    )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint")
     tensorboard: bool = setting(False, "also write TensorBoard events to --out")
     network: Network = field(default_factory=Network)
@@ -139,6 +172,8 @@ class Config:
     weights: Weights = field(default_factory=Weights)
     batch: Batch = field(default_factory=Batch)
     optimizer: Optimizer = field(default_factory=Optimizer)
+    profile: Profile = field(default_factory=Profile)
+    resimulation: Resimulation = field(default_factory=Resimulation)
 
     def __post_init__(self) -> None:
         flat = flatten(self)
@@ -177,6 +212,7 @@ _RANGES: tuple[tuple[str, float, float], ...] = (
     ("noise", 0, 100),
     ("I0", TINY, 1e6),
     ("seed", 0, 2**63 - 1),
+    ("members", 1, 1024),
     ("max_time", 1, math.inf),
     ("steps", 1, 2**53),
     ("epochs", 1, 2**53),
@@ -206,6 +242,11 @@ _RANGES: tuple[tuple[str, float, float], ...] = (
     ("optimizer.average", 0, 1),
     ("optimizer.epsilon", TINY, 1),
     ("optimizer.momentum", 0, 1),
+    ("profile.values", 3, 99),
+    ("profile.reach", 1.01, 1e3),
+    ("profile.seeds", 2, 999),
+    ("profile.law_accuracy", 0, 1),
+    ("resimulation.cells", 32, 8192),
 )
 
 
@@ -217,6 +258,7 @@ def _range_text(low: float, high: float) -> str:
 
 # Settings that change no number of the result: a resumed run may differ in them.
 FREE = ("flow", "out", "resume", "tensorboard", "checkpoint_every", "max_time")
+FREE_SECTIONS = ("free_I0", "resimulate", "profile", "resimulation")  # what follows the training
 
 
 def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
@@ -240,5 +282,9 @@ def kinds_of(cls: type, prefix: str = "") -> dict[str, Any]:
 
 def identity(config: Config) -> dict[str, Any]:
     """The settings that decide the numbers of a run, as JSON values."""
-    flat = {key: value for key, value in flatten(config).items() if key not in FREE}
+    flat = {
+        key: value
+        for key, value in flatten(config).items()
+        if key not in FREE and key.split(".")[0] not in FREE_SECTIONS
+    }
     return {key: list(v) if isinstance(v, tuple) else v for key, v in flat.items()}

@@ -13,7 +13,16 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification import Case, choose_device, finish, pose, prepare, start
+from granpinn.identification import (
+    Case,
+    choose_device,
+    finish,
+    histories,
+    members,
+    pose,
+    prepare,
+    start,
+)
 from granpinn.parallel import gather_texts, processes
 from granpinn.progress import Progress
 from granpinn.results import Result
@@ -27,14 +36,17 @@ def identify_many(
     seeds: Sequence[int] | None = None,
     *,
     I0: Sequence[float] | None = None,
+    noise: Sequence[float] | None = None,
     run_dir: str | os.PathLike[str] | None = None,
+    keep_fields: bool = True,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
     The members share the settings and so the shape of the network and the schedule; each has its
     own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
-    the same flow without noise share its data on the device. In a group of processes
+    the same flow without noise share its data on the device. With `config.members` = K, each is an
+    ensemble of K networks of its own. In a group of processes
     (granpinn/parallel.py) each process trains its own members, and all return all results.
 
     Args:
@@ -42,8 +54,10 @@ def identify_many(
         config: settings of all, by default the default recipe.
         seeds: one for every member, by default that of the settings.
         I0: likewise.
+        noise: likewise.
         run_dir: folder for the checkpoints of the batch and, in 000, 001, ..., what `identify`
             leaves of every member.
+        keep_fields: whether fields.h5, tens of megabytes for each member, is among that.
         progress: a listener; it is shown the medians over the members.
 
     Returns:
@@ -58,10 +72,11 @@ def identify_many(
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
     configs = [
-        dataclasses.replace(config, seed=seed, I0=value)
-        for seed, value in zip(
+        dataclasses.replace(config, seed=seed, I0=value, noise=sd)
+        for seed, value, sd in zip(
             _one_each("seeds", seeds, config.seed, len(flows)),
             _one_each("I0", I0, config.I0, len(flows)),
+            _one_each("noise", noise, config.noise, len(flows)),
             strict=True,
         )
     ]
@@ -78,14 +93,21 @@ def identify_many(
         if group.size > 1:
             folder = prepare(folder / f"process-{group.rank}", config)
         parts = [
-            prepare(Path(run_dir) / f"{e:03d}", case.config)
+            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
             for e, case in zip(own, cases, strict=True)
         ]
     found: list[Result] = []
     if cases:
-        run = start(cases, config, folder, progress if group.rank == 0 else None, begin, parts)
+        K = config.members
+        every = [member for case in cases for member in members(case)]
+        places = [place for part in parts for place in histories(part, K)]
+        listener = progress if group.rank == 0 else None
+        run = start(every, config, folder, listener, begin, places)
         run.train()
-        found = [finish(case, run, e, parts[e]) for e, case in enumerate(cases)]
+        found = [
+            finish(every[e * K : (e + 1) * K], run, e * K, part, keep_fields)
+            for e, part in enumerate(parts)
+        ]
     return found if group.size == 1 else _in_order(found, len(flows))
 
 
@@ -108,17 +130,19 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 
 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
-    """The cases; a flow that comes again without noise has the data of the first."""
-    known: dict[object, Case] = {}
+    """The cases; a flow that comes again is not read again, and without noise shares its data."""
+    read: dict[object, Flow] = {}
+    clean: dict[object, Case] = {}
     cases = []
     for flow, config in zip(flows, configs, strict=True):
         key = id(flow) if isinstance(flow, Flow) else str(flow)
-        first = known.get(key)
-        if first is None:
-            case = known[key] = pose(flow, config)
-        elif config.noise:
-            case = pose(first.flow, config)
+        if config.noise or key not in clean:
+            case = pose(read.get(key, flow), config)
+            read[key] = case.flow
+            if not config.noise:
+                clean[key] = case
         else:
+            first = clean[key]
             member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
             case = dataclasses.replace(first, config=config, member=member)
         cases.append(case)

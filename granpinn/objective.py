@@ -53,6 +53,7 @@ class Objective:
 
     Attributes:
         share: which of the equal parts of every batch this process draws, and how many there are.
+        precision: of the products on a GPU, "fp32" or "fast" (granpinn.ops.residual_loss).
     """
 
     def __init__(
@@ -61,8 +62,10 @@ class Objective:
         batch: Batch,
         device: torch.device,
         share: tuple[int, int] = (0, 1),
+        precision: str = "fp32",
     ) -> None:
         self.members = list(members)
+        self.precision = precision
         self.spec = members[0].problem.spec
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
@@ -155,6 +158,7 @@ class Objective:
                 self.input_scale,
                 self.physics,
                 "data" if velocity_alone else self.spec.form,
+                self.precision,
             )
         )
 

@@ -11,6 +11,8 @@ from granpinn.config import (
     ConfigError,
     Network,
     Optimizer,
+    Profile,
+    Resimulation,
     Rheology,
     Weights,
     flatten,
@@ -22,6 +24,8 @@ SECTIONS: dict[str, type] = {
     "weights": Weights,
     "batch": Batch,
     "optimizer": Optimizer,
+    "profile": Profile,
+    "resimulation": Resimulation,
 }
 # The paper to the letter: section Training; where it is silent, what its library does by default
 # (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,

@@ -1,6 +1,7 @@
 """The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
 
-flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report.
+flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report;
+with --free-I0 and --resimulate between the results and the figures.
 
 `torchrun --nproc-per-node K -m granpinn.train ...` lets K processes, each with its GPU where there
 are some, share every batch.
@@ -10,17 +11,22 @@ Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by 
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn import parallel, progress, report
+from granpinn import comparison, parallel, progress, report, resimulation, results
 from granpinn.arguments import parse
 from granpinn.checkpoint import CheckpointError
 from granpinn.config import Config, ConfigError
-from granpinn.data import FlowFileError
+from granpinn.data import FlowFileError, read_flow
+from granpinn.findings import Resimulation
 from granpinn.guard import Interrupted, NonFiniteError
 from granpinn.identification import identify
+from granpinn.inertial_profile import profile_I0
+from granpinn.simulation import SimulationError
+from granpinn.simulation import progress as simulation_progress
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _train(config, rank)
     except (ConfigError, FlowFileError) as error:
         return _fail(2, str(error))
-    except (CheckpointError, NonFiniteError, OSError) as error:
+    except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
         return _fail(1, str(error))
     except Interrupted as error:
         return _fail(128 + error.signum, str(error))
@@ -47,12 +53,36 @@ def _train(config: Config, rank: int) -> int:
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     result = identify(config.flow, config, run_dir=folder, progress=listener)
+    if config.free_I0:
+        found = profile_I0(
+            config.flow,
+            config,
+            steps=result.timing.steps,
+            run_dir=folder / "profile",
+            progress=progress.automatic(),
+        )
+        result = dataclasses.replace(result, profile=found)
     if rank > 0:
         return 0
+    if config.resimulate:
+        result = dataclasses.replace(result, resimulation=_resimulate(config, result, folder))
+    if config.free_I0 or config.resimulate:
+        results.write_results(result, folder / "results.json")
     print(result)
     page = report.build(folder)
     print(f"report: {page}")
     return 0
+
+
+def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:
+    """The check by simulation, with its numbers in resimulation.json."""
+    assert config.flow is not None
+    flow = read_flow(config.flow)
+    summary, compared = resimulation.resimulate(
+        flow, result.parameters, config.resimulation.cells, simulation_progress.automatic()
+    )
+    comparison.write_comparison(summary, compared, folder / comparison.FILE)
+    return summary
 
 
 def _fail(code: int, message: str) -> int:

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.comparison import Comparison
 from granpinn.fields import VARIABLES, Fields
-from granpinn.plots import curves, maps, profiles
+from granpinn.plots import checks, curves, maps, profiles
 from granpinn.plots.style import Drawing, NothingToDraw, save
 from granpinn.results import Result
 from granpinn.scoring import after_start
@@ -25,6 +26,7 @@ class Source(NamedTuple):
     fields: Fields | None
     history: History | None
     frame: int
+    comparison: Comparison | None = None
 
 
 class Picture(NamedTuple):
@@ -42,7 +44,8 @@ class Missing(NamedTuple):
     reason: str
 
 
-def _fields(source: Source) -> Fields:
+def fields_of(source: Source) -> Fields:
+    """The fields of a run, whole and with grains; NothingToDraw says what is missing."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
     absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
@@ -61,27 +64,44 @@ def _history(source: Source) -> History:
 
 # file name -> (title, drawing function)
 FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
-    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, _fields(s))),
-    "pressure": ("Pressure", lambda s: maps.pressure_fields(_fields(s), s.frame)),
-    "profiles": ("Profiles", lambda s: profiles.profiles(_fields(s), s.frame)),
-    "velocity": ("Velocity", lambda s: maps.velocity_fields(_fields(s), s.frame)),
-    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
-    "momentum_residual": (
-        "Momentum residual",
-        lambda s: maps.momentum_residual(_fields(s), s.frame),
-    ),
+    "velocity": ("Velocity", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
+    "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
+    "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
+    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "inertial_number": (
         "Inertial number",
-        lambda s: curves.inertial_number(s.result, _fields(s)),
+        lambda s: curves.inertial_number(s.result, fields_of(s)),
     ),
+    "momentum_residual": (
+        "Momentum residual",
+        lambda s: maps.momentum_residual(fields_of(s), s.frame),
+    ),
+    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
+
+
+def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
+    """The figures of what a run does only when it is asked to."""
+    found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
+    profile, comparison = source.result.profile, source.comparison
+    if profile is not None:
+        found["profile_of_I0"] = (
+            "Profile of I0",
+            lambda s: checks.profile_of_I0(profile, s.result),
+        )
+    if comparison is not None:
+        found["resimulation"] = (
+            "Simulated with the identified law",
+            lambda s: checks.resimulation(comparison, s.fields.units if s.fields else None),
+        )
+    return found
 
 
 def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
     """Write every figure that can be drawn to `folder`; remove old files of those that cannot."""
     folder.mkdir(exist_ok=True)
     pictures, missing = [], []
-    for name, (title, draw) in FIGURES.items():
+    for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"
         try:
             drawing = draw(source)

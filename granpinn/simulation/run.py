@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -53,15 +54,16 @@ def simulate(
     return recorder.flow()
 
 
-def record(recorder: Recorder, listener: Silent) -> None:
-    """Runs the recorder's collapse and gives it every frame."""
+def record(recorder: Recorder, listener: Silent, times: Sequence[float] | None = None) -> None:
+    """Runs the recorder's collapse and gives it every frame, or those at increasing `times`."""
     collapse = recorder.collapse
     assert collapse.t_end is not None  # resolved
     engine = Engine(collapse)
     listener.start(collapse.t_end)
     try:
-        for k in range(1, collapse.frames + 1):
-            time = collapse.t_end * k / collapse.frames
+        if times is None:
+            times = [collapse.t_end * k / collapse.frames for k in range(1, collapse.frames + 1)]
+        for time in times:
             while time - engine.time > 1e-9 * collapse.t_end:
                 listener.show(engine.step(time - engine.time))
             recorder.add(time, engine.state())

@@ -1,0 +1,200 @@
+"""The command `python -m granpinn.tables --out DIR`: the paper's tables, beside its own figures.
+
+Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from granpinn import parallel, progress
+from granpinn.arguments import read_toml
+from granpinn.checkpoint import CheckpointError
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow, FlowFileError
+from granpinn.guard import Interrupted, NonFiniteError
+from granpinn.identification import choose_device
+from granpinn.recipes import build
+from granpinn.simulation import SimulationError
+from granpinn.tables import flows, output, study
+from granpinn.tables.rows import Case
+
+PAPER_NOISE = (0.0, 0.2, 0.8)
+EXAMPLES = """examples:
+  python -m granpinn.tables --out tables
+      tables 1 and 2 of the paper: six collapses are simulated, then everything is trained at once
+  python -m granpinn.tables --out tables-V2 --level V2 --seeds 3
+      with measured surface pressure, as in the paper
+  python -m granpinn.tables --out paper --recipe paper --steps 33000
+      the paper's own method, with fewer steps
+  python -m granpinn.tables cases --out own --noise 0 0.02 --seeds 20
+      any folder of flow files"""
+# Settings of granpinn.train that are here too, and what converts them.
+PASSED = {
+    "level": str,
+    "recipe": str,
+    "device": str,
+    "steps": int,
+    "max_time": float,
+    "dtype": str,
+    "seed": int,
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asks for."""
+
+    paths: list[Path]
+    out: Path
+    noise: list[float]
+    noise_on: str
+    seeds: int
+    cells: int
+    stride: int | None
+    I0: float | None
+    config: Config
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    try:
+        request = parse(sys.argv[1:] if argv is None else argv)
+        with parallel.joined() as rank:
+            return _run(request, rank)
+    except (ConfigError, FlowFileError) as error:
+        return _fail(2, str(error))
+    except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
+        return _fail(1, str(error))
+    except Interrupted as error:
+        return _fail(128 + error.signum, str(error))
+    except KeyboardInterrupt:
+        return _fail(130, "stopped before or after the training")
+
+
+def parse(argv: Sequence[str]) -> Request:
+    """The request of a command line; ConfigError says in one sentence what is wrong with it."""
+    parser = _Parser(
+        prog="python -m granpinn.tables",
+        description="Run the tables of the paper again, all cases and seeds as one batch.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("paths", nargs="*", type=Path, metavar="FLOW", help="flow files or folders of them; "
+        "none: the paper's six regimes, simulated")  # fmt: skip
+    add("--out", type=Path, metavar="DIR", help="folder of tables.html, .json, .csv and the runs")
+    add("--noise", type=float, nargs="+", metavar="SD", help="levels of noise, relative to the "
+        "largest speed (default 0 0.2 0.8 for the six regimes, 0 for flow files)")  # fmt: skip
+    add("--noise-on", choices=("reference", "all"), default="reference", help="noise on the "
+        "paper's case (0.6, 0.84) alone, if there, or on all (default reference)")  # fmt: skip
+    add("--seeds", type=int, default=5, metavar="N", help="trainings of each case (default 5)")
+    add("--cells", type=int, default=512, metavar="N", help="cells across the box of a simulation "
+        "(default 512, as in the paper)")  # fmt: skip
+    add("--stride", type=int, metavar="N", help="every how many cells a point is kept (default: "
+        "the spacing of the paper's data)")  # fmt: skip
+    add("--I0", type=float, metavar="X", help="I0 for all (default: that of each flow file)")
+    add("--config", type=Path, metavar="FILE.toml", help="settings of granpinn.train; flags win")
+    add("--resume", action="store_true", help="continue the run in --out")
+    for name, kind in PASSED.items():
+        flag = f"--{name.replace('_', '-')}"
+        add(flag, dest=name, type=kind, metavar=kind.__name__.upper(), help="as in granpinn.train")
+    return _request(parser.parse_args(argv))
+
+
+def _request(given: argparse.Namespace) -> Request:
+    values = read_toml(given.config) if given.config else {}
+    passed = {name: getattr(given, name) for name in PASSED}
+    values |= {name: value for name, value in passed.items() if value is not None}
+    I0 = values.get("I0") if given.I0 is None else given.I0
+    values |= {"resume": given.resume, "noise": 0.0}
+    config = build(values)
+    noise = given.noise or ([0.0] if given.paths else list(PAPER_NOISE))
+    if not all(math.isfinite(sd) and 0 <= sd <= 100 for sd in noise):
+        raise ConfigError(f"--noise must be numbers from 0 to 100, got {_listed(noise)}")
+    if len(set(noise)) < len(noise):
+        raise ConfigError(f"--noise must be levels that differ, got {_listed(noise)}")
+    if not 1 <= given.seeds <= 1000:
+        raise ConfigError(f"--seeds must be a number of trainings, 1 to 1000, got {given.seeds}")
+    if I0 is not None and not (math.isfinite(I0) and I0 > 0):
+        raise ConfigError(f"--I0 must be positive, got {I0}")
+    if given.out is None:
+        raise ConfigError("--out, the folder of the tables, is missing: give --out DIR")
+    if given.out.exists() and not given.out.is_dir():
+        raise ConfigError(f"--out must be a folder, got the file {given.out}")
+    if given.paths and given.stride is not None:
+        raise ConfigError("--stride is for simulated flows, but flow files are given: leave it out")
+    return Request(
+        given.paths,
+        given.out,
+        sorted(noise),
+        given.noise_on,
+        given.seeds,
+        given.cells,
+        given.stride,
+        I0,
+        config,
+    )
+
+
+def _listed(values: Sequence[Any]) -> str:
+    return " ".join(f"{value:g}" for value in values)
+
+
+def _run(request: Request, rank: int) -> int:
+    listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
+    choose_device(request.config.device)
+    found = _flows(request, rank)
+    cases = study.cases_of([Case(flow, 0.0) for flow in found], request.noise, request.noise_on)
+    if rank == 0:
+        members = len(cases) * request.seeds
+        _say(f"{len(cases)} cases x {request.seeds} seeds = {members} trainings as one batch")
+    done = study.run(
+        cases, request.config, request.seeds, request.I0, request.out / "runs", listener
+    )
+    if rank > 0:
+        return 0
+    page = output.write(done, request.out)
+    print(output.text(done))
+    print(f"tables: {page}")
+    return 0
+
+
+def _flows(request: Request, rank: int) -> list[Flow]:
+    """The flows; where they are simulated, by the first process for all."""
+    if request.paths:
+        return flows.given(request.paths)
+    # The grid is in the name, so that another one does not take the place of the first.
+    stride = "" if request.stride is None else f"-stride-{request.stride}"
+    folder = request.out / f"flows-{request.cells}{stride}"
+    together = parallel.processes(choose_device(request.config.device))
+    found = []
+    if rank == 0:
+        found = flows.six_regimes(folder, request.cells, request.stride, _say)
+    together.wait()
+    return found or flows.six_regimes(folder, request.cells, request.stride, _say)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _fail(code: int, message: str) -> int:
+    print(f"granpinn.tables: {message}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

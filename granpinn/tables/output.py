@@ -1,0 +1,192 @@
+"""The tables as text, HTML, JSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jinja2
+
+from granpinn.atomic import atomic_path
+from granpinn.config import flatten
+from granpinn.report import TEMPLATES, duration
+from granpinn.results import number, plain
+from granpinn.tables.paper import SOURCE_1, SOURCE_2, PaperRow
+from granpinn.tables.rows import Row, Spread
+from granpinn.tables.study import Study
+
+FORMAT_NAME = "granpinn-tables"
+FORMAT_VERSION = 1
+MEASURES = ("mu_s", "mu_2", "pressure", "pressure_flowing", "pressure_stagnant", "velocity")
+PAPER_ERRORS = {"mu_s": "error_mu_s", "mu_2": "error_mu_2", "pressure": "error_p"}
+
+
+class Table(NamedTuple):
+    """Rows beside those of the paper, where it has them."""
+
+    title: str
+    source: str
+    rows: list[tuple[Row, PaperRow | None]]
+
+
+def tables_of(rows: Sequence[Row]) -> list[Table]:
+    """Table 1: without noise. Table 2: flows that are there with noise, at all levels."""
+    clean = [(row, row.paper_1) for row in rows if row.noise == 0]
+    with_noise = {row.name for row in rows if row.noise > 0}
+    noisy = [(row, row.paper_2) for row in rows if row.name in with_noise]
+    noisy.sort(key=lambda pair: (pair[0].name, pair[0].noise))
+    tables = [
+        Table("Table 1: identification without noise", SOURCE_1, clean),
+        Table("Table 2: identification with noise", SOURCE_2, noisy),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def case_name(row: Row) -> str:
+    """(mu_s, mu_2) where they are known, else the name of the file."""
+    truth = row.truth
+    if truth is None or truth.mu_s is None or truth.mu_2 is None:
+        return row.name
+    return f"({truth.mu_s:.2f}, {truth.mu_2:.2f})"
+
+
+def text(study: Study) -> str:
+    """The tables for a terminal: median (worst) of the errors in %, the paper's beside them."""
+    lines = []
+    for table in tables_of(study.rows):
+        lines += ["", f"{table.title}, level {study.config.level}, {study.seeds} seeds"]
+        lines.append(
+            f"{'case':<16}{'noise':>6}{'mu_s':>8}{'mu_2':>8}{'mu_s %':>16}{'paper':>6}"
+            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}{'scatter %':>14}"
+        )
+        lines += [_line(row, paper) for row, paper in table.rows]
+    return "\n".join([*lines, "", summary(study)])
+
+
+def summary(study: Study) -> str:
+    """How much was trained, how long it took, and what failed."""
+    members = sum(len(group) for group in study.results)
+    failed = sum(row.failed for row in study.rows)
+    first = study.results[0][0]
+    return (
+        f"{members} trainings of {first.timing.steps} steps as one batch on {first.device}: "
+        f"{duration(study.training_s)} of training, {duration(study.total_s)} in all"
+        f"{f'; {failed} diverged' if failed else ''}"
+    )
+
+
+def _line(row: Row, paper: PaperRow | None) -> str:
+    cells = [f"{case_name(row)[:15]:<16}{row.noise:6.2f}"]
+    cells += [f"{number(value, '.4f'):>8}" for value in (row.mu_s, row.mu_2)]
+    for name, theirs in PAPER_ERRORS.items():
+        known = None if paper is None else getattr(paper, theirs)
+        cells.append(f"{_median_worst(row.errors[name]):>16}{number(known, '.2f'):>6}")
+    scatter = [number(row.errors[name].scatter, ".2f") for name in ("mu_s", "mu_2")]
+    cells.append(f"{'/'.join(scatter):>14}")
+    return "".join(cells) + (f"  {row.failed} diverged" if row.failed else "")
+
+
+def _median_worst(spread: Spread) -> str:
+    return f"{number(spread.median, '.2f')} ({number(spread.worst, '.2f')})"
+
+
+def content(study: Study) -> dict[str, Any]:
+    """Everything as JSON values."""
+    members = [
+        {
+            "case": row.name,
+            "noise": row.noise,
+            "seed": r.seed,
+            "parameters": {n: getattr(r.parameters, n).value for n in ("mu_s", "mu_2", "I0")},
+            "error_percent": dataclasses.asdict(r.error_percent),
+            "loss": None if r.loss is None else dataclasses.asdict(r.loss),
+            "failure": r.failure,
+        }
+        for row, group in zip(study.rows, study.results, strict=True)
+        for r in group
+    ]
+    first = study.results[0][0]
+    values: dict[str, Any] = plain(
+        {
+            "format_name": FORMAT_NAME,
+            "format_version": FORMAT_VERSION,
+            "level": study.config.level,
+            "recipe": study.config.recipe,
+            "seeds": study.seeds,
+            "device": first.device,
+            "versions": first.versions,
+            "steps": first.timing.steps,
+            "training_s": study.training_s,
+            "total_s": study.total_s,
+            "settings": flatten(study.config),
+            "sources": {"paper_1": SOURCE_1, "paper_2": SOURCE_2},
+            "rows": [_row_content(row) for row in study.rows],
+            "members": members,
+        }
+    )
+    return values
+
+
+def _row_content(row: Row) -> dict[str, Any]:
+    papers = {"paper_1": row.paper_1, "paper_2": row.paper_2}
+    return dataclasses.asdict(row) | {
+        name: None if paper is None else paper._asdict() for name, paper in papers.items()
+    }
+
+
+def csv_text(study: Study) -> str:
+    """One line per case and table, every error with median, worst and scatter."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\n")
+    statistics = ("median", "worst", "scatter", "rmse", "signed_median")
+    header = ["table", "case", "noise", "true_mu_s", "true_mu_2", "I0", "n_points", "members"]
+    header += ["failed", "mu_s", "mu_2"]
+    header += [f"{name}_{what}" for name in MEASURES for what in statistics]
+    writer.writerow([*header, *(f"paper_{name}" for name in PaperRow._fields)])
+    for table in tables_of(study.rows):
+        for row, paper in table.rows:
+            truth = (getattr(row.truth, "mu_s", None), getattr(row.truth, "mu_2", None))
+            cells = [table.title.partition(":")[0], row.name, row.noise, *truth, row.I0]
+            cells += [row.n_points, row.members, row.failed, row.mu_s, row.mu_2]
+            cells += [getattr(row.errors[name], what) for name in MEASURES for what in statistics]
+            writer.writerow([*cells, *(paper or (None,) * len(PaperRow._fields))])
+    return out.getvalue()
+
+
+def html(study: Study) -> str:
+    """The page, which needs no other file."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "case_name": case_name}
+    settings = {name: str(value) for name, value in flatten(study.config).items()}
+    return environment.get_template("tables.html").render(
+        study=study,
+        tables=tables_of(study.rows),
+        paper_errors=PAPER_ERRORS,
+        summary=summary(study),
+        settings=settings,
+        version=study.results[0][0].versions.get("granpinn", ""),
+    )
+
+
+def write(study: Study, folder: Path) -> Path:
+    """Write tables.json, tables.csv and tables.html; the path of the page."""
+    texts = {
+        "tables.json": json.dumps(content(study), indent=1, allow_nan=False) + "\n",
+        "tables.csv": csv_text(study),
+        "tables.html": html(study),
+    }
+    for name, written in texts.items():
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(written, encoding="utf-8", errors="replace")
+    return folder / "tables.html"

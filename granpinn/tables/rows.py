@@ -1,0 +1,120 @@
+"""From the members of a batch to the rows of a table: median, scatter and worst over the seeds.
+
+A signed error is 100 (value - true)/true, an absolute one its size. **Scatter** is the standard
+deviation of the identified value over the seeds relative to the true one, **worst** the largest
+absolute error. RMSE is the root of the mean squared signed error. Trainings that diverged are
+counted, and are in no other number.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from granpinn.data import Flow, Truth
+from granpinn.results import Result
+from granpinn.tables.paper import PaperRow, row_1, row_2
+
+FIELDS = ("pressure", "pressure_flowing", "pressure_stagnant", "velocity")
+
+
+class Case(NamedTuple):
+    """A flow with a level of noise."""
+
+    flow: Flow
+    noise: float
+
+    @property
+    def name(self) -> str:
+        return self.flow.path.stem if self.flow.path else "in memory"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Errors in % over the seeds; None where nothing can be said."""
+
+    median: float | None
+    worst: float | None
+    scatter: float | None = None
+    rmse: float | None = None
+    signed_median: float | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case over its seeds.
+
+    Attributes:
+        mu_s, mu_2: medians of the identified values, None where no training came to its end.
+        errors: by the names mu_s, mu_2 and `FIELDS`.
+        members: trainings that came to their end; failed: those that did not.
+    """
+
+    name: str
+    noise: float
+    truth: Truth | None
+    I0: float
+    n_points: int
+    members: int
+    failed: int
+    mu_s: float | None
+    mu_2: float | None
+    errors: dict[str, Spread]
+    paper_1: PaperRow | None
+    paper_2: PaperRow | None
+
+
+def row_of(case: Case, results: Sequence[Result]) -> Row:
+    """The row of a case from the results of all its seeds."""
+    ended = [r for r in results if r.failure is None]
+    truth = case.flow.truth
+    errors: dict[str, Spread] = {}
+    medians: dict[str, float | None] = {}
+    for name in ("mu_s", "mu_2"):
+        values = [float(getattr(r.parameters, name).value) for r in ended]
+        medians[name] = statistics.median(values) if values else None
+        errors[name] = _spread(values, getattr(truth, name, None))
+    for name in FIELDS:
+        known = [getattr(r.error_percent, name) for r in ended]
+        errors[name] = _of_sizes(value for value in known if value is not None)
+    return Row(
+        name=case.name,
+        noise=case.noise,
+        truth=truth,
+        I0=results[0].parameters.I0.value,
+        n_points=results[0].data.n_points,
+        members=len(ended),
+        failed=len(results) - len(ended),
+        mu_s=medians["mu_s"],
+        mu_2=medians["mu_2"],
+        errors=errors,
+        paper_1=row_1(truth, case.noise),
+        paper_2=row_2(truth, case.noise),
+    )
+
+
+def _spread(values: Sequence[float], true: float | None) -> Spread:
+    """Of identified values around the true one."""
+    if not values or not true:
+        return Spread(None, None)
+    signed = [100 * (value - true) / true for value in values]
+    sizes = [abs(error) for error in signed]
+    return Spread(
+        median=statistics.median(sizes),
+        worst=max(sizes),
+        scatter=statistics.stdev(signed) if len(signed) > 1 else None,
+        rmse=math.sqrt(statistics.fmean(error**2 for error in signed)),
+        signed_median=statistics.median(signed),
+    )
+
+
+def _of_sizes(sizes: Iterable[float]) -> Spread:
+    """Of errors that have no sign."""
+    known = list(sizes)
+    if not known:
+        return Spread(None, None)
+    scatter = statistics.stdev(known) if len(known) > 1 else None
+    return Spread(statistics.median(known), max(known), scatter)

@@ -1,0 +1,189 @@
+"""The check by simulation: exact on its own data, and honest where it cannot start."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn import report, results, train
+from granpinn.comparison import (
+    compare,
+    fronts,
+    interpolation,
+    read_comparison,
+    surface_heights,
+    write_comparison,
+)
+from granpinn.data import Flow, write_flow
+from granpinn.resimulation import Column, initial_column, resimulate
+from granpinn.results import Parameter, Parameters
+from granpinn.simulation import Collapse, simulate
+from tests.flows import make_flow
+
+
+def law(mu_s: float, mu_2: float) -> Parameters:
+    return Parameters(
+        Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(0.3, fixed=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def flow() -> Flow:
+    return simulate(Collapse(0.4, 0.64, cells=64, stride=2, frames=20, t_end=3.0, threads=1))
+
+
+@pytest.fixture(scope="module")
+def flow_file(flow: Flow, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("flows") / "column.h5"
+    write_flow(flow, path)
+    return path
+
+
+def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
+    summary, comparison = resimulate(flow, law(0.4, 0.64))
+    assert comparison is not None
+    assert summary.objection is None
+    assert summary.cells == 64
+    assert summary.column == (1.0, 10.0)
+    assert summary.common_percent == 100
+    assert summary.velocity_percent == 0
+    assert summary.front_percent == summary.profile_percent == 0
+    np.testing.assert_array_equal(comparison.t, flow.t)
+
+
+def test_another_law_does_not(flow: Flow) -> None:
+    summary, comparison = resimulate(flow, law(0.2, 0.44))
+    assert comparison is not None
+    assert summary.velocity_percent is not None
+    assert summary.front_percent is not None
+    assert summary.velocity_percent > 5
+    assert summary.front_percent > 1
+    assert comparison.front_simulated[-1] > comparison.front[-1]  # it slides further
+    assert comparison.velocity_percent[-1] > comparison.velocity_percent[2]
+
+
+def late(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, t=flow.t + 1)
+
+
+def moving(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, u=flow.u + np.float32(0.9))
+
+
+def elsewhere(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, x=flow.x + 5)
+
+
+def heap(flow: Flow) -> Flow:
+    c = flow.c.copy()
+    c[0, 10:, 0] = 0
+    return dataclasses.replace(flow, c=c)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (late, "the first frame is not the start: its time is 1.15"),
+        (moving, "not released from rest: grains move at"),
+        (elsewhere, "do not stand in the corner"),
+        (heap, "the first frame is not a column: its grains fill"),
+    ],
+)
+def test_what_is_no_column_at_rest_is_not_simulated(flow: Flow, change: object, words: str) -> None:
+    assert callable(change)
+    summary, comparison = resimulate(change(flow), law(0.4, 0.64))
+    assert comparison is None
+    assert summary.objection is not None
+    assert words in summary.objection
+    assert summary.velocity_percent is None
+    assert str(summary).startswith("not simulated again: ")
+
+
+def test_an_experiment_without_attributes_is_measured(flow: Flow) -> None:
+    column = initial_column(dataclasses.replace(flow, attributes={}))
+    assert isinstance(column, Column)
+    spacing = flow.x[1] - flow.x[0]
+    assert abs(column.width - 1) <= spacing / 2
+    assert abs(column.height - 10) <= spacing / 2
+
+
+def test_gravity_that_the_simulator_cannot_have_is_said() -> None:
+    column = make_flow(gravity=(-9.81, 0.0))
+    assert isinstance(initial_column(column), str) or resimulate(column, law(0.4, 0.6))[1] is None
+
+
+def test_interpolation_is_exact_for_a_bilinear_field(flow: Flow) -> None:
+    y, x = np.meshgrid(flow.y, flow.x, indexing="ij")
+    at = interpolation(flow, dataclasses.replace(flow, x=flow.x[1:-1] + 0.03, y=flow.y[:-1] + 0.05))
+    found = at(1 + 2 * x - 3 * y + 0.5 * x * y)
+    y, x = np.meshgrid(flow.y[:-1] + 0.05, flow.x[1:-1] + 0.03, indexing="ij")
+    np.testing.assert_allclose(found, 1 + 2 * x - 3 * y + 0.5 * x * y, rtol=1e-12)
+
+
+def test_a_point_beside_no_grains_has_no_value(flow: Flow) -> None:
+    field = np.ones((len(flow.y), len(flow.x)))
+    field[2, 2] = np.nan
+    same = interpolation(flow, flow)(field)
+    np.testing.assert_array_equal(same, field)
+    between = dataclasses.replace(flow, x=flow.x[:-1] + 0.5 * np.diff(flow.x))
+    assert np.isnan(interpolation(flow, between)(field)[2]).nonzero()[0].tolist() == [1, 2]
+    beyond = dataclasses.replace(flow, x=flow.x + 100)
+    assert np.isnan(interpolation(flow, beyond)(field)).all()
+
+
+def test_front_and_heights_of_a_block(flow: Flow) -> None:
+    c = np.zeros_like(flow.c)
+    c[:, :4, :3] = 1
+    c[:, :4, 3] = 0.25
+    block = dataclasses.replace(flow, c=c)
+    dx, dy = np.diff(flow.x)[0], np.diff(flow.y)[0]
+    np.testing.assert_allclose(fronts(block), flow.x[2] + dx * 0.5 / 0.75)
+    np.testing.assert_allclose(surface_heights(block)[0, :4], [4 * dy] * 3 + [dy])
+
+
+def test_the_file_comes_back(flow: Flow, tmp_path: Path) -> None:
+    summary, comparison = resimulate(flow, law(0.3, 0.5))
+    assert comparison is not None
+    path = tmp_path / "resimulation.json"
+    write_comparison(summary, comparison, path)
+    json.loads(path.read_text(), parse_constant=pytest.fail)
+    again = read_comparison(path)
+    assert again is not None
+    for name, value in comparison._asdict().items():
+        np.testing.assert_allclose(getattr(again, name), value)
+    write_comparison(summary, None, path)
+    assert read_comparison(path) is None
+    own, _ = compare(flow, flow)
+    assert not own.velocity_percent.any()
+
+
+def test_the_command_shows_it(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = [
+        "--steps",
+        "6",
+        "--log-every",
+        "2",
+        "--network.widths",
+        "6,5",
+        "--batch.interior",
+        "16",
+    ]
+    out = tmp_path / "run"
+    assert train.main([str(flow_file), "--out", str(out), "--resimulate", *flags]) == 0
+    assert "simulated again with this law: velocity off by" in capsys.readouterr().out
+    found = results.read_results(out / "results.json").resimulation
+    assert found is not None
+    assert found.velocity_percent is not None
+    page = (out / "report.html").read_text()
+    assert "Simulated with the identified law" in page
+    assert f"{found.velocity_percent:.2f}" in page
+    assert (out / "figures" / "resimulation.png").exists()
+    (out / "resimulation.json").write_text("{}")
+    report.build(out)
+    assert "resimulation.json could not be read" in (out / "report.html").read_text()

@@ -1,0 +1,62 @@
+"""The yardsticks find what they can: exact parts, and the law of a flow with known parameters."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bench.regression_yardstick import derivative, identify, smooth
+from bench.simulator_fit import bound, fit, sensitivities
+from granpinn.data import read_flow
+from granpinn.simulation import Collapse, demo_path, simulate
+
+
+def test_derivatives_of_a_plane_are_exact_up_to_its_edges() -> None:
+    t, y, x = np.meshgrid(np.arange(3.0), 0.5 * np.arange(5), 0.1 * np.arange(6), indexing="ij")
+    f = 1 + 2 * t - 3 * y + 4 * x
+    f[1, 2, 3] = np.nan
+    for axis, (spacing, slope) in enumerate(((1.0, 2.0), (0.5, -3.0), (0.1, 4.0))):
+        found = derivative(f, spacing, axis)
+        np.testing.assert_allclose(found[np.isfinite(found)], slope)
+        assert np.isfinite(found).sum() >= f.size - 3  # a hole and its neighbours
+
+
+def test_smoothing_keeps_a_constant_beside_holes() -> None:
+    f = np.full((4, 9, 9), 2.0)
+    f[:, 3:5, 3:5] = np.nan
+    found = smooth(f, 1.5)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(f))
+    np.testing.assert_allclose(found[np.isfinite(found)], 2.0)
+
+
+def test_regression_with_the_true_pressure_finds_the_law() -> None:
+    row = identify(read_flow(demo_path()), 0.0, with_pressure=True)
+    assert abs(row["error_mu_s_percent"]) < 2
+    assert abs(row["error_mu_2_percent"]) < 10
+
+
+def test_the_simulator_is_fitted_to_its_own_run() -> None:
+    """No model error: the truth is the least misfit, and it is reached from far away."""
+    flow = simulate(Collapse(0.4, 0.64, cells=64, stride=1, frames=24, t_end=4.0, threads=1))
+    row = fit(flow, 64, iterations=8, nudge=0.02)
+    assert row["course"][0]["mu_s"] == pytest.approx(0.3)
+    assert abs(row["error_mu_s_percent"]) < 0.5
+    assert abs(row["error_mu_2_percent"]) < 2
+
+
+def test_the_bound_scales_as_it_must() -> None:
+    collapse = Collapse(0.4, 0.64, cells=64, stride=1, frames=8, t_end=4.0, threads=1)
+    J, speed = sensitivities(collapse, 0.02)
+    assert J.shape[:2] == (2, 2)
+    one = bound(J, speed, 1000, 0.1)
+    double, four = bound(J, speed, 1000, 0.2), bound(J, speed, 4000, 0.1)
+    for name in ("mu_s_percent", "mu_2_percent"):
+        assert math.isclose(double[name], 2 * one[name])
+        assert math.isclose(four[name], one[name] / 2)
+        assert one["joint_percent"][name[:4]] >= one[name]
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=(2, 50000, 3))
+    ideal = bound(np.stack([white, white]), 1.0, 50000, 0.1)
+    assert ideal["mu_s_percent"] == pytest.approx(100 * 0.1 / math.sqrt(2 * 50000), rel=0.02)
