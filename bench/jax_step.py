@@ -98,8 +98,8 @@ def _mixed(jet: list[Array], theta: Array) -> list[Array]:
     ]
 
 
-def jax_step(task: Task) -> Callable[[], Tensor]:
-    """One jitted step; JAX uses every core that the process may use."""
+def jax_training(task: Task) -> tuple[Callable[[Any], Any], Any]:
+    """A function state -> (state, loss), not yet jitted, and the first state."""
     jax.config.update("jax_enable_x64", task.params.dtype == torch.float64)
     channels = 7 if task.form == "strong" else 4
     residuals = _strong if task.form == "strong" else _mixed
@@ -124,10 +124,15 @@ def jax_step(task: Task) -> Callable[[], Tensor]:
 
         return (tree(update, unknowns, first, second), first, second, k), value
 
-    advance: Any = jax.jit(advance_once)
     unknowns = (jnp.asarray(task.params.numpy()), jnp.asarray(task.theta.numpy()))
     zeros = jax.tree_util.tree_map(jnp.zeros_like, unknowns)
-    state: Any = (unknowns, zeros, zeros, jnp.zeros((), points.dtype))
+    return advance_once, (unknowns, zeros, zeros, jnp.zeros((), points.dtype))
+
+
+def jax_step(task: Task) -> Callable[[], Tensor]:
+    """One jitted step; JAX uses every core that the process may use."""
+    once, state = jax_training(task)
+    advance: Any = jax.jit(once)
 
     def step() -> Tensor:
         nonlocal state

@@ -1,13 +1,14 @@
 """One optimization step, loss + all gradients + Adam update, as three kinds of user write it.
 
 All train the paper's network, 3x250 swish, on the same points with the same loss (terms 0, 2, 3
-and, in the mixed form, 4 of `granpinn.reference.loss`, unit weights, no surface points).
+and, in the mixed form, 4 of `granpinn.reference.loss`, unit weights, no surface points). On a GPU
+no step waits for the device, and Adam is torch's fused one, so that a step can be captured.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -27,13 +28,18 @@ Network = Callable[[Tensor], Tensor]
 
 @dataclass(frozen=True)
 class Task:
-    """Parameters and one minibatch of B points, float32."""
+    """Parameters and one minibatch of B points; an ensemble has a leading axis E everywhere."""
 
     form: str
     params: Tensor  # [P]
     theta: Tensor  # [3]
     points: Tensor  # [B, 3]
     velocity: Tensor  # [B, 2]
+
+    @property
+    def count(self) -> int:
+        """Points of all members."""
+        return self.points.numel() // 3
 
     @property
     def widths(self) -> list[int]:
@@ -44,7 +50,28 @@ class Task:
         """Of the matrix products: forward and twice that backward, channels x 2 x weights each."""
         weights = sum(n_in * n_out for n_in, n_out in pairwise(self.widths))
         channels = 7 if self.form == "strong" else 4
-        return 3.0 * channels * 2 * weights * len(self.points)
+        return 3.0 * channels * 2 * weights * self.count
+
+    @property
+    def traffic(self) -> float:
+        """Bytes that any step has to move: the batch once; Adam reads 4 numbers, writes 3."""
+        return 4.0 * (5 * self.count + 7 * self.params.numel())
+
+    def to(self, device: torch.device) -> Task:
+        tensors = {name: getattr(self, name).to(device) for name in TENSORS}
+        return replace(self, **tensors)
+
+    def ensemble(self, members: int) -> Task:
+        """The points in equal parts, one for each of so many equal networks."""
+        parts = {
+            name: getattr(self, name).view(members, -1, 3 if name == "points" else 2)
+            for name in ("points", "velocity")
+        }
+        copies = {name: getattr(self, name).repeat(members, 1) for name in ("params", "theta")}
+        return replace(self, **parts, **copies)
+
+
+TENSORS = ("params", "theta", "points", "velocity")
 
 
 def make_task(form: str, points: int, dtype: torch.dtype = torch.float32) -> Task:
@@ -63,9 +90,12 @@ def make_task(form: str, points: int, dtype: torch.dtype = torch.float32) -> Tas
     )
 
 
-def _optimizer(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
+def adam(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
+    """Copies of params and theta to be trained, and the optimizer that moves them."""
     params, theta = task.params.clone().requires_grad_(), task.theta.clone().requires_grad_()
-    return params, theta, torch.optim.Adam([params, theta], lr=5e-4)
+    on_gpu = params.is_cuda
+    options: dict[str, Any] = {"fused": True, "capturable": True} if on_gpu else {}
+    return params, theta, torch.optim.Adam([params, theta], lr=5e-4, **options)
 
 
 def _network(params: Tensor, widths: list[int]) -> Network:
@@ -84,12 +114,13 @@ def _network(params: Tensor, widths: list[int]) -> Network:
 # ---------------------------------------------------------------- fused
 
 
-def fused_step(task: Task) -> Callable[[], Tensor]:
-    """granpinn: the loss and its gradient from one op."""
+def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Callable[[], Tensor]:
+    """granpinn: the loss [] (or [E]) and its gradient from one op; without `update` no Adam."""
     from granpinn import ops
 
-    params, theta, optimizer = _optimizer(task)
-    none = task.points.new_zeros(0, 3)
+    params, theta, optimizer = adam(task)
+    new = task.points.new_tensor
+    none = new([]).view(0, 3)
     arguments: tuple[Any, ...] = (
         task.points,
         task.velocity,
@@ -98,16 +129,18 @@ def fused_step(task: Task) -> Callable[[], Tensor]:
         none[:, 0],
         task.points.new_ones(5),
         task.widths,
-        [0.0, 0.0, 0.0],
-        [1.0, 1.0, 1.0],
-        PHYSICS,
+        new([0.0, 0.0, 0.0]),
+        new([1.0, 1.0, 1.0]),
+        new(PHYSICS),
         task.form,
+        precision,
     )
 
     def step() -> Tensor:
         with torch.no_grad():
             loss, _, params.grad, theta.grad = ops.residual_loss(params, theta, *arguments)
-        optimizer.step()
+        if update:
+            optimizer.step()
         return loss
 
     return step
@@ -123,7 +156,7 @@ def _gradient(f: Tensor, points: Tensor) -> tuple[Tensor, ...]:
 
 def eager_step(task: Task) -> Callable[[], Tensor]:
     """Nested torch.autograd.grad, as PINNs are usually written."""
-    params, theta, optimizer = _optimizer(task)
+    params, theta, optimizer = adam(task)
     points = task.points.clone().requires_grad_()
     network = _network(params, task.widths)
 
@@ -146,10 +179,10 @@ def eager_step(task: Task) -> Callable[[], Tensor]:
 # ---------------------------------------------------------------- torch.func
 
 
-def functional_step(task: Task) -> Callable[[], Tensor]:
+def functional_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
     """torch.func: forward-mode jvp for the derivatives by x, y, t, nested for the stress."""
-    params, theta, optimizer = _optimizer(task)
-    axes = torch.eye(3, dtype=task.points.dtype).unsqueeze(1).expand(3, len(task.points), 3)
+    params, theta, optimizer = adam(task)
+    axes = torch.eye(3).to(task.points).unsqueeze(1).expand(3, len(task.points), 3)
 
     def objective(params: Tensor, theta: Tensor) -> Tensor:
         network = _network(params, task.widths)
@@ -174,7 +207,11 @@ def functional_step(task: Task) -> Callable[[], Tensor]:
         _, (_, xy_y, yy_y) = along(stress, task.points, 1)
         return _loss(task, z, first, (xx_x + xy_y, xy_x + yy_y), theta)
 
-    gradient = torch.func.grad_and_value(objective, argnums=(0, 1))
+    def gradient(params: Tensor, theta: Tensor) -> Any:
+        return torch.func.grad_and_value(objective, argnums=(0, 1))(params, theta)
+
+    if compiled:
+        gradient = torch.compile(gradient, dynamic=False)
 
     def step() -> Tensor:
         (params.grad, theta.grad), loss = gradient(params.detach(), theta.detach())
@@ -225,4 +262,8 @@ def _loss(
     return torch.stack([(e**2).mean() for e in squares]).sum() / 2
 
 
-STEPS = {"fused": fused_step, "eager autograd": eager_step, "torch.func": functional_step}
+STEPS: dict[str, Callable[[Task], Callable[[], Tensor]]] = {
+    "fused": fused_step,
+    "eager autograd": eager_step,
+    "torch.func": functional_step,
+}

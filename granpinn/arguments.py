@@ -30,6 +30,8 @@ EXAMPLES = """examples:
       try it: the collapse that comes with granpinn, in a few minutes, to the folder granpinn-demo
   python -m granpinn.train collapse.h5 --out run
       identify mu_s and mu_2 from velocities and the line of the free surface (level V1)
+  python -m granpinn.train collapse.h5 --out run --members 8
+      the same with eight networks, for a steadier value; on a GPU little slower than one
   python -m granpinn.train collapse.h5 --out run --max-time 600
       the same, planned to end within 10 minutes
   python -m granpinn.train --out run --resume

@@ -13,7 +13,16 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification import Case, choose_device, finish, pose, prepare, start
+from granpinn.identification import (
+    Case,
+    choose_device,
+    finish,
+    histories,
+    members,
+    pose,
+    prepare,
+    start,
+)
 from granpinn.parallel import gather_texts, processes
 from granpinn.progress import Progress
 from granpinn.results import Result
@@ -36,7 +45,8 @@ def identify_many(
 
     The members share the settings and so the shape of the network and the schedule; each has its
     own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
-    the same flow without noise share its data on the device. In a group of processes
+    the same flow without noise share its data on the device. With `config.members` = K, each is an
+    ensemble of K networks of its own. In a group of processes
     (granpinn/parallel.py) each process trains its own members, and all return all results.
 
     Args:
@@ -83,14 +93,21 @@ def identify_many(
         if group.size > 1:
             folder = prepare(folder / f"process-{group.rank}", config)
         parts = [
-            prepare(Path(run_dir) / f"{e:03d}", case.config)
+            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
             for e, case in zip(own, cases, strict=True)
         ]
     found: list[Result] = []
     if cases:
-        run = start(cases, config, folder, progress if group.rank == 0 else None, begin, parts)
+        K = config.members
+        every = [member for case in cases for member in members(case)]
+        places = [place for part in parts for place in histories(part, K)]
+        listener = progress if group.rank == 0 else None
+        run = start(every, config, folder, listener, begin, places)
         run.train()
-        found = [finish(case, run, e, parts[e], keep_fields) for e, case in enumerate(cases)]
+        found = [
+            finish(every[e * K : (e + 1) * K], run, e * K, part, keep_fields)
+            for e, part in enumerate(parts)
+        ]
     return found if group.size == 1 else _in_order(found, len(flows))
 
 

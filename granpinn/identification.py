@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import os
+import shutil
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,16 +14,25 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from granpinn import arguments, fields, prediction, problem, results, scoring
+from granpinn import arguments, conclusion, fields, prediction, problem, results
 from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow, add_noise, check_flow, read_flow, training_set
-from granpinn.final_loss import final_loss
+from granpinn.data import (
+    Flow,
+    add_noise,
+    check_flow,
+    known_sd,
+    read_flow,
+    redraw,
+    training_set,
+)
+from granpinn.guard import NonFiniteError
 from granpinn.objective import Member, Objective
 from granpinn.parallel import Alone, Processes, processes
 from granpinn.problem import Problem
 from granpinn.progress import Progress, Silent
-from granpinn.results import Parameter, Parameters, Result
+from granpinn.results import Result
+from granpinn.results_csv import write_csv
 from granpinn.run import Run
 from granpinn.scales import Scales
 
@@ -70,17 +81,21 @@ def identify(
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written where there is a folder.
     """
     begin = time.monotonic()
-    case = pose(flow, config or Config())
-    together = processes(choose_device(case.config.device))
+    config = config or Config()
+    cases = members(pose(flow, config))
+    together = processes(choose_device(config.device))
     folder = None if run_dir is None else Path(run_dir)
     if together.rank > 0:
         progress = None
     elif folder is not None:
-        prepare(folder, case.config)
+        prepare(folder, config, len(cases))
     together.wait()
-    run = start([case], case.config, folder, progress, begin, together=together)
+    parts = None if len(cases) == 1 else histories(folder, len(cases))
+    run = start(cases, config, folder, progress, begin, parts, together)
     run.train()
-    return finish(case, run, 0, folder if together.rank == 0 else None)
+    if len(run.training.lost) == len(cases):
+        raise NonFiniteError(next(iter(run.training.lost.values())))
+    return finish(cases, run, 0, folder if together.rank == 0 else None)
 
 
 @dataclass(frozen=True)
@@ -89,12 +104,18 @@ class Case:
 
     Attributes:
         config: with the seed and the I0 of this case.
+        seen: the flow as training sees it, with added noise.
+        known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        redrawn: whether its data have the known noise once more.
     """
 
     flow: Flow
     config: Config
     scales: Scales
     member: Member
+    seen: Flow
+    known_sd: float
+    redrawn: bool = False
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
@@ -110,7 +131,47 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     scales = Scales.from_flow(seen)
     data = training_set(seen, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(seen, scales, data, config)
-    return Case(flow, config, scales, Member(posed, data, config.seed, config.I0))
+    member = Member(posed, data, config.seed, config.I0)
+    return Case(flow, config, scales, member, seen, known_sd(seen))
+
+
+def members(case: Case) -> list[Case]:
+    """The ensemble of a case: its first member, and others that differ in their seeds.
+
+    Where the noise of the data is known, the second half gets it once more (uncertainty.py).
+    """
+    config, made = case.config, [case]
+    for k in range(1, config.members):
+        member = dataclasses.replace(case.member, seed=member_seed(config.seed, k))
+        redrawn = case.known_sd > 0 and 2 * k >= config.members
+        if redrawn:
+            seen = redraw(case.seen, config.noise, member.seed)
+            dtype = getattr(torch, config.dtype)
+            data = training_set(seen, case.scales, config.level, dtype)
+            member = dataclasses.replace(member, data=data)
+        made.append(dataclasses.replace(case, member=member, redrawn=redrawn))
+    return made
+
+
+def member_seed(seed: int, k: int) -> int:
+    """The seed of member k of an ensemble, in [0, 2^63); that of member 0 is the given one.
+
+    Hashed, so that ensembles of neighboring seeds have no member in common.
+    """
+    if k == 0:
+        return seed
+    digest = hashlib.sha256(f"{seed} {k}".encode()).digest()
+    return int.from_bytes(digest[:8], "big") >> 1
+
+
+def parts_of(folder: Path, count: int) -> list[Path]:
+    """The folders of the histories of `count` members of a run."""
+    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+
+
+def histories(folder: Path | None, count: int) -> list[Path | None]:
+    """The same; None for each where there is no run folder."""
+    return [None] * count if folder is None else [*parts_of(folder, count)]
 
 
 def start(
@@ -144,16 +205,23 @@ def start(
 
 
 def finish(
-    case: Case, run: Run, member: int, folder: Path | None, keep_fields: bool = True
+    cases: Sequence[Case], run: Run, first: int, folder: Path | None, keep_fields: bool = True
 ) -> Result:
-    """The result of a trained member, written to its folder where it has one."""
-    model = Model(case.member.problem, *run.training.solution(member), case.scales)
+    """The result of an ensemble, the members of the run from `first` on, written to its folder."""
+    found, place = conclusion.members_of(cases, run, first)
+    case, e = cases[place], first + place
+    model = Model(case.member.problem, *run.training.solution(e), case.scales)
     maps = predict(case.flow, model)
-    result = _result(case, run, member, model, maps)
+    result = conclusion.result(case, run, e, found, model, maps)
     if folder is not None:
         results.write_results(result, folder / "results.json")
+        write_csv(result, folder / "results.csv")
         if keep_fields:
             fields.write_fields(maps, folder / "fields.h5")
+        if len(cases) > 1:
+            shown = parts_of(folder, len(cases))[place]
+            with atomic_path(folder / "history.csv") as temporary:
+                shutil.copyfile(shown / "history.csv", temporary)
     return result
 
 
@@ -180,9 +248,11 @@ def choose_device(name: str) -> torch.device:
     return torch.device("cuda" if usable and name != "cpu" else "cpu")
 
 
-def prepare(folder: Path, config: Config) -> Path:
-    """Make the run folder and write config.toml to it; never mix two runs."""
-    taken = [name for name in ("results.json", "history.csv") if (folder / name).exists()]
+def prepare(folder: Path, config: Config, members: int = 1) -> Path:
+    """Make the folder of a run of so many members and write config.toml; never mix two runs."""
+    taken = [
+        name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
+    ]
     if taken and not config.resume:
         raise ConfigError(
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
@@ -190,6 +260,8 @@ def prepare(folder: Path, config: Config) -> Path:
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for part in parts_of(folder, members):
+            part.mkdir(parents=True, exist_ok=True)
         if not (config.resume and (folder / "config.toml").exists()):
             settings = dataclasses.replace(config, resume=False)
             with atomic_path(folder / "config.toml") as temporary:
@@ -197,41 +269,3 @@ def prepare(folder: Path, config: Config) -> Path:
     except OSError as error:
         raise ConfigError(f"--out {folder} cannot be written to: {error.strerror}") from None
     return folder
-
-
-def _result(case: Case, run: Run, member: int, model: Model, maps: fields.Fields) -> Result:
-    flow, config, data = case.flow, case.config, case.member.data
-    mu_s, mu_2, _ = model.theta.tolist()
-    parameters = Parameters(
-        Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(config.I0, fixed=True)
-    )
-    at_particles = prediction.velocity_at_particles(
-        flow, model.problem.spec, model.params, model.problem.physics, model.scales
-    )
-    scores = scoring.score(flow, maps, parameters, at_particles)
-    steps, failure = run.training.step, run.training.lost.get(member)
-    return Result(
-        parameters=parameters,
-        level=config.level,
-        form=config.form,
-        recipe=config.recipe,
-        seed=config.seed,
-        data=results.DataSummary(
-            n_points=len(data.points),
-            n_surface=len(data.surface_points),
-            noise=config.noise,
-            n_frames=int(flow.t.size),
-        ),
-        timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
-        device=str(run.training.params.device),
-        versions=results.versions(),
-        input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
-        settings=dataclasses.asdict(config),
-        stopped=run.stopped if failure is None else "diverged",
-        failure=failure,
-        truth=flow.truth,
-        error_percent=scores.error_percent,
-        zones=scores.zones,
-        inertial_number=scores.inertial_number,
-        loss=final_loss(run.training, member),
-    )

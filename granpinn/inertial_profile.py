@@ -75,6 +75,7 @@ def profile_I0(
     average = max(LEAST_AVERAGE, config.optimizer.average)
     config = dataclasses.replace(
         config,
+        members=1,  # the seeds of the profile are its ensemble
         tensorboard=False,
         optimizer=dataclasses.replace(config.optimizer, average=average),
     )

@@ -1,8 +1,8 @@
 """The report of a run: `python -m granpinn.report DIR`.
 
 Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there) and
-writes figures/*.png and report.html, one page that needs no other file and no network.  What is
-missing is said on the page.
+writes results.csv, figures/*.png and report.html, one page that needs no other file and no network.
+What is missing is said on the page.  With --paraview also fields.vtkhdf.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import base64
 import csv
+import hashlib
 import math
 import sys
 from collections.abc import Sequence
@@ -19,14 +20,20 @@ from typing import Any
 import jinja2
 import numpy as np
 import numpy.typing as npt
+from markupsafe import Markup
 
+from granpinn import film as films
+from granpinn.assessment import assess
 from granpinn.atomic import atomic_path
 from granpinn.comparison import FILE, Comparison, read_comparison
 from granpinn.fields import Fields, FieldsFileError, read_fields
 from granpinn.history import COLUMNS
 from granpinn.plots import album, maps
+from granpinn.plots.style import NothingToDraw
 from granpinn.results import Result, ResultsFileError, number, read_results
+from granpinn.results_csv import write_csv
 from granpinn.summary import summarize
+from granpinn.vtkhdf import write_vtkhdf
 
 TEMPLATES = Path(__file__).parent / "templates"
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine: no matter for readers
@@ -68,12 +75,29 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     frame = maps.frame_at(fields, time) if fields else 0
     source = album.Source(result, fields, history, frame, compared)
     pictures, missing = album.draw_all(source, folder / "figures")
+    film: films.Film | None = None
+    try:
+        film = films.shoot(album.fields_of(source), frame)
+    except NothingToDraw as reason:
+        missing = [album.Missing("Fields over time", str(reason)), *missing]
+    write_csv(result, folder / "results.csv")
     page = folder / "report.html"
     with atomic_path(page) as temporary:
-        text = render(result, history, pictures, missing, problems)
+        text = render(result, history, pictures, missing, problems, film)
         # The name of a file may hold bytes that are no text.
         temporary.write_text(text, encoding="utf-8", errors="replace")
     return page
+
+
+def for_paraview(run_dir: str | Path) -> Path:
+    """Write fields.vtkhdf of a run; FieldsFileError if there is no valid fields.h5."""
+    path = Path(run_dir) / "fields.vtkhdf"
+    if write_vtkhdf(read_fields(Path(run_dir) / "fields.h5"), path):
+        print(
+            f"{path.name}: the grid is uneven; its values were moved to the nearest even points",
+            file=sys.stderr,
+        )
+    return path
 
 
 def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
@@ -106,8 +130,9 @@ def render(
     pictures: Sequence[album.Picture],
     missing: Sequence[album.Missing],
     problems: Sequence[str],
+    film: films.Film | None = None,
 ) -> str:
-    """The page, with every figure inside."""
+    """The page, with every figure inside; a script is on it only where there is a film."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -117,9 +142,16 @@ def render(
     )
     environment.filters |= {"number": number, "duration": duration, "base64": encoded}
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
+    summary = summarize(result, history)
+    script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
+    digest = hashlib.sha256(script.encode()).digest()
     return environment.get_template("report.html").render(
         r=result,
-        s=summarize(result, history),
+        s=summary,
+        a=assess(result, summary),
+        film=film,
+        script=Markup(script),
+        script_hash=f"sha256-{base64.b64encode(digest).decode('ascii')}",
         pictures=pictures,
         missing=missing,
         problems=problems,
@@ -167,10 +199,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         type=float,
         help="time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
     )
+    parser.add_argument(
+        "--paraview",
+        action="store_true",
+        help="write fields.vtkhdf too, the fields over time for ParaView",
+    )
     arguments = parser.parse_args(argv)
     try:
         print(build(arguments.folder, arguments.time))
-    except ResultsFileError as error:
+        if arguments.paraview:
+            print(for_paraview(arguments.folder))
+    except (ResultsFileError, FieldsFileError) as error:
         print(f"granpinn.report: {error}", file=sys.stderr)
         return 2
     except OSError as error:

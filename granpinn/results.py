@@ -24,6 +24,7 @@ from granpinn.atomic import atomic_path
 from granpinn.data import Truth
 from granpinn.decoding import decode
 from granpinn.findings import Loss, Profile, Resimulation
+from granpinn.records import ErrorBars, Members, Residuals, Verdict
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 1
@@ -179,6 +180,10 @@ class Result:
     loss: Loss | None = None
     profile: Profile | None = None
     resimulation: Resimulation | None = None
+    members: Members | None = None
+    residuals: Residuals | None = None
+    error_bars: ErrorBars | None = None
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
@@ -194,16 +199,21 @@ class Result:
 
     def __str__(self) -> str:
         """The lines that a terminal shows at the end of a run."""
-        lines = [f"{'':6s}{'value':>9s}{'std':>10s}{'true':>9s}{'error %':>10s}"]
+        lines = [
+            f"{'':6s}{'value':>9s}{'std':>10s}{'90 % interval':>19s}{'true':>9s}{'error %':>10s}"
+        ]
         for name in ("mu_s", "mu_2", "I0"):
-            parameter: Parameter = getattr(self.parameters, name)
-            std = "fixed" if parameter.fixed else number(parameter.std, ".4f")
+            p: Parameter = getattr(self.parameters, name)
+            std = "fixed" if p.fixed else number(p.std, ".4f")
+            interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
             error = number(getattr(self.error_percent, name, None), ".2f")
-            lines.append(f"{name:6s}{parameter.value:9.4f}{std:>10s}{true:>9s}{error:>10s}")
+            lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
         for name in ("velocity", "pressure", "pressure_flowing", "pressure_stagnant"):
             error = number(getattr(self.error_percent, name), ".2f")
-            lines.append(f"{name.replace('_', ', '):34s}{error:>10s}")
+            lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
+        if self.verdict is not None:
+            lines.append(self.verdict.words)
         lines += [str(part) for part in (self.profile, self.resimulation) if part is not None]
         return "\n".join(lines)
 

@@ -14,17 +14,19 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.results import Result
+from granpinn.results import Covariance, Parameters, Result
 from granpinn.rheology import mu_of_I
 
 LAST_PART = 0.1  # of the steps: how much the parameters still changed
 BAND_POINTS = 200
+NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 
 
 class Band(NamedTuple):
     """mu(I) over the inertial numbers that the data cover.
 
-    `largest_difference` is that between the identified and the true law, None without a truth.
+    `largest_difference` is that between the identified and the true law, None without a truth;
+    `half_width` is half of the 90 % band where that is widest, None without error bars.
     """
 
     I_low: float
@@ -32,6 +34,7 @@ class Band(NamedTuple):
     mu_low: float
     mu_high: float
     largest_difference: float | None
+    half_width: float | None = None
 
 
 class Summary(NamedTuple):
@@ -78,7 +81,9 @@ def _band(result: Result) -> Band | None:
     if truth is not None and truth.mu_s is not None and truth.mu_2 is not None:
         true = friction(I, truth.mu_s, truth.mu_2, truth.I0 or p.I0.value)
         largest = float(np.max(np.abs(mu - true)))
-    return Band(low, high, float(mu[0]), float(mu[-1]), largest)
+    known = result.covariance
+    half = None if known is None else float(np.max(half_width(I, result, known)))
+    return Band(low, high, float(mu[0]), float(mu[-1]), largest, half)
 
 
 def friction(
@@ -89,6 +94,38 @@ def friction(
 ) -> npt.NDArray[np.float64]:
     """mu(I) [n] in float64."""
     return mu_of_I(torch.from_numpy(np.asarray(I, np.float64)), mu_s, mu_2, I_0).numpy()
+
+
+def half_width(
+    I: npt.NDArray[np.floating],  # noqa: E741
+    result: Result,
+    covariance: Covariance,
+) -> npt.NDArray[np.floating]:
+    """Half of the 90 % band of mu(I) [n].
+
+    mu(I) is a mixture of mu_s and mu_2, so the wider of their intervals counts.
+    """
+    bars = result.error_bars
+    width = max(bars.half_width) if bars else NORMAL_90
+    return width * friction_sd(I, result.parameters, covariance)
+
+
+def friction_sd(
+    I: npt.NDArray[np.floating],  # noqa: E741
+    parameters: Parameters,
+    covariance: Covariance,
+) -> npt.NDArray[np.floating]:
+    r"""Standard deviation of mu(I) [n] from the covariance C of the parameters, to first order:
+
+    $$ \sigma_\mu^2 = J\,C\,J^T, \quad \phi = \frac{I}{I_0 + I}, \quad
+       J = \Big(1 - \phi,\ \phi,\ -\frac{(\mu_2 - \mu_s)\,\phi}{I_0 + I}\Big). $$
+    """
+    mu_s, mu_2, I_0 = parameters.mu_s.value, parameters.mu_2.value, parameters.I0.value
+    phi = I / (I_0 + I)
+    derivative = {"mu_s": 1 - phi, "mu_2": phi, "I0": -(mu_2 - mu_s) * phi / (I_0 + I)}
+    J = np.stack([derivative[name] for name in covariance.names])
+    variance = np.einsum("in,ij,jn->n", J, np.array(covariance.matrix), J)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _drift(history: Mapping[str, npt.NDArray[np.floating]]) -> tuple[float, float] | None:

@@ -1,6 +1,9 @@
-// Newton-Schulz iterations in plain float32 or float64: one launch for the norms, three for each of
-// the five steps. A block makes a tile of 32 x 32 of a product from panels in shared memory; the
-// rest of a formula, alpha (left right) + beta D, is added on the way out.
+// Newton-Schulz iterations in plain float32 or float64, of what newton_schulz_cluster.cu leaves:
+// one launch for the norms, three for each of the five steps. A block makes a tile of 32 x 32 of a
+// product from panels in shared memory; the rest of a formula, alpha (left right) + beta D, is
+// added on the way out.
+#include <type_traits>
+
 #include "newton_schulz.h"
 
 namespace granpinn::cuda {
@@ -137,6 +140,9 @@ cudaError_t launch(const Product<T>& p, std::int64_t matrices, cudaStream_t stre
 
 template <class T>
 cudaError_t newton_schulz(const NewtonSchulz<T>& a, cudaStream_t stream) {
+  if constexpr (std::is_same_v<T, float>)
+    if (newton_schulz_fits_clusters(a) && newton_schulz_has_clusters())
+      return newton_schulz_in_clusters(a, stream);
   const std::int64_t K = a.groups * a.count;
   const bool tall = a.m > a.n;
   const int r = static_cast<int>(tall ? a.n : a.m), c = static_cast<int>(tall ? a.m : a.n);

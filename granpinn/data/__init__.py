@@ -2,7 +2,7 @@
 
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
 from granpinn.data.foreign import read
-from granpinn.data.noise import add_noise
+from granpinn.data.noise import add_noise, known_sd, redraw
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
@@ -20,9 +20,11 @@ __all__ = [
     "Truth",
     "add_noise",
     "check_flow",
+    "known_sd",
     "particle_flow",
     "read",
     "read_flow",
+    "redraw",
     "test_grid",
     "training_set",
     "write_flow",

@@ -72,6 +72,54 @@ def _on_particles(
     return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
 
 
+def redraw(flow: Flow, sd: float, seed: int) -> Flow:
+    """The flow with as much noise as it is known to have, once more.
+
+    Args:
+        flow: its sigma_u and sigma_v say how much the velocity has; they stay as they are.
+        sd: of the surface pressure, relative to the largest |p| there.
+        seed: 0 to 2**64 - 1.
+    """
+    surface, particles = flow.surface, flow.particles
+    if sd and surface is not None and surface.p is not None:
+        sigma_p = sd * float(np.abs(surface.p).max())
+        surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    sigma_u, sigma_v = _sigmas(flow)
+    if particles is not None:
+        again = replace(
+            particles,
+            u=_noisy(particles.u, sigma_u, seed, _STREAM_U),
+            v=_noisy(particles.v, sigma_v, seed, _STREAM_V),
+        )
+        return replace(flow, **vars(grid_view(again)), particles=again, surface=surface)
+    return replace(
+        flow,
+        u=_noisy(flow.u, sigma_u, seed, _STREAM_U),
+        v=_noisy(flow.v, sigma_v, seed, _STREAM_V),
+        surface=surface,
+    )
+
+
+def known_sd(flow: Flow) -> float:
+    """Rms standard deviation of one velocity component, in the units of the file; 0: not known."""
+    squares = []
+    for sigma in _sigmas(flow):
+        values = np.asarray(sigma, dtype=np.float64)
+        if flow.particles is None and values.ndim:
+            values = values[flow.valid]
+        squares.append(float(np.mean(np.square(values))))
+    return math.sqrt(sum(squares) / 2)
+
+
+def _sigmas(flow: Flow) -> tuple[Any, Any]:
+    """sigma_u and sigma_v of the vectors that are measured, numbers or arrays; 0: not known."""
+    particles = flow.particles
+    own = (None, None) if particles is None else (particles.sigma_u, particles.sigma_v)
+    pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)
+    sigma_u, sigma_v = (next((s for s in pair if s is not None), 0.0) for pair in pairs)
+    return sigma_u, sigma_v
+
+
 def max_speed(flow: Flow) -> float:
     """The largest speed over the grains, in the units of the file."""
     if flow.particles is not None:
@@ -80,8 +128,11 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy(values: Float32Array, sigma: float, seed: int, stream: int) -> Float32Array:
-    """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order."""
+def _noisy(values: Float32Array, sigma: Any, seed: int, stream: int) -> Float32Array:
+    """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order.
+
+    `sigma` is one number or has the shape of `values`.
+    """
     # Philox has a key of 128 bits: the seed is its low half, the stream its high half.
     generator = np.random.Generator(np.random.Philox(key=seed + (stream << 64)))
     noisy = values.astype(np.float64)

@@ -46,7 +46,7 @@ def convert(
         raise DataFileError(f"missing: {'; '.join(missing)}")
     material = material_of(settings)
     if settings.mask is not None:
-        fields = with_mask(fields, settings.mask)
+        fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
     frame = frame_of(fields, settings)
     constants = {
         "gravity": frame.gravity,

@@ -78,7 +78,7 @@ def detect(path: Path) -> str:
             return name
     if _headerless_pivlab(head):
         return "pivlab"
-    if _is_flow_file(path):
+    if is_flow_file(path):
         raise DataFileError(f"{path} is a flow file already: python -m granpinn.train {path}")
     raise DataFileError(
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
@@ -86,7 +86,8 @@ def detect(path: Path) -> str:
     )
 
 
-def _is_flow_file(path: Path) -> bool:
+def is_flow_file(path: Path) -> bool:
+    """Whether a file is a flow file, from its attribute."""
     try:
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("format_name") == FORMAT_NAME.encode())

@@ -40,7 +40,7 @@ def grains_of(fields: VectorFields) -> Grains:
     return Grains(c, "vectors")
 
 
-def with_mask(fields: VectorFields, pattern: str) -> VectorFields:
+def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> VectorFields:
     """The vectors with those masked where an image is black: one for all frames or one for each.
 
     Black (below half of the brightest) = no grains. The coordinates of the vectors must be pixels,
@@ -50,10 +50,11 @@ def with_mask(fields: VectorFields, pattern: str) -> VectorFields:
 
     if fields.scattered:
         raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
-    if fields.length_unit is None or not fields.length_unit.startswith(("px", "pix", "Pix")):
+    if length_unit is None or not length_unit.startswith(("px", "pix", "Pix")):
         raise DataFileError(
-            f"--mask needs vectors in pixels to find them in the image, got {fields.length_unit}: "
-            "export them without calibration, or with the mask of the PIV program"
+            "--mask needs vectors in pixels to find them in the image, got "
+            f"{length_unit or 'no unit'}: export them without calibration, give --length-unit px "
+            "if they are in pixels, or use the mask of the PIV program"
         )
     files = expand([pattern])
     n_frames = fields.t.size

@@ -44,7 +44,8 @@ class Missing(NamedTuple):
     reason: str
 
 
-def _fields(source: Source) -> Fields:
+def fields_of(source: Source) -> Fields:
+    """The fields of a run, whole and with grains; NothingToDraw says what is missing."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
     absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
@@ -63,19 +64,19 @@ def _history(source: Source) -> History:
 
 # file name -> (title, drawing function)
 FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
-    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, _fields(s))),
-    "pressure": ("Pressure", lambda s: maps.pressure_fields(_fields(s), s.frame)),
-    "profiles": ("Profiles", lambda s: profiles.profiles(_fields(s), s.frame)),
-    "velocity": ("Velocity", lambda s: maps.velocity_fields(_fields(s), s.frame)),
-    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
-    "momentum_residual": (
-        "Momentum residual",
-        lambda s: maps.momentum_residual(_fields(s), s.frame),
-    ),
+    "velocity": ("Velocity", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
+    "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
+    "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
+    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "inertial_number": (
         "Inertial number",
-        lambda s: curves.inertial_number(s.result, _fields(s)),
+        lambda s: curves.inertial_number(s.result, fields_of(s)),
     ),
+    "momentum_residual": (
+        "Momentum residual",
+        lambda s: maps.momentum_residual(fields_of(s), s.frame),
+    ),
+    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
 
 

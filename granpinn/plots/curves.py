@@ -22,14 +22,13 @@ from granpinn.plots.style import (
     new_figure,
     styled,
 )
-from granpinn.results import Covariance, Parameters, Result
+from granpinn.results import Result
 from granpinn.scoring import after_start, flowing
-from granpinn.summary import friction
+from granpinn.summary import friction, half_width
 
 Array = npt.NDArray[np.floating]
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # mu(I) is flat below, and few points lie above
-NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 TERM_COLORS = {
     "loss": BLACK,
     "velocity": BLUE,
@@ -55,8 +54,10 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     mu = friction(I, p.mu_s.value, p.mu_2.value, p.I0.value)
     law.plot(I, mu, color=BLUE, lw=2.2, label="identified", zorder=3)
     if result.covariance is not None:
-        half = NORMAL_90 * friction_sd(I, p, result.covariance)
-        law.fill_between(I, mu - half, mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+        half = half_width(I, result, result.covariance)
+        law.fill_between(
+            I, np.maximum(mu - half, 0), mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band"
+        )
     truth = result.truth
     if truth is not None and truth.mu_s is not None and truth.mu_2 is not None:
         true = friction(I, truth.mu_s, truth.mu_2, truth.I0 or p.I0.value)
@@ -69,24 +70,6 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
     return Drawing(figure, f"{caption}. {_share_below(fields)}")
-
-
-def friction_sd(
-    I: Array,  # noqa: E741
-    parameters: Parameters,
-    covariance: Covariance,
-) -> Array:
-    r"""Standard deviation of mu(I) [n] from the covariance C of the parameters, to first order:
-
-    $$ \sigma_\mu^2 = J\,C\,J^T, \quad \phi = \frac{I}{I_0 + I}, \quad
-       J = \Big(1 - \phi,\ \phi,\ -\frac{(\mu_2 - \mu_s)\,\phi}{I_0 + I}\Big). $$
-    """
-    mu_s, mu_2, I_0 = parameters.mu_s.value, parameters.mu_2.value, parameters.I0.value
-    phi = I / (I_0 + I)
-    derivative = {"mu_s": 1 - phi, "mu_2": phi, "I0": -(mu_2 - mu_s) * phi / (I_0 + I)}
-    J = np.stack([derivative[name] for name in covariance.names])
-    variance = np.einsum("in,ij,jn->n", J, np.array(covariance.matrix), J)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @styled

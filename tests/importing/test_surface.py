@@ -155,6 +155,13 @@ def test_mask_images(tmp_path: Path) -> None:
     np.testing.assert_allclose(flow.x, 0.01 * (X - X[0]))
     assert (flow.v[flow.valid] < 0).all()
     assert flow.surface is not None
+    # Files that do not say their units, such as OpenPIV's.
+    unknown = in_pixels(length_unit=None, velocity_unit=None)
+    unknown = {name: value for name, value in unknown.items() if value is not None}
+    units = {"length_unit": "px", "velocity_unit": "px/frame"}
+    same = read(unknown, mask=str(tmp_path / "m*.png"), **units, **PHYSICAL)
+    np.testing.assert_array_equal(same.c, flow.c)
+    np.testing.assert_array_equal(same.u, flow.u)
     one = write_image(tmp_path / "one.png", np.ones((80, 100)))
     with pytest.warns(FlowFileWarning, match="the free surface is not known"):
         assert (read(in_pixels(), mask=one, **PHYSICAL).c == 1).all()

@@ -9,6 +9,10 @@ from torch import Tensor
 from granpinn import step_ops  # noqa: F401
 
 SHAPES = [(128, 128), (33, 31), (20, 50), (50, 20), (1, 5), (7, 7), (250, 130)]
+# On a GPU with clusters float32 takes another way above a side of 128 or 1000 matrices, and shares
+# a matrix between more blocks above a smaller side of 32 and of 64.
+EDGES = [(1, 1), (32, 32), (40, 128), (64, 64), (65, 64), (127, 90), (127, 127), (128, 127)]
+EDGES += [(128, 40), (128, 129), (250, 250), (256, 256), (300, 257)]
 
 
 def newton_schulz(G: Tensor) -> Tensor:
@@ -28,12 +32,29 @@ def orthogonalize(G: Tensor, device: str | torch.device = "cpu") -> Tensor:
     return result.cpu()
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", SHAPES + EDGES)
 def test_it_errs_like_plain_float32(shape: tuple[int, int], device: torch.device) -> None:
     G = torch.randn(3, *shape)
     truth = newton_schulz(G.double())
     rival = (newton_schulz(G) - truth).norm()
     assert (orthogonalize(G, device) - truth).norm() <= 2 * rival + 1e-7 * truth.norm()
+
+
+@pytest.mark.parametrize("count", [40, 999, 1000, 1001])
+def test_many_matrices(count: int, device: torch.device) -> None:
+    shape = (128, 128) if count == 40 else (20, 24)
+    G = torch.randn(count, *shape) * torch.logspace(-15, 15, count)[:, None, None]
+    truth = newton_schulz(G.double())
+    rival = (newton_schulz(G) - truth).norm()
+    assert (orthogonalize(G, device) - truth).norm() <= 2 * rival + 1e-7 * truth.norm()
+
+
+@pytest.mark.parametrize("shape", [(128, 128), (40, 100), (20, 16)])
+def test_it_repeats_itself(shape: tuple[int, int], device: torch.device) -> None:
+    G = torch.randn(30, *shape)
+    first = orthogonalize(G, device)
+    assert torch.equal(first, orthogonalize(G, device))
+    assert torch.equal(first[7], orthogonalize(G[7], device))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -60,13 +81,17 @@ def test_zero_stays_zero_and_nothing_stays_nothing(device: torch.device) -> None
     assert orthogonalize(torch.zeros(2, 0, 4), device).shape == (2, 0, 4)
 
 
-def test_matrices_of_a_batch_do_not_touch_each_other() -> None:
-    wide = torch.randn(2, 3, 40, 50)
-    G = wide[..., :33]  # strided
-    together = orthogonalize(G)
+@pytest.mark.parametrize("kind", ["columns", "parameters"])
+def test_matrices_of_a_batch_do_not_touch_each_other(kind: str, device: torch.device) -> None:
+    if kind == "columns":
+        G = torch.randn(2, 3, 40, 50).to(device)[..., :33]
+    else:  # of two members, each matrix followed by other parameters: aligned to 4 bytes only
+        params = torch.randn(2, 5003).to(device)
+        G = params.as_strided((2, 3, 40, 33), (5003, 1321, 33, 1), 1)
+    together = orthogonalize(G, device)
     for e in range(2):
         for k in range(3):
-            assert torch.equal(together[e, k], orthogonalize(G[e, k]))
+            assert torch.equal(together[e, k], orthogonalize(G[e, k], device))
 
 
 def test_the_number_of_threads_changes_no_bit(threads: None) -> None:

@@ -11,6 +11,7 @@ import torch
 from granpinn.data import Flow, Truth
 from granpinn.fields import Fields, Units
 from granpinn.network import OUTPUTS, NetworkSpec, initial_parameters
+from granpinn.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.results import (
     Covariance,
     DataSummary,
@@ -36,6 +37,10 @@ SPARSE: dict[str, Any] = {
     "zones": None,
     "inertial_number": None,
     "covariance": None,
+    "members": None,
+    "residuals": None,
+    "error_bars": None,
+    "verdict": None,
     "error_percent": ErrorPercent(),
     "settings": {},
 }
@@ -61,6 +66,14 @@ def make_result(**changes: Any) -> Result:
         zones=Zones(0.05, "velocity in the flow file", n_flowing=900, n_stagnant=300),
         inertial_number=InertialNumber(q05=1e-4, median=0.02, q95=0.3),
         covariance=Covariance(("mu_s", "mu_2"), ((1.44e-4, -1e-5), (-1e-5, 4e-4))),
+        members=Members(
+            (7, 11, 13), (0.4, 0.41, 0.5), (0.6, 0.61, 0.7), (False, False, True), 1, 1
+        ),
+        residuals=Residuals(0.004, 0.002, 1e-4, 0.01, 0.02, 0.03),
+        error_bars=ErrorBars(
+            (0.004, 0.01), (0.011, 0.017), (8.5, 9.5), (1.8, 1.9), "made up", True
+        ),
+        verdict=Verdict(True, "nothing contradicts mu(I): a made-up example", 0.9, 1.1),
     )
     return replace(result, **changes)
 

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 class Page(HTMLParser):
     """
     Attributes:
-        text: what is read, white space folded; `style` left out.
+        text: what is read, white space folded; `style` and `script` left out.
         tags: names of all elements, in order.
         attributes: (element, attribute, value) of all elements.
     """
@@ -26,7 +26,7 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         self.attributes += [(tag, name, value or "") for name, value in attrs]
-        self._in_style = tag == "style"
+        self._in_style = tag in {"style", "script"}
         if tag in {"td", "th", "dd"}:
             self._text.append(" ")
 

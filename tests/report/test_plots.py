@@ -12,10 +12,12 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from granpinn import summary
 from granpinn.data import Truth
 from granpinn.fields import Fields
 from granpinn.plots import album, curves, style
 from granpinn.plots.style import NothingToDraw
+from granpinn.records import ErrorBars
 from granpinn.results import Covariance, InertialNumber, Parameter, Parameters, Result
 from tests.report.run_folder import Array, Contents, with_values
 
@@ -28,7 +30,14 @@ def result(contents: Contents) -> Result:
     """A result with round numbers over a known band."""
     parameters = Parameters(Parameter(0.4, False), Parameter(0.6, False), Parameter(0.25, True))
     truth = Truth(mu_s=0.38, mu_2=0.64, I0=0.3)
-    return replace(contents.result, parameters=parameters, truth=truth, inertial_number=BAND)
+    return replace(
+        contents.result,
+        parameters=parameters,
+        truth=truth,
+        inertial_number=BAND,
+        covariance=None,
+        error_bars=None,
+    )
 
 
 def line(axes: Axes, name: str) -> Line2D:
@@ -107,6 +116,16 @@ def test_the_band_of_uncertainty_is_90_percent_of_a_sample(
         assert (edges.min(), edges.max()) == pytest.approx((low, high), abs=0.02 * (high - low))
 
 
+def test_the_band_is_as_wide_as_the_intervals(result: Result, contents: Contents) -> None:
+    bars = ErrorBars((0.01, 0.02), (0.01, 0.02), (5.0, 6.0), (2.0, 3.29), "a test", False)
+    heights = []
+    for error_bars in (None, bars):
+        known = replace(result, covariance=COVARIANCE, error_bars=error_bars)
+        law = curves.friction_law(known, contents.fields).figure.axes[0]
+        heights.append(np.ptp(np.asarray(law.collections[0].get_paths()[0].vertices)[:5, 1]))
+    assert heights[1] / heights[0] == pytest.approx(2, rel=0.01)
+
+
 def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result) -> None:
     I = np.array([1e-3, 0.1, 2.0])  # noqa: E741
     values = np.array([0.4, 0.6, 0.25])
@@ -119,7 +138,7 @@ def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result
     J = np.stack([(mu(values + h) - mu(values - h)) / 2e-6 for h in step])
     order = [2, 0, 1]
     covariance = Covariance(("I0", "mu_s", "mu_2"), tuple(map(tuple, matrix[order][:, order])))
-    sd = curves.friction_sd(I, result.parameters, covariance)
+    sd = summary.friction_sd(I, result.parameters, covariance)
     np.testing.assert_allclose(sd, np.sqrt(np.einsum("in,ij,jn->n", J, matrix, J)), rtol=1e-6)
 
 

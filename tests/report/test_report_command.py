@@ -45,12 +45,14 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
     assert "img" not in page.tags
     assert f"{tmp_path / 'fields.h5'} does not exist history.csv does not exist" in page.text
     assert "Inertial number: there is no fields.h5 that can be read" in page.text
+    assert "Fields over time: there is no fields.h5 that can be read" in page.text
+    assert "script" not in page.tags
     assert "Course of the training: there is no history.csv that can be read" in page.text
     assert "μs 0.410 ± 0.012" in page.text
 
 
 def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) -> None:
-    assert build(run_dir).tags.count("img") == 2
+    assert build(run_dir).tags.count("img") == 3  # and the still of the film
     content = (run_dir / "fields.h5").read_bytes()
     (run_dir / "fields.h5").write_bytes(content[: len(content) // 2])
     page = build(run_dir)
@@ -62,13 +64,13 @@ def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) ->
 def test_a_flow_without_reference_pressure(run_dir: Path) -> None:
     with h5py.File(run_dir / "fields.h5", "r+") as file:
         del file["p_reference"]
-    assert build(run_dir).tags.count("img") == 2
+    assert build(run_dir).tags.count("img") == 3
 
 
 def test_a_damaged_history_is_said(run_dir: Path) -> None:
     (run_dir / "history.csv").write_bytes(b"\xff\xfe\n")
     page = build(run_dir)
-    assert page.values("img", "alt") == ["Inertial number"]
+    assert page.values("img", "alt")[1:] == ["Inertial number"]
     assert "history.csv could not be read: 'utf-8' codec" in page.text
 
 
@@ -111,6 +113,24 @@ def test_the_command_prints_the_page(
     assert report.main([str(run_dir), "--time", "0.3"]) == 0
     assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
     assert times == [0.3]
+
+
+def test_the_command_writes_the_fields_for_paraview(
+    run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert report.main([str(run_dir), "--paraview"]) == 0
+    page, path = run_dir / "report.html", run_dir / "fields.vtkhdf"
+    assert capsys.readouterr() == (f"{page}\n{path}\n", "")
+    assert path.stat().st_size > 0
+
+
+def test_no_fields_for_paraview_are_refused(
+    run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (run_dir / "fields.h5").unlink()
+    assert report.main([str(run_dir), "--paraview"]) == 2
+    assert f"granpinn.report: {run_dir / 'fields.h5'} does not exist" in capsys.readouterr().err
+    assert not (run_dir / "fields.vtkhdf").exists()
 
 
 @pytest.mark.parametrize(

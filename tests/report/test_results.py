@@ -181,20 +181,21 @@ def test_versions_of_what_the_numbers_depend_on(monkeypatch: pytest.MonkeyPatch)
 
 def test_the_summary_is_a_table() -> None:
     assert str(make_result()).splitlines() == [
-        "          value       std     true   error %",
-        "mu_s     0.4100    0.0120   0.4000      2.50",
-        "mu_2     0.6100         -   0.6400      4.69",
-        "I0       0.3000     fixed   0.3000         -",
-        "velocity                                0.80",
-        "pressure                                4.00",
-        "pressure, flowing                          -",
-        "pressure, stagnant                         -",
+        "          value       std      90 % interval     true   error %",
+        "mu_s     0.4100    0.0120   0.3900 to 0.4300   0.4000      2.50",
+        "mu_2     0.6100         -                  -   0.6400      4.69",
+        "I0       0.3000     fixed                  -   0.3000         -",
+        "velocity                                                   0.80",
+        "pressure                                                   4.00",
+        "pressure, flowing                                             -",
+        "pressure, stagnant                                            -",
+        "nothing contradicts mu(I): a made-up example",
     ]
 
 
 def test_the_summary_has_dashes_for_what_is_unknown() -> None:
     lines = str(make_result(**SPARSE)).splitlines()
-    assert lines[1] == "mu_s     0.4100    0.0120        -         -"
+    assert lines[1] == "mu_s     0.4100    0.0120   0.3900 to 0.4300        -         -"
     assert all(line.endswith(" -") for line in lines[4:])
     assert number(None, ".3f") == "-"
     assert number(2.0, ".3f") == "2.000"

@@ -1,0 +1,125 @@
+"""How a step is timed on a GPU: device events, launches, peak memory, and the machine's ceilings.
+
+On a CPU, where the GPU benchmark is only tried out, the wall clock takes the place of events and
+what only a GPU has is None.
+"""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import torch
+
+Advance = Callable[[], Any]
+SAMPLE_MS = 2.0  # a sample is as many steps as take this long
+ROUNDS = (5, 50)
+
+
+def milliseconds(advance: Advance, device: torch.device, seconds: float = 0.3) -> float:
+    """Median time of a step: samples of some steps each, for about so many seconds."""
+    for _ in range(3):
+        advance()
+    once = _sample(advance, 1, device)
+    repeats = max(1, round(SAMPLE_MS / once))
+    low, high = ROUNDS
+    rounds = max(low, min(high, int(1e3 * seconds / (once * repeats))))
+    return statistics.median(_sample(advance, repeats, device) / repeats for _ in range(rounds))
+
+
+def _sample(advance: Advance, repeats: int, device: torch.device) -> float:
+    if device.type != "cuda":
+        begin = time.perf_counter()
+        for _ in range(repeats):
+            advance()
+        return 1e3 * (time.perf_counter() - begin)
+    event: Any = torch.cuda.Event
+    start, end = event(enable_timing=True), event(enable_timing=True)
+    torch.cuda.synchronize()
+    start.record()
+    for _ in range(repeats):
+        advance()
+    end.record()
+    end.synchronize()
+    return float(start.elapsed_time(end))
+
+
+def graphed(step: Advance, steps: int) -> Advance:
+    """So many steps, captured in a CUDA graph that every call replays."""
+    side = torch.cuda.Stream()  # type: ignore[no-untyped-call]
+    side.wait_stream(torch.cuda.current_stream())
+    with torch.cuda.stream(side):
+        for _ in range(3):
+            step()
+    torch.cuda.current_stream().wait_stream(side)
+    torch.cuda.synchronize()
+    torch.cuda.empty_cache()
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        for _ in range(steps):
+            last = step()
+
+    def replay(kept: Any = last) -> Any:
+        graph.replay()
+        return kept
+
+    return replay
+
+
+def launches(advance: Advance, steps: int = 1) -> float | None:
+    """Kernels per step, by torch.profiler, of an `advance` that makes so many steps.
+
+    Profiling slows later launches down: it comes after everything that is timed.
+    """
+    if not torch.cuda.is_available():
+        return None
+    from torch._C._autograd import DeviceType
+    from torch.profiler import ProfilerActivity, profile
+
+    advance()
+    torch.cuda.synchronize()
+    with profile(activities=[ProfilerActivity.CUDA]) as found:
+        advance()
+        torch.cuda.synchronize()
+    other = ("Memcpy", "Memset", "Optimizer.", "ProfilerStep")
+    names = [e.name for e in found.events() or [] if e.device_type == DeviceType.CUDA]
+    return round(sum(not name.startswith(other) for name in names) / steps, 1)
+
+
+class PeakMemory:
+    """Bytes that the tensors of a block take at most, those from before it not counted."""
+
+    def __init__(self, device: torch.device) -> None:
+        self.device = device
+        self.bytes: int | None = None
+
+    def __enter__(self) -> PeakMemory:
+        gc.collect()
+        if self.device.type == "cuda":
+            torch.cuda.empty_cache()
+            torch.cuda.reset_peak_memory_stats()
+            self.before = torch.cuda.memory_allocated()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.device.type == "cuda":
+            self.bytes = torch.cuda.max_memory_allocated() - self.before
+
+
+def ceilings(device: torch.device) -> dict[str, float]:
+    """Measured rates: float32 and TF32 products [TFLOP/s], a copy [TB/s, read and written]."""
+    n, numbers = (8192, 2**28) if device.type == "cuda" else (256, 2**20)
+    a, b = (torch.randn(n, n, device=device) for _ in range(2))
+    c = torch.empty_like(a)
+    out = {}
+    for name, precision in (("sgemm_tflops", "highest"), ("tf32_tflops", "high")):
+        torch.set_float32_matmul_precision(precision)
+        out[name] = 2e-9 * n**3 / milliseconds(lambda: torch.mm(a, b, out=c), device)
+    torch.set_float32_matmul_precision("highest")
+    source = torch.zeros(numbers, device=device)
+    target = torch.empty_like(source)
+    out["copy_tb_per_s"] = 8e-9 * numbers / milliseconds(lambda: target.copy_(source), device)
+    return {name: round(rate, 4) for name, rate in out.items()}

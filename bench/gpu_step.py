@@ -1,0 +1,222 @@
+"""One optimization step on a GPU: granpinn against everything else a PINN user can run.
+
+python -m bench.gpu_step --json bench/results/gpu_step.json
+
+One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
+every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
+that fails is a row with its error. --quick leaves out most of the rivals and sizes, ensembles,
+training and the trained network. --device cpu tries the command on tiny batches.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from bench import gpu_accuracy, gpu_table, gpu_training, rivals
+from bench.device import ceilings, launches
+from bench.machine import describe
+from bench.rivals import (
+    GRANPINN,
+    LAST_RIVAL,
+    OTHER_RIVALS,
+    QUICK_RIVALS,
+    Measured,
+    Rival,
+    Sizes,
+    too_large,
+)
+from granpinn.identification import choose_device
+
+JAX = "JAX"
+
+
+class Study:
+    """The measurements so far, and how much time is left for more."""
+
+    def __init__(
+        self,
+        device: torch.device,
+        seconds: float,
+        json_file: Path | None,
+        chosen: list[str] | None = None,
+    ) -> None:
+        self.device, self.json_file, self.chosen = device, json_file, chosen
+        self.begin = time.monotonic()
+        self.end = self.begin + seconds
+        self.kept: list[Measured] = []
+        self.result: dict[str, Any] = {
+            "date": time.strftime("%Y-%m-%d"),
+            "machine": describe() | gpu(device),
+            "rows": [],
+        }
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        rows: list[dict[str, Any]] = self.result["rows"]
+        return rows
+
+    def add(self, name: str, content: Any) -> None:
+        """A part of the result is there: keep it on disk too."""
+        self.result[name] = content
+        self.result["seconds"] = round(time.monotonic() - self.begin, 1)
+        print(f"[{self.result['seconds']:6.1f} s] {name}", flush=True)
+        self.save()
+
+    def save(self) -> None:
+        if self.json_file:
+            self.json_file.parent.mkdir(parents=True, exist_ok=True)
+            self.json_file.write_text(json.dumps(rounded(self.result), indent=1) + "\n")
+
+    def measure(self, some: list[Rival], sizes: Sizes) -> None:
+        """All sizes of some rivals."""
+        for rival in filter(self.wanted, some):
+            for form, counts in sizes.items():
+                for points in filter(lambda n: rival.wants(form, n), counts):
+                    reason = too_large(self.rows, rival, form, points) or self._late(rival)
+                    if reason:
+                        row = {"name": rival.name, "form": form, "points": points}
+                        self.rows.append(row | {"error": f"not measured: {reason}"})
+                        continue
+                    found = rivals.measure(rival, form, points, self.device)
+                    self.rows.append(found.row)
+                    if found.advance is not None:
+                        self.kept.append(found)
+            self.add("rows", self.rows)
+
+    def wanted(self, rival: Rival) -> bool:
+        return rival in GRANPINN or self.named(rival.name)
+
+    def named(self, name: str) -> bool:
+        """Whether the command line asks for a rival of this name."""
+        return self.chosen is None or any(part in name for part in self.chosen)
+
+    def _late(self, rival: Rival) -> str | None:
+        late = rival not in GRANPINN and time.monotonic() + rival.seconds > self.end
+        return "no time left, see --seconds" if late else None
+
+    def jax(self, sizes: Sizes) -> None:
+        """The rows of bench/gpu_jax.py, which runs in processes of its own: one for each form."""
+        platform = "cuda" if self.device.type == "cuda" else "cpu"
+        switches = {"JAX_PLATFORMS": platform, "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
+        if self.device.type == "cuda":
+            torch.cuda.empty_cache()
+        for form, counts in sizes.items():
+            command = [sys.executable, "-m", "bench.gpu_jax", "--form", form, "--points"]
+            left = self.end - time.monotonic()
+            lines, reason = run_lines(
+                [*command, *map(str, counts)], os.environ | switches, max(left, 1.0)
+            )
+            about = [line for line in lines if "jax" in line]
+            if about:
+                self.result["machine"] |= {"jax": about[0]["jax"]}
+            self.rows.extend(line for line in lines if "name" in line)
+            done = {line["points"] for line in lines if "name" in line}
+            for points in sorted(set(counts) - done):
+                row = {"name": JAX, "form": form, "points": points}
+                self.rows.append(row | {"error": f"not measured: {reason or 'no output'}"})
+        self.add("rows", self.rows)
+
+    def count_launches(self) -> None:
+        for measured in self.kept:
+            try:
+                measured.row["launches"] = launches(measured.advance or float, measured.steps)
+            except Exception as error:
+                measured.row["launches_error"] = f"{type(error).__name__}: {error}"
+        self.add("rows", self.rows)
+
+
+def run_lines(
+    command: list[str], environment: dict[str, str] | None, seconds: float
+) -> tuple[list[dict[str, Any]], str | None]:
+    """The lines of JSON that a command prints, and why there are no more where it failed."""
+    reason = None
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=seconds, check=False
+        )
+        out = done.stdout
+        if done.returncode:
+            reason = (done.stderr.strip().splitlines() or ["no message"])[-1][:300]
+    except subprocess.TimeoutExpired as error:
+        out = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
+        reason = "no time left, see --seconds"
+    lines = [line for line in out.splitlines() if line.startswith("{") and line.endswith("}")]
+    return [json.loads(line) for line in lines], reason
+
+
+def gpu(device: torch.device) -> dict[str, Any]:
+    """The GPU and the versions behind it."""
+    if device.type != "cuda":
+        return {"gpu": None}
+    found = torch.cuda.get_device_properties(device)
+    return {
+        "gpu": found.name,
+        "multiprocessors": found.multi_processor_count,
+        "gpu_memory_gb": found.total_memory / 1e9,
+        "cuda": torch.version.cuda,
+    }
+
+
+def rounded(value: Any) -> Any:
+    """The same with four significant digits, as JSON that people read."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    return [rounded(item) for item in value] if isinstance(value, list) else value
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
+    parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
+    parser.add_argument("--seconds", type=float, help="no rival is begun later (215, quick 55)")
+    parser.add_argument(
+        "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
+    )
+    parser.add_argument("--trained", type=Path, metavar="RUN_DIR", help="errors for this run too")
+    parser.add_argument("--json", type=Path, help="file for the raw results")
+    arguments = parser.parse_args()
+    for noise in (DeprecationWarning, UserWarning):  # of torch about the ways of the rivals
+        warnings.filterwarnings("ignore", category=noise)
+    device, quick = choose_device(arguments.device), arguments.quick
+    tiny = device.type == "cpu"
+    seconds = arguments.seconds or (55.0 if quick else 215.0)
+    study = Study(device, seconds, arguments.json, arguments.rivals)
+    sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
+    study.add("ceilings", ceilings(device))
+    study.measure(GRANPINN, sizes)
+    study.measure(QUICK_RIVALS, sizes)
+    trained = 8 if tiny else 0 if quick else 3000
+    batch = (32, 8) if tiny else (1024, 128)
+    study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
+    if not quick:
+        study.add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
+        study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
+        study.measure(OTHER_RIVALS, sizes)
+        if study.named(JAX):
+            study.jax(sizes)
+        study.measure([LAST_RIVAL], sizes)
+    study.count_launches()
+    gpu_table.complete(study.rows, study.result["ceilings"])
+    study.add("rows", study.rows)
+    print(json.dumps(study.result["machine"] | study.result["ceilings"]))
+    many = [study.result.get(name, []) for name in ("ensembles", "training")]
+    print(gpu_training.text(*many), end="\n\n")
+    print(gpu_accuracy.text(study.result["accuracy"]), end="\n\n")
+    print(gpu_table.text(study.rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""Every way to make one optimization step on a GPU, and the measurement of one of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import torch
+
+from bench.device import Advance, PeakMemory, graphed, milliseconds
+from bench.jets import jets_step
+from bench.steps import Task, eager_step, functional_step, fused_step, make_task
+
+EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + graph"
+OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
+SMALL = 4096  # up to here a graph holds ten steps: launching it costs as much as the step
+STEPS_PER_GRAPH = 10
+MOST_MEMORY = 60e9
+Sizes = dict[str, tuple[int, ...]]
+SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
+QUICK_SIZES: Sizes = {"strong": (512, 32768), "mixed": (512, 32768)}
+TINY_SIZES: Sizes = {"strong": (32,), "mixed": (32,)}  # to try the command on a CPU
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One line of the table.
+
+    Attributes:
+        graph: whether its steps are captured in a CUDA graph.
+        seconds: how long a row may take, most of it in torch.compile.
+    """
+
+    name: str
+    make: Callable[[Task], Advance]
+    graph: bool
+    seconds: float = 4.0
+
+    def wants(self, form: str, points: int) -> bool:
+        """Only a few sizes of what takes long to compile."""
+        return self.seconds < 20 or points <= 512 or (form == "strong" and points == 32768)
+
+
+GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
+QUICK_RIVALS = [
+    Rival(EAGER, eager_step, False),
+    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, 12.0),
+]
+OTHER_RIVALS = [
+    Rival("torch eager autograd + graph", eager_step, True),
+    Rival("Taylor jets, torch eager", jets_step, False),
+]
+LAST_RIVAL = Rival(
+    "torch.func jvp, torch.compile + graph", partial(functional_step, compiled=True), True, 25.0
+)
+
+
+@dataclass
+class Measured:
+    """A row of the results, and the step of a row whose launches are still to be counted."""
+
+    row: dict[str, Any]
+    advance: Advance | None
+    steps: int
+
+
+def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measured:
+    """Time and memory of a step; an error is part of the row."""
+    row: dict[str, Any] = {"name": rival.name, "form": form, "points": points}
+    use_graph = rival.graph and device.type == "cuda"
+    steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
+    task = make_task(form, points).to(device)
+    row |= {"flop": task.flop, "traffic": task.traffic, "steps_per_graph": steps * use_graph}
+    try:
+        torch.compiler.reset()  # a limit on recompilations would count all rows together
+        with PeakMemory(device) as memory:
+            step = rival.make(task)
+            advance = graphed(step, steps) if use_graph else step
+            ms = milliseconds(advance, device) / steps
+            if not math.isfinite(loss := float(advance())):
+                raise ArithmeticError(f"the loss became {loss}")
+            row["ms"] = ms
+        if memory.bytes is not None:
+            row["peak_gb"] = memory.bytes / 1e9
+    except Exception as error:  # whatever a rival does, the others are measured
+        lines = str(error).strip().splitlines()
+        row["error"] = f"{type(error).__name__}: {lines[0][:300] if lines else ''}"
+        return Measured(row, None, steps)
+    keep = points <= SMALL or rival in GRANPINN
+    return Measured(row, advance if keep else None, steps)
+
+
+def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> str | None:
+    """Why a row is not measured: what its smaller rows say of its memory."""
+    known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "peak_gb" in r]
+    if not known:
+        return None
+    largest = max(known, key=lambda r: int(r["points"]))
+    expected = largest["peak_gb"] * max(1.0, points / largest["points"])
+    if expected * 1e9 <= MOST_MEMORY:
+        return None
+    return f"would need {expected:.0f} GB, more than {MOST_MEMORY / 1e9:.0f}"

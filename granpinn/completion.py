@@ -1,0 +1,100 @@
+"""`granpinn completion SHELL`: a script that completes verbs, flags and their choices.
+
+The words are taken from the help of every verb when the script is printed; completing itself starts
+no Python.  Everything else is completed as a file name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+
+FLAG = re.compile(r"^\s+(?:-\w, )?(--[A-Za-z][\w.-]*)(?: \{([^}]*)\})?", re.MULTILINE)
+
+BASH = """# bash completion of granpinn; for every shell: put this line into ~/.bashrc
+#   eval "$(granpinn completion bash)"
+_granpinn() {{
+    local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}}
+    local words=""
+    if [ "$COMP_CWORD" -eq 1 ]; then
+        words={verbs}
+    else
+        case "${{COMP_WORDS[1]}} $before" in
+{choices}
+        *)
+            case "$word ${{COMP_WORDS[1]}}" in
+{flags}
+            esac ;;
+        esac
+    fi
+    COMPREPLY=($(compgen -W "$words" -- "$word"))
+}}
+complete -o default -F _granpinn granpinn
+"""
+ZSH = """# zsh completion of granpinn; for every shell: put this line into ~/.zshrc
+#   eval "$(granpinn completion zsh)"
+autoload -Uz compinit bashcompinit
+(( $+functions[compdef] )) || compinit
+bashcompinit
+"""
+SHELLS = ("bash", "zsh")
+
+Command = Callable[[Sequence[str]], int]
+
+
+def main(argv: Sequence[str], commands: Mapping[str, Command]) -> int:
+    """Print the script; 0 done, 2 no such shell.
+
+    Args:
+        argv: the shell.
+        commands: verb -> its command, which prints its flags for --help.
+    """
+    if any(word in ("-h", "--help") for word in argv):
+        print(f"usage: granpinn completion {{{','.join(SHELLS)}}}\n\n{__doc__.strip()}\n")
+        print('put eval "$(granpinn completion bash)" into ~/.bashrc, or the same for zsh')
+        return 0
+    if len(argv) != 1 or argv[0] not in SHELLS:
+        got = " ".join(argv) or "nothing"
+        print(
+            f"granpinn.completion: the shell must be one of {', '.join(SHELLS)}, got {got}: "
+            "granpinn completion bash",
+            file=sys.stderr,
+        )
+        return 2
+    print(script(argv[0], {verb: flags_of(command) for verb, command in commands.items()}))
+    return 0
+
+
+def flags_of(command: Command) -> dict[str, list[str]]:
+    """Flag -> its choices (mostly none), as the help of a command lists them."""
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
+        command(["--help"])
+    found = dict(FLAG.findall(text.getvalue()))
+    return {flag: choices.split(",") if choices else [] for flag, choices in found.items()}
+
+
+def script(shell: str, verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
+    """The completion script of "bash" or "zsh" for verb -> flag -> choices."""
+    flags = [f"            --*' {verb}') words={_words(found)} ;;" for verb, found in verbs.items()]
+    flags.append(f"            *' completion') words={_words(SHELLS)} ;;")
+    choices = [
+        f"        {shlex.quote(f'{verb} {flag}')}) words={_words(values)} ;;"
+        for verb, found in verbs.items()
+        for flag, values in found.items()
+        if values
+    ]
+    body = BASH.format(
+        verbs=_words([*verbs, "completion"]), choices="\n".join(choices), flags="\n".join(flags)
+    )
+    if shell == "bash":
+        return body.rstrip("\n")
+    return ZSH + body[body.index("_granpinn()") :].rstrip("\n")
+
+
+def _words(words: Sequence[str] | Mapping[str, Sequence[str]]) -> str:
+    return shlex.quote(" ".join(words))

@@ -1,0 +1,171 @@
+"""Facts about the vectors that need no model: how many, which are missing, when, how fast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from granpinn.data import Flow
+from granpinn.inspection.gradients import Gradients
+from granpinn.inspection.view import Bool, Float64, View
+
+# Between two frames the fastest grains should move less than this, in units of H0: the shear
+# layers of a collapse are about ten times thicker.
+LARGEST_MOVE = 0.05
+FASTEST = 0.99  # quantile
+# Accelerations are averaged over blocks of so many frames, rows and columns; those with a larger
+# error, in units of |g|, do not judge gravity.
+BLOCK = (12, 8, 8)
+FEWEST_BLOCKS = 10
+LARGEST_ERROR = 0.1
+FREE_FALL = 0.8  # of the largest acceleration
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Vectors and gaps.
+
+    Attributes:
+        frames, rows, columns: of the grid (that of the figures for particles).
+        vectors: valid ones.
+        invalid_share: of the cells full of grains, those without a vector; None for particles.
+        zero_share: of the vectors after t = 0, those that are exactly zero.
+        repeated: frames that repeat the one before.
+        poor_frames: frames without vectors in half of the grains.
+    """
+
+    particles: bool
+    frames: int
+    rows: int
+    columns: int
+    vectors: int
+    invalid_share: float | None
+    zero_share: float
+    repeated: tuple[int, ...]
+    poor_frames: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Whether the frames follow the flow, and whether gravity fits; in units of H0 and |g|.
+
+    Attributes:
+        speed: largest speed, in the units of the file.
+        cells_per_frame: moved by the fastest grains from one frame to the next, in cells.
+        largest_move: the same in units of H0, over the worst pair of frames.
+        sparse: (start, end) of the longest run of pairs that are too far apart, in file units.
+        acceleration: largest (98 %) along gravity, in units of |g|; None if noise hides it.
+        tilt: degrees from gravity to the acceleration of falling grains, counter-clockwise.
+    """
+
+    speed: float
+    cells_per_frame: float
+    largest_move: float
+    sparse: tuple[float, float] | None
+    acceleration: float | None
+    tilt: float | None
+
+
+def counts(flow: Flow, view: View) -> Counts:
+    """Numbers of vectors, gaps, zeros and repetitions."""
+    particles = flow.particles
+    if particles is None:
+        later = view.there & (flow.t > 0)[:, None, None]
+        u, v = view.u[later], view.v[later]
+        grains = int(view.grains.sum())
+        invalid = 1 - int(view.there.sum()) / grains
+        shares = view.there.sum((1, 2)) / np.maximum(view.grains.sum((1, 2)), 1)
+        poor = tuple(map(int, np.flatnonzero(shares < 0.5)))
+    else:
+        u, v = (a[particles.t > 0].astype(np.float64) for a in (particles.u, particles.v))
+        invalid, poor = None, ()
+    zero = int(((u == 0) & (v == 0)).sum())
+    return Counts(
+        particles=particles is not None,
+        frames=view.t.size if particles is None else int(np.unique(particles.t).size),
+        rows=view.y.size,
+        columns=view.x.size,
+        vectors=int(view.count.sum()),
+        invalid_share=invalid,
+        zero_share=zero / max(u.size, 1),
+        repeated=_repeated(view),
+        poor_frames=poor,
+    )
+
+
+def _repeated(view: View) -> tuple[int, ...]:
+    """Frames whose vectors are those of the frame before, and not all zero."""
+    found = []
+    for k in range(1, view.t.size):
+        there = view.there[k]
+        same = all(np.array_equal(a[k], a[k - 1]) for a in (view.u, view.v, view.count))
+        if same and (view.u[k][there].any() or view.v[k][there].any()):
+            found.append(k)
+    return tuple(found)
+
+
+def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
+    """How far grains move from frame to frame, and how they accelerate.
+
+    Args:
+        speed: largest speed in the units of the file.
+    """
+    # Smoothed, so that noise is not taken for motion.
+    size = np.hypot(found.u, found.v)
+    frame = found.index[0]
+    fastest = np.zeros(view.t.size)
+    for k in np.unique(frame):
+        fastest[k] = np.quantile(size[frame == k], FASTEST)
+    moves = np.diff(view.t) * np.maximum(fastest[1:], fastest[:-1])
+    cell = min(view.steps[1:])
+    acceleration, tilt = _falling(view, found)
+    return Motion(
+        speed=speed,
+        cells_per_frame=float(np.quantile(moves, FASTEST) / cell),
+        largest_move=float(moves.max()),
+        sparse=_longest_run(moves > LARGEST_MOVE, flow.t),
+        acceleration=acceleration,
+        tilt=tilt,
+    )
+
+
+def _longest_run(marked: Bool, t: Float64) -> tuple[float, float] | None:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
+    if edges.size == 0:
+        return None
+    start, end = max(zip(edges[::2], edges[1::2], strict=True), key=lambda run: run[1] - run[0])
+    return float(t[start]), float(t[end])
+
+
+def _falling(view: View, found: Gradients) -> tuple[float | None, float | None]:
+    """Largest acceleration along gravity, and the direction of the grains that fall.
+
+    Accelerations are averaged over blocks, within which windows overlap.
+    """
+    shape = [-(-n // size) for n, size in zip(view.count.shape, BLOCK, strict=True)]
+    block = np.ravel_multi_index(
+        [i // size for i, size in zip(found.index, BLOCK, strict=True)], shape
+    )
+    n = np.bincount(block, minlength=math.prod(shape))
+    full = n >= math.prod(BLOCK) / 4
+
+    def means(values: Float64) -> Float64:
+        return np.asarray(np.bincount(block, weights=values, minlength=n.size)[full] / n[full])
+
+    variance = found.sd[:, 0] ** 2 + (found.u * found.sd[:, 2]) ** 2
+    variance += (found.v * found.sd[:, 1]) ** 2
+    independent = np.maximum(n[full] / (2 * found.half_width + 1) ** 3, 1.0)
+    sure = np.sqrt(means(variance) / independent) < LARGEST_ERROR
+    if sure.sum() < FEWEST_BLOCKS:
+        return None, None
+    a = np.stack([means(values)[sure] for values in found.acceleration.T], axis=-1)
+    g_x, g_y = view.gravity
+    along = a @ np.array([g_x, g_y])
+    largest = float(np.quantile(along, 0.98))
+    falls = along > FREE_FALL * largest
+    if largest < 0.1:
+        return largest, None
+    x, y = np.median(a[falls], axis=0)
+    return largest, math.degrees(math.atan2(g_x * y - g_y * x, g_x * x + g_y * y))

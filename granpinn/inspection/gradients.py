@@ -1,0 +1,134 @@
+r"""Derivatives of noisy velocities with known errors: local linear least squares.
+
+In a window of cells around every cell, $u \approx u_0 + u_t\,\delta t + u_y\,\delta y +
+u_x\,\delta x$, each cell weighing as many vectors as it holds. All windows are solved at once from
+moments, which are convolutions; cells without vectors simply weigh nothing. With white noise of
+standard deviation $\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, $M$ the matrix
+of second moments.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import correlate1d
+
+from granpinn.inspection.view import Float64, View
+
+Array = npt.NDArray[np.floating]
+
+LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
+# The window grows until the error of the shear rate is below this part of its rms.
+WANTED_ERROR = 0.1
+# A window must constrain its slopes: smallest over largest eigenvalue of the scaled moments.
+LEAST_RANK = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Gradients:
+    """Derivatives at K cells, dimensionless.
+
+    Attributes:
+        index: (frame, row, column) of the cells, three arrays [K].
+        vectors: vectors in each of them [K].
+        u, v: smoothed velocity [K].
+        du, dv: derivatives of u and v with respect to t, y and x, [K, 3].
+        sd: standard deviations of these derivatives (the same for u and v), [K, 3].
+        half_width: of the window, in cells.
+    """
+
+    index: tuple[npt.NDArray[np.intp], ...]
+    vectors: Float64
+    u: Float64
+    v: Float64
+    du: Float64
+    dv: Float64
+    sd: Float64
+    half_width: int
+
+    @property
+    def bias(self) -> Float64:
+        """What noise adds to the square of the shear rate on average [K]."""
+        return np.asarray(2 * (self.sd[:, 1] ** 2 + self.sd[:, 2] ** 2))
+
+    @property
+    def gamma_dot(self) -> Float64:
+        r"""Shear rate [K], $\dot\gamma^2 = (u_x - v_y)^2 + (u_y + v_x)^2$ less its noise."""
+        square = (self.du[:, 2] - self.dv[:, 1]) ** 2 + (self.du[:, 1] + self.dv[:, 2]) ** 2
+        return np.sqrt(np.maximum(square - self.bias, 0.0))
+
+    @property
+    def divergence(self) -> Float64:
+        """u_x + v_y [K]."""
+        return np.asarray(self.du[:, 2] + self.dv[:, 1])
+
+    @property
+    def acceleration(self) -> Float64:
+        """Dv/Dt [K, 2] in units of |g|, from the window's own velocity and slopes."""
+        a = [d[:, 0] + self.u * d[:, 2] + self.v * d[:, 1] for d in (self.du, self.dv)]
+        return np.stack(a, axis=-1)
+
+
+def gradients(view: View, sigma: float) -> Gradients:
+    """Derivatives in windows that are large enough for the noise, as far as windows go.
+
+    In d = 3 dimensions the error of a slope falls with the half-width m as m^(-1 - d/2).
+
+    Args:
+        sigma: standard deviation of one component of one vector, dimensionless.
+    """
+    found = _fit(view, sigma, 1)
+    if found.u.size == 0:
+        return found
+    error = math.sqrt(float(np.median(found.bias)))
+    size = math.sqrt(float(np.mean(found.gamma_dot**2)))
+    if error <= WANTED_ERROR * size:
+        return found
+    wanted = LARGEST_HALF_WIDTH if size == 0 else (error / (WANTED_ERROR * size)) ** 0.4
+    return _fit(view, sigma, min(math.ceil(wanted), LARGEST_HALF_WIDTH))
+
+
+def _fit(view: View, sigma: float, m: int) -> Gradients:
+    steps = view.steps
+    half = [min(m, (n - 1) // 2) for n in view.count.shape]
+    # Offsets in units of the half-width, so that the moments are of one size.
+    offsets = [np.arange(-h, h + 1) / max(h, 1) for h in half]
+
+    def moment(values: Float64, powers: tuple[int, ...]) -> Float64:
+        for axis, power in enumerate(powers):
+            if len(offsets[axis]) > 1:
+                values = correlate1d(values, offsets[axis] ** power, axis=axis, mode="constant")
+        return np.asarray(values)
+
+    index = np.nonzero(view.there)
+    base = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    matrix = np.empty((index[0].size, 4, 4))
+    for i, j in combinations_with_replacement(range(4), 2):
+        powers = tuple(a + b for a, b in zip(base[i], base[j], strict=True))
+        matrix[:, i, j] = matrix[:, j, i] = moment(view.count, powers)[index]
+    right = np.empty((index[0].size, 4, 2))
+    for k, values in enumerate((view.u, view.v)):
+        weighted = values * view.count
+        for i, powers in enumerate(base):
+            right[:, i, k] = moment(weighted, powers)[index]
+    eigenvalues = np.linalg.eigvalsh(matrix / np.maximum(matrix[:, :1, :1], 1.0))
+    solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
+    inverse = np.linalg.inv(matrix[solvable])
+    solution = inverse @ right[solvable]
+    unit = np.array([max(h, 1) * step for h, step in zip(half, steps, strict=True)])
+    variance = np.diagonal(inverse, axis1=1, axis2=2)[:, 1:]
+    place = tuple(i[solvable] for i in index)
+    return Gradients(
+        index=place,
+        vectors=view.count[place],
+        u=solution[:, 0, 0],
+        v=solution[:, 0, 1],
+        du=solution[:, 1:, 0] / unit,
+        dv=solution[:, 1:, 1] / unit,
+        sd=sigma * np.sqrt(variance) / unit,
+        half_width=m,
+    )

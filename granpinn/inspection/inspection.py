@@ -1,0 +1,277 @@
+"""Everything that is found out about data before training, and the numbers of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granpinn.data import Flow
+from granpinn.data.noise import max_speed
+from granpinn.inspection.checks import Counts, Motion, counts, motion
+from granpinn.inspection.gradients import Gradients, gradients
+from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
+from granpinn.inspection.precision import Law, Precision, expected_precision
+from granpinn.inspection.pressure import estimated_pressure, inertial_number
+from granpinn.inspection.view import Bool, Float64, View, view_of
+from granpinn.scales import Scales
+
+# A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
+# granpinn/scoring.py), and this many times what noise makes of rest.
+RATE_AT_REST = 0.05 * np.sqrt(2)
+RATE_OVER_NOISE = 2.5
+# Below this share of flowing vectors, or this number, nothing is said of the friction law.
+LEAST_FLOWING = 0.01
+FEWEST_FLOWING = 200
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Shear and volume.
+
+    Attributes:
+        window: cells across the windows in which velocities were differentiated.
+        flowing: share of the vectors where the grains shear measurably.
+        shear_rate: median where they do, in units of sqrt(|g| / H0).
+        shear_rate_error: median standard deviation of it.
+        divergence: rms of div v over rms of the shear rate, both where it flows, less noise.
+    """
+
+    window: int
+    flowing: float
+    shear_rate: float | None
+    shear_rate_error: float
+    divergence: float | None
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Inertial numbers of the flowing vectors, with the pressure of granpinn/inspection/pressure.
+
+    Attributes:
+        q05, q50, q95, q99: quantiles.
+        reach: q95 / I0.
+        above: share with I > I0 / 3, where mu_2 begins to be seen apart from the slope.
+    """
+
+    q05: float
+    q50: float
+    q95: float
+    q99: float
+    reach: float
+    above: float
+
+
+@dataclass(frozen=True)
+class SurfaceFacts:
+    """The free surface: points, and the share of the frames that have some."""
+
+    points: int
+    frames: float
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """What data can answer.
+
+    Attributes:
+        noise: dimensionless; times `scales.velocity` in the units of the file.
+        stated_sigma: median of the standard deviation in the file, dimensionless, or None.
+        precision: None where nothing can be said, for the `reason`.
+        I: inertial number at the cells of `gradients` [K], `flows` where they flow [K].
+        noise_cells: noise of every cell [Y, X], dimensionless.
+    """
+
+    flow: Flow
+    scales: Scales
+    law: Law
+    counts: Counts
+    noise: Noise
+    stated_sigma: float | None
+    motion: Motion
+    kinematics: Kinematics
+    inertia: Inertia | None
+    surface: SurfaceFacts | None
+    precision: Precision | None
+    reason: str | None
+    view: View
+    gradients: Gradients
+    I: Float64  # noqa: E741 (the inertial number's own symbol)
+    flows: Bool
+    noise_cells: Float64
+
+    def numbers(self) -> dict[str, Any]:
+        """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
+        plain = ("counts", "motion", "kinematics", "inertia", "surface", "precision", "law")
+        found: dict[str, Any] = {}
+        for name in plain:
+            part = getattr(self, name)
+            found[name] = None if part is None else dataclasses.asdict(part)
+        found["precision_refused_because"] = self.reason
+        found["noise"] = {
+            name: self._in_file_units(value) if name != "vectors_per_independent" else value
+            for name, value in dataclasses.asdict(self.noise).items()
+        }
+        found["noise"]["stated"] = self._in_file_units(self.stated_sigma)
+        found["noise"]["relative_to_largest_speed"] = self.relative_noise
+        found["units"] = {
+            "length": self.flow.length_unit,
+            "time": self.flow.time_unit,
+            "initial_height": self.scales.length,
+            "velocity_scale": self.scales.velocity,
+        }
+        return found
+
+    def _in_file_units(self, value: float | None) -> float | None:
+        return None if value is None else value * self.scales.velocity
+
+    @property
+    def relative_noise(self) -> float | None:
+        """Standard deviation of a component over the largest speed, both less noise."""
+        if self.noise.sigma is None or not self.motion.speed > 0:
+            return None
+        return self.noise.sigma * self.scales.velocity / self.motion.speed
+
+
+def inspect(flow: Flow, law: Law | None = None) -> Inspection:
+    """Looks at a flow; nothing is trained.
+
+    Args:
+        law: the friction law that the precision is estimated for, by default (0.4, 0.64, 0.3).
+    """
+    law = law or Law()
+    scales = Scales.from_flow(flow)
+    view = view_of(flow, scales)
+    noise, cells = _noise(flow, scales, view)
+    sigma = noise.sigma or 0.0
+    found = gradients(view, sigma)
+    speed = _largest_speed(flow, scales, found)
+    gamma_dot = found.gamma_dot
+    flows = gamma_dot > np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
+    I = inertial_number(view, found, estimated_pressure(view, found))  # noqa: E741
+    precision, reason = _precision(found, I, flows, noise, law)
+    return Inspection(
+        flow=flow,
+        scales=scales,
+        law=law,
+        counts=counts(flow, view),
+        noise=noise,
+        stated_sigma=_stated(flow, scales),
+        motion=motion(flow, view, found, speed),
+        kinematics=_kinematics(found, gamma_dot, flows),
+        inertia=_inertia(I[flows], found.vectors[flows], law),
+        surface=_surface(flow),
+        precision=precision,
+        reason=reason,
+        view=view,
+        gradients=found,
+        I=I,
+        flows=flows,
+        noise_cells=cells,
+    )
+
+
+def _noise(flow: Flow, scales: Scales, view: View) -> tuple[Noise, Float64]:
+    """The noise, and its map [Y, X]."""
+    if flow.particles is None:
+        return grid_noise(view), noise_map(view)
+    p = flow.particles
+    points = scales.points_to_dimensionless(p.x, p.y, p.t)
+    velocity = [scales.to_dimensionless(a.astype(np.float64), "velocity") for a in (p.u, p.v)]
+    noise, where, local = particle_noise(points[:, 2], points[:, 0], points[:, 1], *velocity)
+    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, points[where, 1])
+    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, points[where, 0])
+    shape = view.count.shape[1:]
+    place = np.ravel_multi_index((rows, columns), shape)
+    n = np.bincount(place, minlength=shape[0] * shape[1])
+    sums = np.bincount(place, weights=local**2, minlength=n.size)
+    mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))
+    return noise, mean.reshape(shape)
+
+
+def _largest_speed(flow: Flow, scales: Scales, found: Gradients) -> float:
+    """The largest speed in the units of the file, from the smoothed velocity where there is one.
+
+    The largest of many noisy speeds is mostly noise.
+    """
+    largest = max_speed(flow)
+    if found.u.size == 0:
+        return largest
+    smooth = float(np.hypot(found.u, found.v).max()) * scales.velocity
+    return min(largest, smooth)
+
+
+def _stated(flow: Flow, scales: Scales) -> float | None:
+    """Median standard deviation that the file states, dimensionless."""
+    if flow.particles is not None and flow.particles.sigma_u is not None:
+        sigma: Any = (flow.particles.sigma_u, flow.particles.sigma_v)
+    elif flow.sigma_u is None or flow.sigma_v is None:
+        return None
+    else:
+        sigma = [np.broadcast_to(s, flow.valid.shape) for s in (flow.sigma_u, flow.sigma_v)]
+        sigma = [s[flow.valid] for s in sigma]
+    middle = [float(np.median(s)) for s in sigma]
+    return math.hypot(*middle) / math.sqrt(2) / scales.velocity
+
+
+def _kinematics(found: Gradients, gamma_dot: Float64, flows: Bool) -> Kinematics:
+    weight = found.vectors.sum()
+    divergence = None
+    if flows.any():
+        # var(u_x + v_y) of noise is the sum of both, half of what gamma_dot^2 has.
+        square = float(np.mean(found.divergence[flows] ** 2 - found.bias[flows] / 2))
+        divergence = float(np.sqrt(max(square, 0.0) / np.mean(gamma_dot[flows] ** 2)))
+    return Kinematics(
+        window=2 * found.half_width + 1,
+        flowing=float(found.vectors[flows].sum() / weight) if weight else 0.0,
+        shear_rate=float(np.median(gamma_dot[flows])) if flows.any() else None,
+        shear_rate_error=float(np.sqrt(np.median(found.bias) / 2)) if found.u.size else 0.0,
+        divergence=divergence,
+    )
+
+
+def _inertia(I: Float64, vectors: Float64, law: Law) -> Inertia | None:  # noqa: E741
+    if I.size == 0:
+        return None
+    order = np.argsort(I)
+    share = np.cumsum(vectors[order]) / vectors.sum()
+    q05, q50, q95, q99 = (
+        float(I[order][np.searchsorted(share, level)]) for level in (0.05, 0.5, 0.95, 0.99)
+    )
+    above = float(vectors[I > law.I0 / 3].sum() / vectors.sum())
+    return Inertia(q05, q50, q95, q99, reach=q95 / law.I0, above=above)
+
+
+def _surface(flow: Flow) -> SurfaceFacts | None:
+    if flow.surface is None:
+        return None
+    middle = (flow.t[1:] + flow.t[:-1]) / 2
+    frames = np.unique(np.searchsorted(middle, flow.surface.t)).size
+    return SurfaceFacts(points=flow.surface.t.size, frames=frames / flow.t.size)
+
+
+def _precision(
+    found: Gradients,
+    I: Float64,  # noqa: E741
+    flows: Bool,
+    noise: Noise,
+    law: Law,
+) -> tuple[Precision | None, str | None]:
+    """The expected precision, or why there is none."""
+    vectors = found.vectors / noise.vectors_per_independent
+    moving, total = float(found.vectors[flows].sum()), float(found.vectors.sum())
+    if noise.sigma is None:
+        return None, "the noise cannot be estimated from so few vectors"
+    if moving < max(LEAST_FLOWING * total, FEWEST_FLOWING):
+        share = 100 * moving / total if total else 0.0
+        return None, (
+            f"the grains hardly shear ({share:.1f} % of the vectors flow measurably), and friction "
+            "shows only where they do"
+        )
+    result = expected_precision(found.gamma_dot[flows], I[flows], vectors[flows], noise.sigma, law)
+    if result is None:
+        return None, "all vectors have nearly the same inertial number, which fixes no law"
+    return result, None

@@ -1,0 +1,185 @@
+r"""The noise of the vectors, from the vectors alone.
+
+On a grid: third differences of one cell in time. Whatever is a parabola over four frames cancels,
+the acceleration of the flow included, and white noise of standard deviation $\sigma$ becomes
+$\sqrt{20}\,\sigma$. The median of their size does not see the few places where the flow itself
+changes within four frames, such as fronts and shear bands. Third differences in x and y (a factor
+20) are the second opinion: they see less noise where the vectors of neighboring cells share
+pixels, and more where cells are wider than the shear layers. Differences in time are also what
+says how far noise is correlated in space, and hence how many vectors are independent.
+
+At particles: residuals of local parabolas in x and y among the neighbors of one frame. Grains that
+move at random about the mean flow count as noise here, which they are for the mean flow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.inspection.view import Float64, View
+
+ORDER = 3
+FEWEST = 50  # differences below which there is no estimate
+NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates
+FARTHEST = 4  # cells at which correlation is looked for
+LEAST_CORRELATION = 0.05  # below this it is scatter
+
+NEIGHBORS = 24
+SAMPLES = 4000
+CHI2_MEDIAN = 2 / 9  # the median of chi^2/n is (1 - CHI2_MEDIAN/n)^3 to 1 % from n = 6 on
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one component of one vector, dimensionless; None where not known.
+
+    Attributes:
+        sigma: the estimate that everything else uses.
+        u, v: for each component alone.
+        in_time, in_space: from differences in time, and in x and y.
+        vectors_per_independent: correlated vectors that carry the information of one.
+    """
+
+    sigma: float | None
+    u: float | None
+    v: float | None
+    in_time: float | None
+    in_space: float | None
+    vectors_per_independent: float
+
+
+def grid_noise(view: View) -> Noise:
+    """The noise of vectors on a grid."""
+    pair = [np.where(view.there, values, np.nan) for values in (view.u, view.v)]
+    in_time = [np.diff(values, ORDER, axis=0) for values in pair]
+    factor = math.sqrt(math.comb(2 * ORDER, ORDER))
+    time = [_spread(values, factor) for values in in_time]
+    space = [_spread(np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2), factor**2) for a in pair]
+    chosen = time if None not in time else space
+    return Noise(
+        sigma=_rms(chosen),
+        u=chosen[0],
+        v=chosen[1],
+        in_time=_rms(time),
+        in_space=_rms(space),
+        vectors_per_independent=_per_independent(in_time),
+    )
+
+
+def noise_map(view: View) -> Float64:
+    """Noise of every cell [Y, X] from its own differences in time, NaN where there are few."""
+    factor = math.sqrt(math.comb(2 * ORDER, ORDER))
+    squares = np.zeros(view.count.shape[1:])
+    enough = np.ones(squares.shape, bool)
+    for values in (view.u, view.v):
+        size = np.abs(np.diff(np.where(view.there, values, np.nan), ORDER, axis=0))
+        enough &= np.isfinite(size).sum(axis=0) >= 5
+        middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
+        squares += (NORMAL * middle / factor) ** 2
+    return np.where(enough, np.sqrt(squares / 2), np.nan)
+
+
+def particle_noise(
+    t: Float64, x: Float64, y: Float64, u: Float64, v: Float64
+) -> tuple[Noise, npt.NDArray[np.intp], Float64]:
+    """The noise of scattered vectors, dimensionless, all [N].
+
+    Returns:
+        The noise, the indices [S] of the sampled vectors and the noise around each of them [S].
+    """
+    from scipy.spatial import cKDTree
+
+    chosen, found = [], []
+    _, size = np.unique(t, return_counts=True)
+    order = np.argsort(t, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(size)])
+    usable = np.flatnonzero(size > NEIGHBORS)
+    # Frames spread over the times; within each, vectors spread over their order.
+    picked = (
+        usable[np.unique(np.linspace(0, usable.size - 1, 40).astype(int))] if usable.size else []
+    )
+    for k in picked:
+        members = order[starts[k] : starts[k + 1]]
+        points = np.stack([x[members], y[members]], axis=-1)
+        stride = max(1, members.size * len(picked) // SAMPLES)
+        centers = np.arange(0, members.size, stride)
+        distance, near = cKDTree(points).query(points[centers], k=NEIGHBORS)
+        reach = np.maximum(distance[:, -1], np.finfo(float).tiny)
+        offset = (points[near] - points[centers][:, None]) / reach[:, None, None]
+        found.append(_residual_variance(offset, np.stack([u, v], -1)[members][near]))
+        chosen.append(members[centers])
+    if not chosen:
+        return Noise(None, None, None, None, None, 1.0), np.empty(0, np.intp), np.empty(0)
+    variance = np.concatenate(found)
+    typical = np.sqrt(np.median(variance, axis=0))
+    noise = Noise(
+        sigma=float(np.sqrt(np.mean(typical**2))),
+        u=float(typical[0]),
+        v=float(typical[1]),
+        in_time=None,
+        in_space=float(np.sqrt(np.mean(typical**2))),
+        vectors_per_independent=1.0,
+    )
+    return noise, np.concatenate(chosen), np.sqrt(variance.mean(axis=1))
+
+
+def _residual_variance(offset: Float64, velocity: Float64) -> Float64:
+    """Variance about local parabolas [S, 2], scaled so that its median is that of the noise.
+
+    Args:
+        offset: of the neighbors [S, k, 2], in units of the farthest.
+        velocity: of the neighbors [S, k, 2].
+    """
+    a, b = offset[..., 0], offset[..., 1]
+    basis = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1)
+    left, size, _ = np.linalg.svd(basis, full_matrices=False)
+    left = left * (size > 1e-8 * size[:, :1])[:, None, :]
+    fitted = left @ (np.swapaxes(left, 1, 2) @ velocity)
+    freedom = basis.shape[1] - basis.shape[2]
+    median = (1 - CHI2_MEDIAN / freedom) ** 3
+    variance: Float64 = np.sum((velocity - fitted) ** 2, axis=1) / (freedom * median)
+    return variance
+
+
+def _spread(values: Float64, factor: float) -> float | None:
+    finite = values[np.isfinite(values)]
+    if finite.size < FEWEST:
+        return None
+    return float(NORMAL * np.median(np.abs(finite)) / factor)
+
+
+def _rms(pair: list[float | None]) -> float | None:
+    u, v = pair
+    return None if u is None or v is None else math.sqrt((u * u + v * v) / 2)
+
+
+def _per_independent(differences: list[Float64]) -> float:
+    """Product over x and y of 1 + 2 (sum of the correlations at 1, 2, ... cells)."""
+    product = 1.0
+    for axis in (1, 2):
+        total = 1.0
+        for lag in range(1, FARTHEST + 1):
+            n = differences[0].shape[axis]
+            if lag >= n:
+                break
+            correlation = np.mean([_correlation(values, axis, lag) for values in differences])
+            if not correlation > LEAST_CORRELATION:
+                break
+            total += 2 * float(correlation)
+        product *= total
+    return product
+
+
+def _correlation(values: Float64, axis: int, lag: int) -> float:
+    """Rank-like correlation of neighbors: of the signs, turned into that of normal deviates."""
+    n = values.shape[axis]
+    a, b = np.take(values, range(n - lag), axis), np.take(values, range(lag, n), axis)
+    product = a * b
+    product = product[np.isfinite(product) & (product != 0)]
+    if product.size < FEWEST:
+        return 0.0
+    return math.sin(math.pi / 2 * float(np.mean(np.sign(product))))

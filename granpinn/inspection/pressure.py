@@ -1,0 +1,44 @@
+r"""A pressure to know the order of the inertial number by, before any is identified.
+
+From the momentum balance along the camera's axis that is closest to gravity, without the stress
+deviator,
+
+$$ p(h) = \int_h^{h_s} \big(g_{eff}\big)\,\mathrm{d}h', \qquad
+   g_{eff} = \max\big(-(g - \mathrm{D}v/\mathrm{D}t) \cdot e_h,\ 0\big): $$
+
+hydrostatic below the free surface, with the weight that acceleration leaves. Grains in free fall
+have none, and a purely hydrostatic pressure would make I there several times too small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from granpinn.inspection.gradients import Gradients
+from granpinn.inspection.view import Float64, View
+
+# The weight below which p is not taken to fall, as a part of half a cell or half a grain of it.
+FLOOR = 0.1
+
+
+def estimated_pressure(view: View, found: Gradients) -> Float64:
+    """Pressure at the cells of `found` [K], in units of rho |g| H0, above zero."""
+    g_x, g_y = view.gravity
+    vertical = abs(g_y) >= abs(g_x)
+    axis, component, spacing = (1, g_y, view.steps[1]) if vertical else (2, g_x, view.steps[2])
+    weight = np.full(view.grains.shape, abs(component))
+    along = found.acceleration[:, 1 if vertical else 0] * np.sign(component)
+    weight[found.index] -= along
+    weight = np.where(view.grains, weight, 0.0) * spacing
+    # Downwards along the axis: from its end where the component is negative.
+    order = -1 if component < 0 else 1
+    flipped = np.flip(weight, axis) if order < 0 else weight
+    below = np.cumsum(flipped, axis=axis) - flipped / 2
+    pressure = np.flip(below, axis) if order < 0 else below
+    least = FLOOR * max(spacing, view.d) / 2
+    return np.maximum(pressure[found.index], least)
+
+
+def inertial_number(view: View, found: Gradients, pressure: Float64) -> Float64:
+    """I = d gamma_dot / sqrt(p) at the cells of `found` [K]."""
+    return np.asarray(view.d * found.gamma_dot / np.sqrt(pressure))

@@ -1,0 +1,102 @@
+"""An inspection as lines for the terminal."""
+
+from __future__ import annotations
+
+import textwrap
+
+from granpinn.inspection.inspection import Inspection
+from granpinn.inspection.verdict import FREE_FALL, NEGLIGIBLE_NOISE, verdict
+
+WIDTH = 100
+MOST_LINES = 28  # the command adds one or two
+
+
+def lines_of(found: Inspection) -> list[str]:
+    """At most `MOST_LINES` lines: the numbers, then the verdict."""
+    c, k, m = found.counts, found.kinematics, found.motion
+    unit = "" if found.flow.length_unit == "1" else f" {found.flow.length_unit}/"
+    unit += found.flow.time_unit if unit else ""
+    kind = "scattered" if c.particles else f"on {c.rows} x {c.columns} cells"
+    gaps = "" if c.invalid_share is None else f", {c.invalid_share:.1%} of the grains without"
+    rows = [
+        ("frames", f"{c.frames}, {len(c.repeated)} repeated, {len(c.poor_frames)} mostly empty"),
+        ("vectors", f"{c.vectors} {kind}{gaps}, {c.zero_share:.1%} exactly zero"),
+        ("noise", _noise(found, unit)),
+        ("motion", f"largest speed {m.speed:.3g}{unit}; {m.cells_per_frame:.2g} cells per frame"),
+        ("gravity", _gravity(found)),
+        ("flowing", f"{k.flowing:.0%} of the vectors" + _shear(found)),
+        ("free surface", _surface(found)),
+        ("inertial number", _inertia(found)),
+        ("expected sd", _precision(found)),
+    ]
+    lines = [f"{name:<16} {text}" for name, text in rows]
+    lines.append("")
+    for sentence in verdict(found):
+        lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
+    if len(lines) > MOST_LINES:
+        lines = [*lines[: MOST_LINES - 1], "- ... more in inspect.json"]
+    return lines
+
+
+def _noise(found: Inspection, unit: str) -> str:
+    relative, n = found.relative_noise, found.noise
+    if n.sigma is None:
+        return "unknown: too few vectors"
+    if relative is None:
+        return "none: nothing moves"
+    if relative < NEGLIGIBLE_NOISE:
+        return f"below {NEGLIGIBLE_NOISE:.2%} of the largest speed"
+    text = f"{n.sigma * found.scales.velocity:.3g}{unit} per component = {relative:.2%} of the "
+    text += "largest speed"
+    if n.vectors_per_independent > 1.5:
+        text += f"; {n.vectors_per_independent:.1f} neighbors share one error"
+    if found.stated_sigma is not None:
+        text += f"; the file states {found.stated_sigma * found.scales.velocity:.3g}"
+    return text
+
+
+def _gravity(found: Inspection) -> str:
+    a = found.motion.acceleration
+    if a is None:
+        return "not checked: noise hides the acceleration, or there are too few vectors"
+    if a < FREE_FALL[0]:
+        return f"not checked: nothing falls freely (largest acceleration {a:.2f} g)"
+    return f"the fastest falling grains have {a:.2f} g, {found.motion.tilt:+.1f} degrees from it"
+
+
+def _shear(found: Inspection) -> str:
+    k = found.kinematics
+    if k.shear_rate is None:
+        return ""
+    rate = k.shear_rate / found.scales.time
+    return (
+        f", shear rate {rate:.3g} (median, error {k.shear_rate_error / found.scales.time:.2g}; "
+        f"windows of {k.window} cells), div v {k.divergence:.0%} of it"
+    )
+
+
+def _surface(found: Inspection) -> str:
+    s = found.surface
+    return "none" if s is None else f"{s.points} points in {s.frames:.0%} of the frames"
+
+
+def _inertia(found: Inspection) -> str:
+    i = found.inertia
+    if i is None:
+        return "unknown: nothing flows"
+    return (
+        f"{i.q05:.2g} to {i.q95:.2g} (5..95 %), median {i.q50:.2g}, with hydrostatic pressure "
+        f"below the surface; {i.above:.0%} above I0/3"
+    )
+
+
+def _precision(found: Inspection) -> str:
+    p, relative = found.precision, found.relative_noise
+    if p is None:
+        return "none"
+    if relative is None or relative < NEGLIGIBLE_NOISE:
+        return "noise limits nothing: what is left is the scatter of a training"
+    return (
+        f"noise alone: mu_s {p.mu_s:.2%}, mu_2 {p.mu_2:.2%}; I0 free: {p.mu_s_free:.2%}, "
+        f"{p.mu_2_free:.2%}, I0 {p.I0_free:.2%}"
+    )

@@ -1,0 +1,146 @@
+"""What an inspection means, in words: findings first, then what to measure better."""
+
+from __future__ import annotations
+
+import math
+
+from granpinn.data.rules import MAX_ZERO_SHARE
+from granpinn.inspection.checks import LARGEST_MOVE
+from granpinn.inspection.inspection import Inspection
+
+NEGLIGIBLE_NOISE = 1e-4  # of the largest speed
+POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
+GOOD, FAIR = 0.03, 0.10  # standard deviation of mu_2
+MANY_INVALID = 0.1
+LARGE_DIVERGENCE = 0.08  # of the shear rate
+FREE_FALL = (0.85, 1.2)  # of |g|: what falling grains show
+TILT = 2.0  # degrees
+
+
+def verdict(found: Inspection) -> list[str]:
+    """Sentences, the most important one first."""
+    return [_answer(found), *_data(found), *_physics(found)]
+
+
+def _answer(found: Inspection) -> str:
+    p = found.precision
+    if p is None:
+        return f"No precision can be given: {found.reason}."
+    level = "V1" if found.surface else "V0"
+    text = "These data can answer the question"
+    if p.mu_2_trained > FAIR:
+        text = "These data give mu_s" if p.mu_s_trained <= FAIR else "These data give no usable law"
+        text += "; mu_2 stays uncertain" if p.mu_s_trained <= FAIR else ""
+    elif p.mu_2_trained > GOOD:
+        text = "These data give mu_s and a rough mu_2"
+    return (
+        f"{text} at level {level}: about {p.mu_s_trained:.1%} in mu_s and {p.mu_2_trained:.1%} "
+        "in mu_2 (one standard deviation, I0 known, within a factor of 2)."
+    )
+
+
+def _data(found: Inspection) -> list[str]:
+    c, lines, unit = found.counts, [], found.flow.time_unit
+    unit = "" if unit == "1" else f" {unit}"
+    if found.motion.sparse is not None:
+        start, end = found.motion.sparse
+        factor = math.ceil(found.motion.largest_move / LARGEST_MOVE)
+        lines.append(
+            f"Add frames between t = {start:.4g} and {end:.4g}{unit}: grains move up to "
+            f"{found.motion.largest_move:.2f} of the initial height from one to the next; "
+            f"a frame rate {factor} times higher resolves the motion."
+        )
+    if c.zero_share > MAX_ZERO_SHARE:
+        lines.append(
+            f"{c.zero_share:.1%} of the vectors are exactly zero: if these are gaps, write NaN, "
+            "because a zero looks like grains at rest."
+        )
+    if c.repeated:
+        lines.append(
+            f"{len(c.repeated)} frames repeat the one before (first: t = "
+            f"{found.flow.t[c.repeated[0]]:.4g}{unit}): leave them out."
+        )
+    if c.poor_frames:
+        lines.append(
+            f"{len(c.poor_frames)} frames lack vectors in more than half of the grains (first: "
+            f"t = {found.flow.t[c.poor_frames[0]]:.4g}{unit}): leave them out."
+        )
+    if c.invalid_share is not None and c.invalid_share > MANY_INVALID:
+        lines.append(
+            f"{c.invalid_share:.0%} of the grains have no valid vector: see validity.png; more "
+            "light, more texture or larger windows help."
+        )
+    return lines + _noise(found)
+
+
+def _noise(found: Inspection) -> list[str]:
+    n = found.noise
+    lines: list[str] = []
+    relative = found.relative_noise
+    if relative is None or relative < NEGLIGIBLE_NOISE:
+        return lines
+    if n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
+        larger = n.in_time > n.in_space
+        lines.append(
+            f"Noise seen in time is {n.in_time / n.in_space:.1f} times that in space: "
+            + (
+                "neighboring vectors share pixels, or frames are too far apart."
+                if larger
+                else "the cells are wider than the layers that shear; use smaller windows."
+            )
+        )
+    if (
+        found.stated_sigma
+        and not 0.67
+        < found.stated_sigma * found.scales.velocity / (relative * found.motion.speed)
+        < 1.5
+    ):
+        ratio = relative * found.motion.speed / (found.stated_sigma * found.scales.velocity)
+        lines.append(
+            f"The file states a standard deviation that the vectors contradict: they scatter "
+            f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."
+        )
+    p = found.precision
+    if p is not None and p.mu_2 > max(GOOD, p.mu_2_trained / 2):
+        lines.append(
+            f"Noise limits mu_2: {(p.mu_2 / GOOD) ** 2:.1f} times as many vectors, or noise "
+            f"{p.mu_2 / GOOD:.1f} times lower, would give {GOOD:.0%}."
+        )
+    return lines
+
+
+def _physics(found: Inspection) -> list[str]:
+    lines, m, inertia = [], found.motion, found.inertia
+    if inertia is not None and found.precision is not None:
+        if inertia.reach < POOR_REACH:
+            lines.append(
+                f"I reaches only {inertia.q95:.2g} (95 %) of I0 = {found.law.I0:g}: mu_2 cannot be "
+                "separated from I0; only the slope (mu_2 - mu_s) / I0 is measured. Larger grains, "
+                "a taller column or a steeper slope reach higher I."
+            )
+        elif found.precision.correlation > 0.9:
+            lines.append(
+                "mu_2 and I0 cannot both be found (correlation "
+                f"{found.precision.correlation:.2f}): give I0, or trust the law over the covered "
+                "I only."
+            )
+    if found.surface is None:
+        lines.append("No free surface: level V0 only; give the line, it fixes the pressure.")
+    divergence = found.kinematics.divergence
+    if divergence is not None and divergence > LARGE_DIVERGENCE:
+        lines.append(
+            f"div v is {divergence:.0%} of the shear rate: grains leave the plane, the density "
+            "changes, or x and y have different scales."
+        )
+    if m.acceleration is not None and m.acceleration > FREE_FALL[1]:
+        lines.append(
+            f"Grains accelerate at {m.acceleration:.2f} times the gravity of the file: check the "
+            "scale, the frame rate and the gravity."
+        )
+    falls = m.acceleration is not None and FREE_FALL[0] <= m.acceleration <= FREE_FALL[1]
+    if falls and m.tilt is not None and abs(m.tilt) > TILT:
+        lines.append(
+            f"Falling grains accelerate {abs(m.tilt):.1f} degrees "
+            f"{'counter-' if m.tilt > 0 else ''}clockwise of gravity: check --tilt."
+        )
+    return lines

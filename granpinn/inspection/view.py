@@ -1,0 +1,89 @@
+"""The data as one dimensionless grid, whatever their layout: means of the vectors in every cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data import Flow
+from granpinn.scales import Scales
+
+Float64 = npt.NDArray[np.float64]
+Bool = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A flow in units of H0 and sqrt(|g| H0).
+
+    Attributes:
+        t, y, x: time [T] and cell centers [Y], [X].
+        u, v: velocity [T, Y, X], 0 in cells without vectors.
+        count: vectors per cell [T, Y, X]: 0 or 1 on a grid, any number for particles.
+        grains: cells full of grains [T, Y, X].
+        gravity: unit vector.
+        d: grain diameter as the inertial number has it.
+    """
+
+    t: Float64
+    y: Float64
+    x: Float64
+    u: Float64
+    v: Float64
+    count: Float64
+    grains: Bool
+    gravity: tuple[float, float]
+    d: float
+
+    @property
+    def there(self) -> Bool:
+        """Cells that hold at least one vector."""
+        there: Bool = self.count > 0
+        return there
+
+    @property
+    def steps(self) -> tuple[float, float, float]:
+        """Median spacing in t, y and x."""
+        t, y, x = (float(np.median(np.diff(axis))) for axis in (self.t, self.y, self.x))
+        return t, y, x
+
+
+def view_of(flow: Flow, scales: Scales) -> View:
+    """The flow as a View; the vectors of particles count in the cell that they are in."""
+    material = scales.material(flow)
+    count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
+    there = count > 0
+
+    def velocity(values: npt.NDArray[np.float32]) -> Float64:
+        scaled = scales.to_dimensionless(values.astype(np.float64), "velocity")
+        return np.where(there, scaled, 0.0)
+
+    return View(
+        t=flow.t / scales.time,
+        y=flow.y / scales.length,
+        x=flow.x / scales.length,
+        u=velocity(flow.u),
+        v=velocity(flow.v),
+        count=count,
+        grains=flow.material,
+        gravity=material.gravity,
+        d=material.grain_diameter,
+    )
+
+
+def _counts(flow: Flow) -> Float64:
+    """Particles in each cell of the view [T, Y, X]."""
+    assert flow.particles is not None
+    place = [
+        np.searchsorted((axis[1:] + axis[:-1]) / 2, values)
+        for axis, values in (
+            (flow.t, flow.particles.t),
+            (flow.y, flow.particles.y),
+            (flow.x, flow.particles.x),
+        )
+    ]
+    index = np.ravel_multi_index(tuple(place), flow.c.shape)
+    count = np.bincount(index, minlength=flow.c.size).reshape(flow.c.shape)
+    return np.where(np.isfinite(flow.u), count, 0).astype(np.float64)

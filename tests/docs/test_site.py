@@ -1,0 +1,105 @@
+"""The sources of the site: its navigation, what is made from the code, and CITATION.cff."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import granpinn
+import granpinn.data
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(path.name for path in DOCS.glob("*.md"))
+GENERATED = {"contributing.md", "changelog.md"}
+
+
+def hook(name: str) -> Any:
+    """A module of docs/generate, which is no package."""
+    spec = spec_from_file_location(f"docs_{name}", DOCS / "generate" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def settings() -> dict[str, Any]:
+    return dict(yaml.safe_load((ROOT / "mkdocs.yml").read_text()))
+
+
+def test_navigation_has_every_page_once() -> None:
+    navigation = hook("navigation")
+    listed = list(navigation.listed(navigation.completed(settings()["nav"], PAGES)))
+    assert sorted(listed) == sorted({*PAGES, *GENERATED})
+
+
+def test_a_new_page_goes_to_the_end_of_its_section() -> None:
+    navigation = hook("navigation")
+    nav = [{"Start": "index.md"}, {"How to": ["a.md"]}, {"Reference": ["b.md"]}]
+    done = navigation.completed(nav, ["a.md", "b.md", "index.md", "new.md"])
+    assert done == [{"Start": "index.md"}, {"How to": ["a.md", "new.md"]}, {"Reference": ["b.md"]}]
+
+
+def test_the_section_for_the_rest_exists() -> None:
+    sections = [name for item in settings()["nav"] for name in item]
+    assert hook("navigation").REST in sections
+
+
+def test_all_hooks_are_listed() -> None:
+    there = {f"docs/generate/{path.name}" for path in (DOCS / "generate").glob("*.py")}
+    assert set(settings()["hooks"]) == there
+
+
+def test_command_reference_has_every_command_that_the_readme_names() -> None:
+    commands = hook("commands").commands(ROOT / "granpinn")
+    named = set(re.findall(r"python -m granpinn\.([a-z_]+)", (ROOT / "README.md").read_text()))
+    assert named <= set(commands)
+    assert [name for name in commands if name in ("convert", "train")] == ["convert", "train"]
+
+
+@pytest.mark.parametrize("name", ["convert", "train", "report", "simulate", "doctor"])
+def test_command_section_is_the_help_itself(name: str) -> None:
+    text = hook("commands").section(name)
+    assert text.startswith(f"## granpinn.{name}\n")
+    assert f"usage: python -m granpinn.{name}" in text
+    assert text.count("```") == 2
+
+
+def test_command_page_has_the_mark() -> None:
+    assert hook("commands").MARK in (DOCS / "commands.md").read_text()
+
+
+def test_python_page_has_every_public_function_and_flow_class() -> None:
+    shown = {
+        line.rsplit(".", 1)[-1]
+        for line in (DOCS / "api.md").read_text().splitlines()
+        if line.startswith("::: ")
+    }
+    assert set(granpinn.__all__) - {"__version__"} <= shown
+    assert {"Flow", "Surface", "Particles", "Truth", "read", "particle_flow"} <= shown
+
+
+def test_what_a_page_loads_from_elsewhere_is_found() -> None:
+    page = '<script src="https://a/b.js"></script><img src="images/x.png"><a href="https://c/">'
+    assert hook("offline").loaded(page) == ["https://a/b.js"]
+
+
+def test_citation_is_valid() -> None:
+    """The entries that version 1.2.0 of the format demands, and those that must not go stale."""
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert {"cff-version", "message", "title", "authors"} <= set(citation)
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["version"] == granpinn.__version__
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert citation["license"] == project["license"]["text"]
+    for author in [*citation["authors"], *citation["references"][0]["authors"]]:
+        assert {"name"} == set(author) or {"family-names", "given-names"} == set(author)

@@ -1,0 +1,113 @@
+"""The command: what it prints and writes, and what it refuses."""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from PIL import Image
+
+from granpinn.data import Flow, add_noise, write_flow
+from granpinn.inspect import main, parse
+from granpinn.simulation import demo_path
+
+
+def test_what_it_prints_and_writes(
+    demo: Flow, seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "flow.h5", tmp_path / "inspection"
+    write_flow(add_noise(demo, 0.02, seed), path)
+    assert main([str(path), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) <= 30
+    assert max(map(len, printed[:-2])) <= 120
+    assert printed[0].startswith("frames ")
+    assert f"next: python -m granpinn.train {path} --out run" in printed
+    numbers = json.loads((out / "inspect.json").read_text())
+    assert numbers["counts"]["vectors"] == int(demo.valid.sum())
+    assert numbers["noise"]["relative_to_largest_speed"] == pytest.approx(0.02, rel=0.25)
+    assert numbers["precision"]["mu_s"] > 0
+    assert numbers["verdict"]
+    for name in ("validity", "speed", "inertial_number", "noise"):
+        pixels = np.asarray(Image.open(out / f"{name}.png"))
+        assert len(np.unique(pixels.reshape(-1, pixels.shape[-1]), axis=0)) > 50
+
+
+def test_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    start = time.process_time()
+    assert main([str(demo_path()), "--json", "--I0", "0.2"]) == 0
+    assert time.process_time() - start < 20
+    assert json.loads(capsys.readouterr().out)["law"] == {"mu_s": 0.4, "mu_2": 0.64, "I0": 0.2}
+
+
+def test_a_flow_at_rest(demo: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    zero = np.where(demo.valid, np.float32(0), np.float32(np.nan))
+    write_flow(replace(demo, u=zero, v=zero), tmp_path / "rest.h5")
+    assert main([str(tmp_path / "rest.h5"), "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert "No precision can be given" in printed
+    numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
+    assert numbers["precision"] is None
+    assert "hardly shear" in numbers["precision_refused_because"]
+
+
+@pytest.mark.parametrize("kind", ["one frame", "frames of NaN"])
+def test_flow_files_that_break_a_rule(
+    demo: Flow, tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(demo, path)
+    with h5py.File(path, "r+") as file:
+        if kind == "one frame":
+            for name in ("t", "u", "v", "c", "p"):
+                values = file[name][:1]
+                del file[name]
+                file[name] = values
+        else:
+            file["u"][3:5] = np.nan
+            file["v"][3:5] = np.nan
+    assert main([str(path)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("granpinn.inspect: ")
+    expected = "at least two values" if kind == "one frame" else "got only NaN in 2 of 100 frames"
+    assert expected in error
+
+
+def test_measurement_files_get_the_command_that_converts_them(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    np.savez(tmp_path / "a.npz", t=[0.0, 1.0], x=[0.0, 1.0], y=[0.0, 1.0])
+    assert main([str(tmp_path / "a.npz")]) == 2
+    error = capsys.readouterr().err
+    assert f"python -m granpinn.convert {tmp_path / 'a.npz'} --out flow.h5 --scale" in error
+    assert "of the format npz" in error
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["missing.h5"], "missing.h5 does not exist"),
+        ([], "the following arguments are required"),
+        (["a.h5", "--mu-s", "0.7"], "0 < mu_s < mu_2"),
+        (["a.h5", "--I0", "many"], "--I0 must be a number"),
+        ([str(demo_path()), str(demo_path())], "one at a time"),
+        ([str(demo_path()), "--out", str(demo_path())], "--out must be a folder"),
+    ],
+)
+def test_bad_input(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(argv) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert main([str(demo_path()), "--out", str(tmp_path / "file" / "out")]) == 1
+    assert "granpinn.inspect: " in capsys.readouterr().err
+
+
+def test_the_law_of_the_command_line() -> None:
+    law = parse(["a.h5", "--mu-s", "0.3", "--mu-2", "0.5"])["law"]
+    assert (law.mu_s, law.mu_2, law.I0) == (0.3, 0.5, 0.3)

@@ -1,0 +1,133 @@
+"""The noise that is estimated from the vectors is that which was added."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granpinn.data import Flow, Particles, add_noise, particle_flow
+from granpinn.data.noise import max_speed
+from granpinn.inspection import inspect
+from granpinn.inspection.noise import grid_noise, noise_map, particle_noise
+from granpinn.inspection.view import view_of
+from granpinn.scales import Scales
+
+TOLERANCE = 0.25  # what is promised
+
+
+def as_particles(flow: Flow, seed: int, per_frame: int = 1500, every: int = 4) -> Flow:
+    """Grains at random places of the flow, with its velocity there."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    generator = np.random.default_rng(seed)
+    parts = []
+    for k in range(0, flow.t.size, every):
+        rows, columns = np.nonzero(flow.valid[k])
+        pick = generator.choice(rows.size, min(per_frame, rows.size), replace=False)
+        step = flow.x[1] - flow.x[0]
+        y = flow.y[rows[pick]] + step * generator.uniform(-0.5, 0.5, pick.size)
+        x = flow.x[columns[pick]] + step * generator.uniform(-0.5, 0.5, pick.size)
+        place = np.stack([np.clip(y, *flow.y[[0, -1]]), np.clip(x, *flow.x[[0, -1]])], -1)
+        u, v = (RegularGridInterpolator((flow.y, flow.x), a[k])(place) for a in (flow.u, flow.v))
+        there = np.isfinite(u) & np.isfinite(v)
+        parts.append(np.stack([np.full(pick.size, flow.t[k]), x, y, u, v])[:, there])
+    t, x, y, u, v = np.concatenate(parts, axis=1)
+    particles = Particles(t, x, y, u.astype(np.float32), v.astype(np.float32))
+    return particle_flow(
+        particles,
+        gravity=flow.gravity,
+        density=flow.density,
+        grain_diameter=flow.grain_diameter,
+        surface=flow.surface,
+    )
+
+
+@pytest.mark.parametrize("sd", [0.01, 0.02, 0.05, 0.2])
+def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
+    found = inspect(add_noise(demo, sd, seed))
+    expected = sd * max_speed(demo)
+    for estimate in (found.noise.sigma, found.noise.u, found.noise.v, found.noise.in_space):
+        assert estimate is not None
+        assert estimate * found.scales.velocity == pytest.approx(expected, rel=TOLERANCE)
+    assert found.relative_noise == pytest.approx(sd, rel=TOLERANCE)
+    assert found.noise.vectors_per_independent < 1.2
+
+
+def test_gradients_are_no_noise(demo: Flow) -> None:
+    """Without noise less than 0.1 % is seen, a tenth of the least that is estimated."""
+    relative = inspect(demo).relative_noise
+    assert relative is not None
+    assert relative < 1e-3
+
+
+@pytest.mark.parametrize("sd", [0.01, 0.02, 0.05, 0.2])
+def test_noise_of_particles(demo: Flow, seed: int, sd: float) -> None:
+    flow = as_particles(demo, seed)
+    found = inspect(add_noise(flow, sd, seed))
+    assert found.noise.sigma is not None
+    expected = sd * max_speed(flow)
+    assert found.noise.sigma * found.scales.velocity == pytest.approx(expected, rel=TOLERANCE)
+    assert found.counts.particles
+    assert found.precision is not None
+
+
+def test_noise_of_neighbors_that_share_pixels(demo: Flow, seed: int) -> None:
+    """Means over 2 x 2 cells: each error is shared by neighbors, and differences in time see it."""
+    generator = np.random.default_rng(seed)
+    sigma = 0.05 * max_speed(demo)
+
+    def shared() -> np.ndarray:
+        e = generator.standard_normal((demo.t.size, demo.y.size + 1, demo.x.size + 1))
+        return sigma * (e[:, 1:, 1:] + e[:, :-1, 1:] + e[:, 1:, :-1] + e[:, :-1, :-1]) / 2
+
+    flow = replace(
+        demo,
+        u=(demo.u + shared()).astype(np.float32),
+        v=(demo.v + shared()).astype(np.float32),
+    )
+    found = inspect(flow)
+    assert found.noise.sigma is not None
+    assert found.noise.sigma * found.scales.velocity == pytest.approx(sigma, rel=0.1)
+    # Correlation 1/2 with either neighbor in x and y: (1 + 2/2)^2.
+    assert found.noise.vectors_per_independent == pytest.approx(4, rel=0.2)
+    alone = inspect(add_noise(demo, 0.05, seed))
+    assert found.precision is not None
+    assert alone.precision is not None
+    assert found.precision.mu_s / alone.precision.mu_s == pytest.approx(2, rel=0.2)
+
+
+def test_outliers_and_gaps_do_not_matter(demo: Flow, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    flow = add_noise(demo, 0.02, seed)
+    u, v = flow.u.copy(), flow.v.copy()
+    wrong = generator.uniform(size=u.shape) < 0.02
+    u[wrong] = 5 * max_speed(demo)
+    gone = generator.uniform(size=u.shape) < 0.1
+    u[gone] = v[gone] = np.nan
+    scales = Scales.from_flow(flow)
+    sigma = grid_noise(view_of(replace(flow, u=u, v=v), scales)).sigma
+    assert sigma is not None
+    assert sigma * scales.velocity == pytest.approx(0.02 * max_speed(demo), rel=TOLERANCE)
+
+
+def test_noise_map_shows_where(demo: Flow, seed: int) -> None:
+    """Twice the noise on the right half."""
+    scales = Scales.from_flow(demo)
+    flow = add_noise(demo, 0.02, seed)
+    half = demo.x.size // 2
+    u, v = (
+        np.where(np.arange(demo.x.size) < half, n, 2 * n - a)
+        for n, a in ((flow.u, demo.u), (flow.v, demo.v))
+    )
+    cells = noise_map(
+        view_of(replace(flow, u=u.astype(np.float32), v=v.astype(np.float32)), scales)
+    )
+    left, right = (np.nanmedian(part) for part in (cells[:, :half], cells[:, half:]))
+    assert right / left == pytest.approx(2, rel=0.1)
+
+
+def test_few_vectors_have_no_noise() -> None:
+    t = np.zeros(10)
+    noise, where, local = particle_noise(t, t, t, t, t)
+    assert noise.sigma is None
+    assert where.size == local.size == 0

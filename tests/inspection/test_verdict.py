@@ -1,0 +1,190 @@
+"""What is said of data that are fine, and of data that lack something."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granpinn.data import Flow, add_noise
+from granpinn.data.noise import max_speed
+from granpinn.inspection import Inspection, Law, inspect
+from granpinn.inspection.precision import expected_precision
+from granpinn.inspection.text import MOST_LINES, lines_of
+from granpinn.inspection.verdict import verdict
+
+
+def said(found: Inspection) -> str:
+    assert len(lines_of(found)) <= MOST_LINES
+    return " ".join(verdict(found))
+
+
+def every(flow: Flow, stride: int) -> Flow:
+    k = slice(None, None, stride)
+    assert flow.p is not None
+    return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=flow.p[k])
+
+
+def test_good_data(demo: Flow) -> None:
+    found = inspect(demo)
+    text = said(found)
+    assert "can answer the question at level V1" in text
+    assert "Add frames" not in text
+    assert found.motion.acceleration == pytest.approx(1, abs=0.05)
+    assert found.motion.tilt == pytest.approx(0, abs=2)
+    assert found.counts.invalid_share == 0
+    assert found.inertia is not None
+    assert 0.05 < found.inertia.q95 < 0.2
+    assert found.kinematics.divergence is not None
+    assert found.kinematics.divergence < 0.05
+
+
+def test_noise_costs_precision_in_proportion(demo: Flow, seed: int) -> None:
+    little, much = (inspect(add_noise(demo, sd, seed)).precision for sd in (0.02, 0.2))
+    assert little is not None
+    assert much is not None
+    for name in ("mu_s", "mu_2"):
+        # The shear rates come from other windows, hence not exactly.
+        assert getattr(much, name) / getattr(little, name) == pytest.approx(10, rel=0.35)
+
+
+def test_precision_falls_with_the_number_of_vectors(demo: Flow, seed: int) -> None:
+    flow = add_noise(demo, 0.05, seed)
+    u, v = flow.u.copy(), flow.v.copy()
+    gone = np.random.default_rng(seed).uniform(size=u.shape) < 0.75
+    u[gone] = v[gone] = np.nan
+    all_of_them, quarter = (inspect(f).precision for f in (flow, replace(flow, u=u, v=v)))
+    assert all_of_them is not None
+    assert quarter is not None
+    assert quarter.mu_s / all_of_them.mu_s == pytest.approx(2, rel=0.35)
+
+
+def test_bound_of_two_points() -> None:
+    """Two inertial numbers fix two parameters: a calculation by hand."""
+    gamma_dot, I = np.array([2.0, 2.0]), np.array([1e-9, 1e9])  # noqa: E741
+    n = np.array([100.0, 400.0])
+    # Where I = 0 only mu_s shows, where I is infinite only mu_2; a third parameter shows nowhere.
+    assert expected_precision(gamma_dot, I, n, 0.1, Law()) is None
+    rates, numbers, vectors = np.append(gamma_dot, 2), np.append(I, 0.3), np.append(n, 1e-3)
+    found = expected_precision(rates, numbers, vectors, 0.1, Law())
+    assert found is not None
+    assert found.mu_s == pytest.approx(0.1 / (0.097 * 2 * 10) / 0.4, rel=1e-3)
+    assert found.mu_2 == pytest.approx(0.1 / (0.097 * 2 * 20) / 0.64, rel=1e-3)
+
+
+def test_rest_has_no_precision(demo: Flow, seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    scatter = 0.01 * generator.standard_normal((2, *demo.u.shape)).astype(np.float32)
+    for noise in (0.0, 1.0):
+        u, v = (np.where(demo.valid, noise * a, np.nan).astype(np.float32) for a in scatter)
+        found = inspect(replace(demo, u=u, v=v))
+        assert found.precision is None
+        assert "No precision can be given: the grains hardly shear" in said(found)
+        if noise == 0:
+            assert "are exactly zero" in said(found)
+            assert found.relative_noise is None
+
+
+def test_too_few_frames(demo: Flow) -> None:
+    flow = every(demo, 5)
+    found = inspect(flow)
+    assert found.motion.sparse is not None
+    start, end = found.motion.sparse
+    assert 0 < start < end <= demo.t[-1]
+    assert "Add frames between t =" in said(found)
+    assert inspect(demo).motion.sparse is None
+
+
+def test_a_gap_in_time_is_named(demo: Flow) -> None:
+    kept = (demo.t < 2.0) | (demo.t > 2.6)
+    assert demo.p is not None
+    flow = replace(
+        demo, t=demo.t[kept], u=demo.u[kept], v=demo.v[kept], c=demo.c[kept], p=demo.p[kept]
+    )
+    sparse = inspect(flow).motion.sparse
+    assert sparse is not None
+    assert sparse == pytest.approx((1.95, 2.65), abs=0.06)
+
+
+def test_frames_without_vectors_and_repeated_frames(demo: Flow) -> None:
+    u, v = demo.u.copy(), demo.v.copy()
+    u[30:33] = v[30:33] = np.nan
+    u[50], v[50] = u[49], v[49]
+    found = inspect(
+        replace(
+            demo,
+            u=u,
+            v=v,
+            c=np.where(np.arange(100)[:, None, None] == 50, demo.c[49], demo.c).astype(np.float32),
+        )
+    )
+    assert found.counts.poor_frames == (30, 31, 32)
+    assert found.counts.repeated == (50,)
+    assert "3 frames lack vectors" in said(found)
+    assert "1 frames repeat" in said(found)
+    assert found.precision is not None
+
+
+def test_zeros_for_gaps(demo: Flow, seed: int) -> None:
+    gone = (np.random.default_rng(seed).uniform(size=demo.u.shape) < 0.03) & demo.valid
+    u, v = (np.where(gone, np.float32(0), a) for a in (demo.u, demo.v))
+    found = inspect(replace(demo, u=u, v=v))
+    assert found.counts.zero_share == pytest.approx(0.03, rel=0.1)
+    assert "exactly zero" in said(found)
+
+
+def test_wrong_gravity(demo: Flow) -> None:
+    """Half of it, and turned by ten degrees."""
+    half = inspect(replace(demo, gravity=(0.0, -0.5)))
+    assert half.motion.acceleration == pytest.approx(2, rel=0.1)
+    assert "Grains accelerate at" in said(half)
+    angle = np.radians(10)
+    turned = inspect(replace(demo, gravity=(float(np.sin(angle)), -float(np.cos(angle)))))
+    assert turned.motion.tilt == pytest.approx(-10, abs=2)
+    assert "degrees clockwise of gravity" in said(turned)
+
+
+def test_an_inertial_number_that_stays_small(demo: Flow) -> None:
+    """Grains ten times smaller: the same motion at a tenth of I."""
+    found = inspect(replace(demo, grain_diameter=0.0025))
+    assert "mu_2 cannot be separated from I0" in said(found)
+    wide = inspect(demo)
+    assert found.inertia is not None
+    assert wide.inertia is not None
+    assert found.inertia.q50 == pytest.approx(wide.inertia.q50 / 10, rel=0.1)
+
+
+def test_a_stated_deviation_that_is_wrong(demo: Flow, seed: int) -> None:
+    flow = add_noise(demo, 0.05, seed)
+    assert "contradict" not in said(inspect(flow))
+    sigma = 0.01 * max_speed(demo)
+    wrong = said(inspect(replace(flow, sigma_u=sigma, sigma_v=sigma)))
+    assert "they scatter 5 times as much" in wrong
+
+
+def test_without_a_surface(demo: Flow) -> None:
+    found = inspect(replace(demo, surface=None))
+    assert found.surface is None
+    assert "level V0" in said(found)
+
+
+def test_grains_that_leave_the_plane(demo: Flow) -> None:
+    """x in other units than y: not free of divergence."""
+    found = inspect(replace(demo, u=(1.8 * demo.u).astype(np.float32)))
+    assert "div v is" in said(found)
+
+
+def test_two_frames(demo: Flow) -> None:
+    """The fewest that a flow file may have: differences in space alone."""
+    flow = replace(
+        demo,
+        t=demo.t[20:22],
+        u=demo.u[20:22],
+        v=demo.v[20:22],
+        c=demo.c[20:22],
+        p=None,
+        surface=None,
+    )
+    found = inspect(flow)
+    assert found.noise.in_time is None
+    assert found.noise.in_space is not None
+    assert said(found)

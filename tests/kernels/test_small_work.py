@@ -1,0 +1,154 @@
+"""Every CUDA kernel once, on little work: what compute-sanitizer runs (bench/sanitize.sh, K-6).
+
+No graph, no oracle on the GPU, few kernels of torch: the tools make each launch a hundred times
+slower. The sizes are odd, so that the last tile, warp and vector are not full.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn import recipes, reference
+from granpinn.control import HEALTHY
+from granpinn.data import training_set
+from granpinn.objective import Member, Objective
+from granpinn.problem import build
+from granpinn.scales import Scales
+from granpinn.schedule import Schedule
+from granpinn.training import Training
+from tests.flows import make_flow
+
+from .accuracy import EPSILON, GROSS_FACTOR
+from .configurations import problem, small
+from .devices import moved
+
+TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast"
+
+# Points that make the tiles large (csrc/cuda/fused/fused_loss.cu, on 132 multiprocessors).
+MANY = {"mixed": 2203, "strong": 1103, "data": 8501}
+
+
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
+@pytest.mark.parametrize("form", ["mixed", "strong", "data"])
+@pytest.mark.parametrize(
+    ("hidden", "points"),
+    [((33, 40), 37), ((201, 250), 37), ((201, 250), None)],
+    ids=["narrow", "wide", "large tiles"],
+)
+def test_fused_loss(
+    hidden: tuple[int, ...], points: int | None, form: str, precision: str, cuda_ops: ModuleType
+) -> None:
+    """Float32 within `GROSS_FACTOR` of float32 autograd, or of TF32 where products are that."""
+    network = "strong" if form == "strong" else "mixed"
+    case = problem(small(network, points=points or MANY[form], surface_points=19, hidden=hidden))
+    arguments = (*case.to(torch.float32).loss[:-1], form)
+    loss, _, grad_params, _ = cuda_ops.residual_loss(*arguments, precision)
+    exact = reference.residual_loss(*case.loss[:-1], form)
+    yardstick = reference.residual_loss(*arguments)
+    for index, found, unit in (
+        (0, loss, EPSILON),
+        (2, grad_params, TF32 if precision == "fast" else EPSILON),
+    ):
+        autograd = relative(yardstick[index], exact[index])
+        assert relative(found, exact[index]) <= GROSS_FACTOR * max(unit, autograd)
+
+
+@pytest.mark.parametrize("members", [None, 3])
+@pytest.mark.parametrize(
+    ("dtype", "hidden"), [(torch.float64, (17, 8)), (torch.float32, (301,))], ids=str
+)
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+def test_layered_loss(
+    form: str,
+    dtype: torch.dtype,
+    hidden: tuple[int, ...],
+    members: int | None,
+    cuda_ops: ModuleType,
+) -> None:
+    """float64, and layers that the fused kernels do not take."""
+    case = problem(small(form, hidden=hidden, members=members))
+    found = cuda_ops.residual_loss(*case.to(dtype).loss)
+    exact = reference.residual_loss(*case.loss)
+    yardstick = reference.residual_loss(*case.to(dtype).loss)
+    for index in (0, 2):
+        autograd = relative(yardstick[index], exact[index])
+        unit = torch.finfo(dtype).eps
+        assert relative(found[index], exact[index]) <= GROSS_FACTOR * max(unit, autograd)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_jet_and_its_gradient(order: int, cuda_ops: ModuleType) -> None:
+    case = problem(small("mixed", members=2))
+    network = (case.points, case.params.requires_grad_(), *case.network[2:])
+    found, exact = (
+        torch.autograd.grad(ops.network_jet(*network, order).square().sum(), case.params)[0]
+        for ops in (cuda_ops, torch_ops())
+    )
+    torch.testing.assert_close(found, exact, rtol=1e-9, atol=1e-11 * float(exact.abs().max()))
+
+
+def torch_ops() -> ModuleType:
+    """The same operators on the CPU, which the other tests hold to the oracle."""
+    from granpinn import ops
+
+    return ops
+
+
+def test_pointwise_kernels(cuda_ops: ModuleType) -> None:
+    case = problem(small("strong"))
+    found = cuda_ops.strong_residual(*case.strong)
+    torch.testing.assert_close(found, torch_ops().strong_residual(*case.strong), rtol=1e-9, atol=0)
+    drawn = cuda_ops.sample_indices(5, 7, 1, 41, 1000)
+    assert torch.equal(drawn, torch_ops().sample_indices(5, 7, 1, 41, 1000))
+
+
+@pytest.mark.parametrize("shape", [(3, 33, 31), (2, 128, 128), (1, 250, 250)], ids=str)
+def test_newton_schulz(shape: tuple[int, ...], cuda_ops: ModuleType) -> None:
+    G = torch.randn(shape, dtype=torch.float64)
+    orthogonalize = torch.ops.granpinn.orthogonalize
+    for dtype in (torch.float64, torch.float32):
+        found = orthogonalize(moved(G.to(dtype), "cuda")).cpu().double()
+        unit = torch.finfo(dtype).eps
+        assert relative(found, orthogonalize(G)) <= GROSS_FACTOR * shape[-1] * unit
+
+
+@pytest.mark.parametrize("method", ["muon", "adam"])
+def test_steps_of_a_training(method: str, cuda_ops: ModuleType) -> None:
+    """Batch, loss, check, update, orthogonal factor and the rest of the step: five of them."""
+    cpu, cuda = (after_steps(device, method, steps=5) for device in ("cpu", "cuda"))
+    for name, expected in cpu.items():
+        torch.testing.assert_close(cuda[name].cpu(), expected, rtol=1e-7, atol=1e-9)
+
+
+def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
+    """The state of three members after steps that were called, not captured; float64."""
+    config = recipes.make(
+        steps=40,
+        dtype="float64",
+        network__widths=(17, 17, 9),
+        batch__interior=33,
+        batch__surface=6,
+        optimizer__method=method,
+        optimizer__average=1.0,
+    )
+    flow = make_flow()
+    scales = Scales.from_flow(flow)
+    data = training_set(flow, scales, config.level, torch.float64)
+    posed = build(flow, scales, data, config)
+    members = [Member(posed, data, seed, config.I0) for seed in (0, 1, 2)]
+    objective = Objective(members, config.batch, torch.device(device))
+    training = Training(objective, Schedule(40, config.optimizer), config)
+    training.plan.ready(training._place(), steps, training.slower, training.lost)
+    with torch.no_grad():
+        for step in range(steps):
+            training.one_step(velocity_alone=step < 2)
+    assert training.control.fault.tolist() == [HEALTHY] * 3
+    return training.tensors()
+
+
+def relative(found: Tensor, exact: Tensor) -> float:
+    return float((found.double() - exact).norm() / exact.norm())

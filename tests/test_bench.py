@@ -1,0 +1,155 @@
+"""The GPU benchmark without a GPU: the arithmetic of its table, its rows, what a failure leaves."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from typing import Any
+
+import pytest
+import torch
+
+from bench import device, gpu_accuracy, gpu_step, gpu_table, gpu_training, parallel, rivals
+from bench.jets import jets_step
+from bench.rivals import EAGER, OURS, Rival
+from bench.steps import fused_step, make_task
+from granpinn import recipes
+
+CPU = torch.device("cpu")
+CEILINGS = {"sgemm_tflops": 50.0, "tf32_tflops": 350.0, "copy_tb_per_s": 4.0}
+JETS = "jets"
+
+
+def row(name: str, points: int, ms: float, form: str = "strong") -> dict[str, Any]:
+    size = {"form": form, "points": points, "flop": 5e6 * points, "traffic": 4e6}
+    return {"name": name, "ms": ms} | size
+
+
+def test_ratios_are_to_rows_of_the_same_form_and_size() -> None:
+    ours = row(OURS["fp32"], 512, 0.1)
+    rows = [
+        ours,
+        row(OURS["fast"], 512, 0.01),
+        row(EAGER, 512, 20.0),
+        row(JETS, 512, 0.25),
+        row("other", 512, 0.5),
+        row(JETS, 512, 0.001, "mixed"),
+        row(JETS, 4096, 0.002),
+        {"name": "broken", "form": "strong", "points": 512, "error": "OutOfMemoryError"},
+    ]
+    gpu_table.complete(rows, CEILINGS)
+    assert ours["times_faster_than_eager"] == pytest.approx(200)
+    assert ours["best_rival"] == JETS
+    assert ours["times_faster_than_best_rival"] == pytest.approx(2.5)
+    assert ours["tflops"] == pytest.approx(5e6 * 512 / 0.1e-3 / 1e12)
+    assert ours["of_sgemm"] == pytest.approx(ours["tflops"] / 50)
+    assert ours["of_copy"] == pytest.approx(4e6 / 0.1e-3 / 4e12)
+    assert ours["goal_reached"] is False
+    assert "best_rival" not in rows[2]
+    assert rows[3]["times_faster_than_eager"] == pytest.approx(80)
+    text = gpu_table.text(rows)
+    assert "2.50x jets; goal 0.08 ms MISSED" in text
+    assert "broken, strong, B = 512: OutOfMemoryError" in text
+
+
+@pytest.mark.parametrize(
+    ("form", "precision", "points", "goal"),
+    [
+        ("strong", "fp32", 512, 0.08),
+        ("strong", "fast", 262144, 13.0),
+        ("mixed", "fast", 32768, 0.6 * 1.8),
+        ("strong", "fp32", 4096, None),
+    ],
+)
+def test_goals(form: str, precision: str, points: int, goal: float | None) -> None:
+    assert gpu_table.goal_ms(row(OURS[precision], points, 1.0, form)) == goal
+
+
+def test_a_rival_that_would_not_fit_is_left_out() -> None:
+    rival = Rival("hungry", fused_step, False)
+    known = [row("hungry", 512, 1.0), row("hungry", 32768, 9.0)]
+    assert rivals.too_large(known, rival, "strong", 262144) is None
+    known[0]["peak_gb"], known[1]["peak_gb"] = 0.2, 7.6
+    assert "61 GB" in (rivals.too_large(known, rival, "strong", 262144) or "")
+    assert rivals.too_large(known, rival, "mixed", 262144) is None
+    known[1]["peak_gb"] = 7.4
+    assert rivals.too_large(known, rival, "strong", 262144) is None
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_jets_by_hand_are_the_same_step(form: str) -> None:
+    ours, jets = (
+        torch.stack([advance() for advance in itertools.repeat(step, 3)])
+        for step in (make(make_task(form, 16, torch.float64)) for make in (fused_step, jets_step))
+    )
+    torch.testing.assert_close(jets, ours, rtol=1e-12, atol=0)
+
+
+def test_members_of_an_ensemble_have_parts_of_the_points() -> None:
+    task = make_task("mixed", 12, torch.float64)
+    together = fused_step(task.ensemble(3))()
+    assert together.shape == (3,)
+    assert float(together.mean()) == pytest.approx(float(fused_step(task)()), rel=1e-12)
+    assert task.ensemble(3).flop == task.flop
+
+
+def test_a_failure_is_a_row() -> None:
+    def broken(task: Any) -> Any:
+        raise RuntimeError("no such kernel\nand more")
+
+    found = rivals.measure(Rival("broken", broken, False), "strong", 8, CPU)
+    assert found.row["error"] == "RuntimeError: no such kernel"
+    assert found.advance is None
+    gone = rivals.measure(
+        Rival("diverged", lambda task: lambda: torch.tensor(torch.nan), False), "strong", 8, CPU
+    )
+    assert gone.row["error"] == "ArithmeticError: the loss became nan"
+    assert "ms" not in gone.row
+
+
+def test_time_is_that_of_one_step() -> None:
+    calls: list[int] = []
+    ms = device.milliseconds(lambda: calls.append(sum(range(20_000))), CPU, seconds=0.05)
+    assert 0.01 < ms < 50
+    assert len(calls) > 5
+
+
+def test_ratio_of_gradient_errors() -> None:
+    found = gpu_accuracy.ratios(
+        {"fast": [3.0, 1.0, 8.0], "fp32": [1.0, 1.0, 4.0], "eager float32": [2.0, 1.0, 8.0]}
+    )
+    assert found == {"fast_over_fp32": 2.0, "fp32_over_eager": 0.5, "rule_kept": False}
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_errors_against_float64(form: str) -> None:
+    found = gpu_accuracy.errors(gpu_accuracy.random_network(form), CPU, 16, 0)
+    assert found["fast_over_fp32"] == 1  # a CPU has one mode
+    for name in ("fp32", "eager float32"):
+        assert 0 < found[name]["gradient"] < 1e-4
+
+
+def test_rate_of_a_training_leaves_the_prefit_out() -> None:
+    config = recipes.make(steps=1000, log_every=100)
+    marks = gpu_training.Marks([(100, 0.0), (200, 9.0), (500, 10.0), (700, 12.0), (1000, 15.0)])
+    assert marks.rate(config) == 100
+
+
+def test_identifications_per_hour() -> None:
+    found = parallel.per_hour({"members": 2, "seconds": 10.0, "training_s": 8.0}, 20000)
+    assert found["per_hour_measured"] == 720
+    assert found["per_hour"] == 3600 * 2 / (2 + 8.0 * parallel.WHOLE_RUN / 20000)
+
+
+def test_lines_of_a_process_that_fails() -> None:
+    code = "import sys; print('{\"a\": 1}'); print('noise'); sys.exit('out of memory')"
+    lines, reason = gpu_step.run_lines([sys.executable, "-c", code], None, 60)
+    assert lines == [{"a": 1}]
+    assert reason == "out of memory"
+
+
+def test_numbers_of_the_file_are_rounded() -> None:
+    assert gpu_step.rounded({"a": [0.123456, 7, "x"], "b": None}) == {
+        "a": [0.1235, 7, "x"],
+        "b": None,
+    }

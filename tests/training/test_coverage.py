@@ -1,0 +1,169 @@
+"""The coverage study: its materials, its controls, and a table that is fitted to made-up errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from bench import coverage, coverage_fit
+from bench.coverage_fit import Case
+from granpinn import calibration, uncertainty
+from granpinn.config import ConfigError
+from granpinn.data import Flow, write_flow
+from granpinn.records import Members, Residuals
+from granpinn.simulation import Collapse
+
+Array = npt.NDArray[np.float64]
+
+SCATTER = np.array([[7.5e-6, -5.4e-5], [-5.4e-5, 5.1e-4]])
+OFFSET = np.array([0.006, -0.005])
+SPREAD = np.array([[1e-5, 0.0], [0.0, 3e-4]])
+
+
+def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[Case]:
+    """Identifications with a common offset, a spread over materials, and a scatter over seeds."""
+    cases = []
+    for _ in range(count):
+        mu_s = generator.uniform(0.2, 0.6)
+        mu = np.array([mu_s, mu_s + generator.uniform(0.1, 0.3)])
+        common = generator.multivariate_normal(OFFSET, SPREAD)
+        z = common + generator.multivariate_normal([0, 0], SCATTER, K)
+        found = mu + mu_s * z
+        misfit = generator.uniform(0.001, 0.003)
+        momentum, constitutive = np.exp(generator.normal(0, 0.2, 2)) * (10 * misfit, 6 * misfit)
+        residuals = Residuals(misfit, 0.0, 1e-4, momentum, 0.01, constitutive)
+        members = Members(
+            tuple(range(K)), tuple(found[:, 0].tolist()), tuple(found[:, 1].tolist()), (False,) * K
+        )
+        cases.append(Case(coverage.LAW, mu, members, residuals, 40_000))
+    return cases
+
+
+def rows_of(cases: list[Case]) -> list[dict[str, Any]]:
+    """As bench.coverage writes them."""
+    return [
+        {
+            "law": case.law,
+            "truth": dict(zip(("mu_s", "mu_2"), case.mu.tolist(), strict=True)),
+            "members": dataclasses.asdict(case.members),
+            "residuals": dataclasses.asdict(case.residuals),
+            "steps": case.steps,
+            "failure": None,
+        }
+        for case in cases
+    ]
+
+
+def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
+    cases = make_cases(1500, np.random.default_rng(seed))
+    table = coverage_fit.fit(cases, calibration.load(), "made up")
+    np.testing.assert_allclose(table.scatter, SCATTER, rtol=0.1)
+    expected = SPREAD + np.outer(OFFSET, OFFSET)
+    for mu_s in (0.25, 0.4, 0.55):
+        found = np.diag(table.discrepancy_at(mu_s))
+        np.testing.assert_allclose(found, np.diag(expected), rtol=0.35)
+    assert (table.provenance, table.provisional) == ("made up", False)
+    assert table.widening == pytest.approx((1, 1), abs=0.15)
+    assert table.discrepancy_weight > 100
+    ratios = np.array([uncertainty.residual_ratios(case.residuals, table) for case in cases])
+    np.testing.assert_allclose(np.median(ratios, axis=0), 1, atol=0.3)
+    verdicts = [uncertainty.verdict((0.4, 0.64), case.residuals, table) for case in cases]
+    assert sum(verdict.follows is not True for verdict in verdicts) <= 2
+
+
+def test_it_covers_90_percent_of_others(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    table = coverage_fit.fit(make_cases(100, generator), calibration.load(), "made up")
+    scores = [coverage_fit.score(case, table) for case in make_cases(1000, generator)]
+    covered = np.mean([score.covered for score in scores], axis=0)
+    # The quantile of 100 truths is itself off by 3 % (one sd).
+    assert covered == pytest.approx(0.9, abs=0.1)
+
+
+def test_heavy_tails_widen_the_intervals(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+
+    def heavy(count: int) -> list[Case]:
+        cases = make_cases(count, generator)
+        grown = []
+        for case in cases:
+            factor = 8.0 if generator.uniform() < 0.25 else 1.0
+            mu = np.array(uncertainty.center(case.members))
+            grown.append(case._replace(mu=mu + (case.mu - mu) * factor))
+        return grown
+
+    table = coverage_fit.fit(heavy(200), calibration.load(), "made up")
+    covered = [coverage_fit.score(case, table).covered for case in heavy(1000)]
+    assert np.mean(covered, axis=0) == pytest.approx(0.9, abs=0.08)
+
+
+def test_a_table_needs_truths() -> None:
+    with pytest.raises(ValueError, match="at least 4 truths, got 3"):
+        coverage_fit.fit(make_cases(3, np.random.default_rng(0)), calibration.load(), "made up")
+
+
+def test_the_command_writes_a_table_that_can_be_loaded(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = make_cases(60, np.random.default_rng(seed))
+    other = cases[0]._replace(law="viscous", residuals=dataclasses.replace(
+        cases[0].residuals, constitutive=1.0))  # fmt: skip
+    study = {
+        "date": "2026-01-01",
+        "simulation": {"cells": 256},
+        "members": 3,
+        "steps": 40_000,
+        "settings": [],
+        "rows": [*rows_of([*cases, other]), {"law": coverage.LAW, "failure": "diverged"}],
+    }
+    (tmp_path / "study.json").write_text(json.dumps(study))
+    out = tmp_path / "table.json"
+    monkeypatch.setattr("sys.argv", ["x", str(tmp_path / "study.json"), "--write", str(out)])
+    assert coverage_fit.main() == 0
+    printed = capsys.readouterr().out
+    assert "60 truths" in printed
+    assert "viscous: 0 follow mu(I), 1 contradict it, 0 cannot be told" in printed
+    table = calibration.load(out)
+    assert "60 simulated collapses: 2026-01-01, 256 cells, 3 members, 40000" in table.provenance
+
+
+def test_the_materials_are_a_function_of_the_seed() -> None:
+    few, many = (coverage.draw(n, 1, 5, cells=64) for n in (2, 4))
+    assert few[:2] == many[:2]
+    assert few[2:] == many[4:]
+    assert [task.law for task in few] == [coverage.LAW] * 2 + ["viscous", "cohesive", "reversed"]
+    for task in many:
+        assert 0.2 <= task.collapse.mu_s <= 0.6
+        assert 0.1 <= task.collapse.mu_2 - task.collapse.mu_s <= 0.3
+    viscous = few[2].collapse
+    assert viscous.eta_min == pytest.approx(viscous.eta_max, rel=1e-5)
+    assert few[3].collapse.cohesion >= 0.5
+
+
+def test_a_flow_is_read_as_an_experiment_would_give_it(flow: Flow, tmp_path: Path) -> None:
+    write_flow(flow, tmp_path / "flow.h5")
+    forward, back = (
+        coverage.read(coverage.Task("x", law, Collapse()), tmp_path / "flow.h5")
+        for law in (coverage.LAW, "reversed")
+    )
+    assert (forward.eta_min, forward.eta_max) == (None, None)
+    np.testing.assert_array_equal(back.u, -forward.u[::-1])
+    np.testing.assert_array_equal(back.c, forward.c[::-1])
+    assert back.surface is not None
+    assert forward.surface is not None
+    np.testing.assert_allclose(np.unique(back.surface.t), np.unique(forward.surface.t), rtol=1e-12)
+
+
+def test_settings_go_to_the_identification() -> None:
+    words = ["--steps", "200", "--network.widths", "8,8", "--log-every", "7"]
+    values = coverage.settings_of(words)
+    assert values == {"steps": 200, "network.widths": (8, 8), "log_every": 7}
+    for wrong in (["--stepz", "3"], ["--steps"]):
+        with pytest.raises(ConfigError, match="must be a setting of granpinn.train"):
+            coverage.settings_of(wrong)
