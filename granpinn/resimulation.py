@@ -109,12 +109,14 @@ def collapse_of(
         whole = CELLS_MULTIPLE * round(finest / CELLS_MULTIPLE)
         cells = min(max(whole, FEWEST_CELLS), MOST_CELLS)
     mu_s, mu_2, I0 = law
+    # The simulator has one density; that of a grain, in the inertial number, goes into d.
+    denser = (flow.grain_density or flow.density) / flow.density
     narrow = min(column) / (width / cells)
     return Collapse(
         mu_s=mu_s,
         mu_2=mu_2,
         I0=I0,
-        d=flow.grain_diameter,
+        d=flow.grain_diameter * math.sqrt(denser),
         height=column.height,
         aspect=column.height / column.width,
         density=flow.density,

@@ -44,6 +44,7 @@ PASSED = {
     "max_time": float,
     "dtype": str,
     "seed": int,
+    "members": int,
 }
 
 

@@ -103,6 +103,7 @@ def content(study: Study) -> dict[str, Any]:
             "noise": row.noise,
             "seed": r.seed,
             "parameters": {n: getattr(r.parameters, n).value for n in ("mu_s", "mu_2", "I0")},
+            "interval_90": {n: getattr(r.parameters, n).interval_90 for n in ("mu_s", "mu_2")},
             "error_percent": dataclasses.asdict(r.error_percent),
             "loss": None if r.loss is None else dataclasses.asdict(r.loss),
             "failure": r.failure,

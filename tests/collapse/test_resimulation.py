@@ -19,7 +19,7 @@ from granpinn.comparison import (
     write_comparison,
 )
 from granpinn.data import Flow, write_flow
-from granpinn.resimulation import Column, initial_column, resimulate
+from granpinn.resimulation import Column, collapse_of, initial_column, resimulate
 from granpinn.results import Parameter, Parameters
 from granpinn.simulation import Collapse, simulate
 from tests.flows import make_flow
@@ -109,6 +109,12 @@ def test_an_experiment_without_attributes_is_measured(flow: Flow) -> None:
     spacing = flow.x[1] - flow.x[0]
     assert abs(column.width - 1) <= spacing / 2
     assert abs(column.height - 10) <= spacing / 2
+
+
+def test_dense_grains_make_the_inertial_number_larger(flow: Flow) -> None:
+    column = Column(1.0, 10.0)
+    dense = dataclasses.replace(flow, grain_density=4 * flow.density)
+    assert collapse_of(dense, column, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
 
 
 def test_gravity_that_the_simulator_cannot_have_is_said() -> None:
