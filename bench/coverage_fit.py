@@ -102,7 +102,7 @@ def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
 
 
 def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
-    """Residuals: the median is 1x, ALARM times the largest the limit; and the range of the materials.
+    """Residuals: the median is 1x, ALARM times the largest the limit. The range of the materials.
 
     The truths of one study have much the same misfit: the slope stays as it is.
     """
