@@ -112,19 +112,18 @@ def backwards(flow: Flow) -> Flow:
 
 def row(task: Task, result: Result) -> dict[str, Any]:
     """What coverage_fit needs to know about one identification."""
+    c, residuals = task.collapse, result.residuals
     assert result.members is not None
-    assert result.residuals is not None
-    c = task.collapse
     return {
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
         "members": dataclasses.asdict(result.members),
-        "residuals": dataclasses.asdict(result.residuals),
+        "residuals": None if residuals is None else dataclasses.asdict(residuals),
         "velocity_error_percent": result.error_percent.velocity,
         "steps": result.timing.steps,
         "n_points": result.data.n_points,
-        "failure": result.failure,
+        "failure": result.failure or (None if residuals else "residuals that are not finite"),
     }
 
 

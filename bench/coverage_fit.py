@@ -33,6 +33,7 @@ Array = npt.NDArray[np.float64]
 KNOTS = (0.2, 0.4, 0.6)  # mu_s
 CONFIDENCE = 0.9
 BEYOND = 1.1  # materials outside of the study by more than this factor are called so
+ALARM = 1.2  # times the largest residual of a study: others will have larger ones
 FEWEST = 4  # truths to make a table from
 
 
@@ -101,7 +102,7 @@ def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
 
 
 def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
-    """Residuals: the median is 1x, the largest one the limit; and the range of the materials.
+    """Residuals: the median is 1x, ALARM times the largest the limit. The range of the materials.
 
     The truths of one study have much the same misfit: the slope stays as it is.
     """
@@ -112,7 +113,7 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
         rms = np.array([getattr(case.residuals, name) for case in cases])
         over = np.log10(rms) - old.slope * np.log10(errors)
         middle = float(np.median(over))
-        found[name] = Range(middle, old.slope, float(10 ** (np.max(over) - middle)))
+        found[name] = Range(middle, old.slope, float(ALARM * 10 ** (np.max(over) - middle)))
     mu = np.array([case.mu for case in cases])
     ranges = {"valid_mu_s": mu[:, 0], "valid_ratio": mu[:, 1] / mu[:, 0]}
     limits = {

@@ -62,7 +62,8 @@ def graphed(step: Advance, steps: int) -> Advance:
         for _ in range(steps):
             last = step()
 
-    def replay(kept: Any = last) -> Any:
+    def replay(kept: Any = last, alive: Advance = step) -> Any:
+        """`alive` has the tensors that the graph reads: they must live as long as it."""
         graph.replay()
         return kept
 

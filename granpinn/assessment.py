@@ -45,7 +45,7 @@ def assess(result: Result, summary: Summary) -> Assessment:
             f"The flow reaches only {summary.reaches:.2g} of I₀, so that μ₂ is an extrapolation: "
             "use μ(I) over the inertial numbers of the figure."
         )
-    law = getattr(result, "verdict", None)  # of runs with error bars
+    law = result.verdict
     if law is not None and law.follows is False:
         bad.append(f"The data contradict the friction law: {law.words}.")
     grade = "bad" if bad else "care" if care else "good"

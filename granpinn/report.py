@@ -36,6 +36,7 @@ from granpinn.summary import summarize
 from granpinn.vtkhdf import write_vtkhdf
 
 TEMPLATES = Path(__file__).parent / "templates"
+PAGE = 2_900_000  # bytes that figures and film may make of the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine: no matter for readers
 
 
@@ -77,7 +78,9 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     pictures, missing = album.draw_all(source, folder / "figures")
     film: films.Film | None = None
     try:
-        film = films.shoot(album.fields_of(source), frame)
+        figures = sum(4 * picture.path.stat().st_size // 3 for picture in pictures)
+        budget = min(films.BUDGET, PAGE - figures)
+        film = films.shoot(album.fields_of(source), frame, budget)
     except NothingToDraw as reason:
         missing = [album.Missing("Fields over time", str(reason)), *missing]
     write_csv(result, folder / "results.csv")

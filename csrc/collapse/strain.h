@@ -5,7 +5,7 @@
 // (Barker, Schaeffer, Bohorquez, Gray 2015): short waves grow fastest there, and shear bands as
 // thin as the grid allows follow. Inside the grains, gamma_dot^2 is therefore blended with that of
 // a mean D over the nine cells around, weights (1 2 1) x (1 2 1) / 16, by the share min(1, 4 C):
-// none where the law is well-posed, all of it at mu_s = 0.6. The difference is of second order in h.
+// none where the law is well-posed, all of it at mu_s = 0.6. The difference is of second order.
 #pragma once
 
 #include <cmath>

@@ -121,7 +121,8 @@ __device__ void fetch_terms(const Place& at, const float* A, int t, Memory& s) {
   commit();
 }
 
-// out = b A + c A^2, the block's rows, from A in global memory.
+// P = b A + c A^2, the block's rows, from A in global memory. Columns beyond those of a small A
+// hold anything; no term of P X uses them.
 __device__ void polynomial(const Place& at, const float* A, Memory& s, float b, float c) {
   for (int e = at.warp; e < kRows; e += kWarps)
     fetch(s.A.own + e * kPitch + 4 * at.lane, A + (at.tile(0) + e) * kSide + 4 * at.lane);

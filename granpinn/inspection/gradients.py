@@ -2,7 +2,8 @@ r"""Derivatives of noisy velocities with known errors: local linear least square
 
 In a window of cells around every cell, $u \approx u_0 + u_t\,\delta t + u_y\,\delta y +
 u_x\,\delta x$, each cell weighing as many vectors as it holds. All windows are solved at once from
-moments, which are convolutions; cells without vectors simply weigh nothing. With white noise of
+moments, which are convolutions over cells of even spacing; cells without vectors simply weigh
+nothing, and an axis of two cells has no slope and an infinite error. With white noise of
 standard deviation $\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, $M$ the matrix
 of second moments.
 """
@@ -105,12 +106,13 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
         return np.asarray(values)
 
     index = np.nonzero(view.there)
-    base = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
-    matrix = np.empty((index[0].size, 4, 4))
-    for i, j in combinations_with_replacement(range(4), 2):
+    sloped = [axis for axis in range(3) if half[axis] > 0]
+    base = [(0, 0, 0), *(tuple(int(a == axis) for a in range(3)) for axis in sloped)]
+    matrix = np.empty((index[0].size, len(base), len(base)))
+    for i, j in combinations_with_replacement(range(len(base)), 2):
         powers = tuple(a + b for a, b in zip(base[i], base[j], strict=True))
         matrix[:, i, j] = matrix[:, j, i] = moment(view.count, powers)[index]
-    right = np.empty((index[0].size, 4, 2))
+    right = np.empty((index[0].size, len(base), 2))
     for k, values in enumerate((view.u, view.v)):
         weighted = values * view.count
         for i, powers in enumerate(base):
@@ -119,16 +121,21 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
     solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
     inverse = np.linalg.inv(matrix[solvable])
     solution = inverse @ right[solvable]
-    unit = np.array([max(h, 1) * step for h, step in zip(half, steps, strict=True)])
-    variance = np.diagonal(inverse, axis1=1, axis2=2)[:, 1:]
+    slopes = np.zeros((len(solution), 3, 2))
+    sd = np.full((len(solution), 3), np.inf)
+    variance = np.diagonal(inverse, axis1=1, axis2=2)
+    for i, axis in enumerate(sloped, 1):
+        unit = half[axis] * steps[axis]
+        slopes[:, axis] = solution[:, i] / unit
+        sd[:, axis] = sigma * np.sqrt(variance[:, i]) / unit
     place = tuple(i[solvable] for i in index)
     return Gradients(
         index=place,
         vectors=view.count[place],
         u=solution[:, 0, 0],
         v=solution[:, 0, 1],
-        du=solution[:, 1:, 0] / unit,
-        dv=solution[:, 1:, 1] / unit,
-        sd=sigma * np.sqrt(variance) / unit,
+        du=slopes[..., 0],
+        dv=slopes[..., 1],
+        sd=sd,
         half_width=m,
     )

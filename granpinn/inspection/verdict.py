@@ -7,6 +7,7 @@ import math
 from granpinn.data.rules import MAX_ZERO_SHARE
 from granpinn.inspection.checks import LARGEST_MOVE
 from granpinn.inspection.inspection import Inspection
+from granpinn.inspection.precision import TRAINING_EXCESS
 
 NEGLIGIBLE_NOISE = 1e-4  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
@@ -101,10 +102,11 @@ def _noise(found: Inspection) -> list[str]:
             f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."
         )
     p = found.precision
-    if p is not None and p.mu_2 > max(GOOD, p.mu_2_trained / 2):
+    excess = 0.0 if p is None else TRAINING_EXCESS["mu_2"] * p.mu_2 / GOOD
+    if excess > 1:
         lines.append(
-            f"Noise limits mu_2: {(p.mu_2 / GOOD) ** 2:.1f} times as many vectors, or noise "
-            f"{p.mu_2 / GOOD:.1f} times lower, would give {GOOD:.0%}."
+            f"Noise limits mu_2: {excess**2:.1f} times as many independent vectors, or noise "
+            f"{excess:.1f} times lower, would give about {GOOD:.0%}."
         )
     return lines
 

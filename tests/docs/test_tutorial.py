@@ -46,7 +46,7 @@ def run(block: Block, folder: Path) -> str:
 @pytest.mark.timeout(400)  # 30 s on a core of its own
 def test_tutorial_from_files_to_report(tmp_path: Path) -> None:
     found = blocks()
-    assert [block.kind for block in found].count("run") == 5
+    assert [block.kind for block in found].count("run") == 6
     assert sum(len(STEPS.findall(block.text)) for block in found) == 2
     printed = ""
     for block in found:

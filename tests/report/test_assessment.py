@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from granpinn.assessment import Assessment, assess
-from granpinn.results import ErrorPercent, Parameter, Parameters, Result
+from granpinn.records import Verdict
+from granpinn.results import ErrorPercent, Parameter, Parameters
 from granpinn.summary import summarize
 from tests.report.examples import make_result
 
@@ -77,13 +77,9 @@ def test_a_training_that_diverged_is_useless() -> None:
     assert found.reasons[0] == "The training diverged: the loss was not finite at step 7."
 
 
-def test_data_that_contradict_the_law() -> None:
-    @dataclass(frozen=True)
-    class Tested(Result):
-        verdict: Any = None
-
-    result = make_result(parameters=SURE, stopped="steps")
-    for follows, grade in ((True, "good"), (None, "good"), (False, "bad")):
-        law = SimpleNamespace(follows=follows, words="the residual is 9 times the usual")
-        tested = Tested(**{name: getattr(result, name) for name in vars(result)} | {"verdict": law})
-        assert assess(tested, summarize(tested)).grade == grade
+@pytest.mark.parametrize(("follows", "grade"), [(True, "good"), (None, "good"), (False, "bad")])
+def test_data_that_contradict_the_law(follows: bool | None, grade: str) -> None:
+    found = verdict(verdict=Verdict(follows, "the residual is 9 times the usual"))
+    assert found.grade == grade
+    words = "The data contradict the friction law: the residual is 9 times the usual."
+    assert (words in found.reasons) == (grade == "bad")
