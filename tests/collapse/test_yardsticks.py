@@ -52,11 +52,16 @@ def test_the_bound_scales_as_it_must() -> None:
     assert J.shape[:2] == (2, 2)
     one = bound(J, speed, 1000, 0.1)
     double, four = bound(J, speed, 1000, 0.2), bound(J, speed, 4000, 0.1)
-    for name in ("mu_s_percent", "mu_2_percent"):
-        assert math.isclose(double[name], 2 * one[name])
-        assert math.isclose(four[name], one[name] / 2)
-        assert one["joint_percent"][name[:4]] >= one[name]
+    for grids in ("one_grid", "two_grids"):
+        for name in ("mu_s_percent", "mu_2_percent"):
+            sd = one[grids][name]
+            assert math.isclose(double[grids][name], 2 * sd)
+            assert math.isclose(four[grids][name], sd / 2)
+            assert one["one_grid"][name] <= sd
+            assert one["one_grid"]["joint_percent"][name[:4]] >= one["one_grid"][name]
     rng = np.random.default_rng(0)
     white = rng.normal(size=(2, 50000, 3))
     ideal = bound(np.stack([white, white]), 1.0, 50000, 0.1)
-    assert ideal["mu_s_percent"] == pytest.approx(100 * 0.1 / math.sqrt(2 * 50000), rel=0.02)
+    assert ideal["two_grids"]["mu_s_percent"] == pytest.approx(
+        100 * 0.1 / math.sqrt(2 * 50000), rel=0.02
+    )
