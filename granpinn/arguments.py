@@ -15,8 +15,9 @@ import types
 import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+from granpinn.command import Parser
 from granpinn.config import Config, ConfigError, flatten, kinds_of
 from granpinn.recipes import build
 from granpinn.simulation import demo_path
@@ -48,7 +49,7 @@ def parse(argv: Sequence[str]) -> Config:
     Without any argument: the demonstration.
     """
     argv = argv or [str(demo_path()), *DEMONSTRATION]
-    parser = _Parser(
+    parser = Parser(
         prog="python -m granpinn.train",
         usage="%(prog)s FLOW.h5 --out DIR [settings]",
         description="Identify the friction law mu(I) and the pressure of a granular flow.",
@@ -164,11 +165,6 @@ def _toml_value(value: Any) -> str:
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)
     return repr(value)
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):

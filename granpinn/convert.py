@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from granpinn.command import fail
 from granpinn.data import FlowFileError, FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
@@ -58,9 +59,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             flow = convert(sources, settings, report=print)
         write_flow(flow, out)
     except (DataFileError, FlowFileError) as error:
-        return _fail(2, str(error))
+        return fail("convert", 2, str(error))
     except OSError as error:
-        return _fail(1, str(error))
+        return fail("convert", 1, str(error))
     print(f"flow file: {out}")
     print(f"next: python -m granpinn.train {out} --out run")
     return 0
@@ -118,11 +119,6 @@ def _formats() -> str:
 
 def _show(message: Warning | str, *_: Any, **__: Any) -> None:
     print(f"warning: {message}", file=sys.stderr)
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"granpinn.convert: {message}", file=sys.stderr)
-    return code
 
 
 if __name__ == "__main__":

@@ -14,10 +14,11 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from granpinn.arguments import convert
 from granpinn.atomic import atomic_path
+from granpinn.command import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
@@ -40,11 +41,6 @@ CONVERT = (
 )
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
     try:
@@ -60,9 +56,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options["out"] is not None:
             write(found, numbers, options["out"])
     except (ConfigError, DataFileError, FlowFileError) as error:
-        return _fail(2, str(error))
+        return fail("inspect", 2, str(error))
     except OSError as error:
-        return _fail(1, str(error))
+        return fail("inspect", 1, str(error))
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0
@@ -76,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def parse(argv: Sequence[str]) -> dict[str, Any]:
     """data, out, json and law of a command line."""
     default = Law()
-    parser = _Parser(
+    parser = Parser(
         prog="python -m granpinn.inspect",
         usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
         description="Say what data can tell about the friction law, without any training.",
@@ -132,11 +128,6 @@ def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
     with atomic_path(folder / "inspect.json") as path:
         path.write_text(json.dumps(numbers, indent=2, allow_nan=False) + "\n")
     save_figures(found, folder)
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"granpinn.inspect: {message}", file=sys.stderr)
-    return code
 
 
 if __name__ == "__main__":

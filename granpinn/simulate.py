@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from granpinn.arguments import convert
+from granpinn.command import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.data.flow import Flow
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate
@@ -51,24 +52,19 @@ class _Terminated(KeyboardInterrupt):
     """SIGTERM."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
         _run(parse(sys.argv[1:] if argv is None else argv))
     except (ConfigError, OSError) as error:
-        return _fail(2, str(error))
+        return fail("simulate", 2, str(error))
     except SimulationError as error:
-        return _fail(1, str(error))
+        return fail("simulate", 1, str(error))
     except _Terminated:
-        return _fail(143, "stopped; the flow file holds the frames so far")
+        return fail("simulate", 143, "stopped; the flow file holds the frames so far")
     except KeyboardInterrupt:
-        return _fail(130, "stopped; the flow file holds the frames so far")
+        return fail("simulate", 130, "stopped; the flow file holds the frames so far")
     finally:
         signal.signal(signal.SIGTERM, before)
     return 0
@@ -76,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
     """The values that are given on the command line, converted to the types of their fields."""
-    parser = _Parser(
+    parser = Parser(
         prog="python -m granpinn.simulate",
         usage="%(prog)s --out FLOW.h5 [settings]",
         description="Simulate the collapse of a column of grains that obey the friction law mu(I).",
@@ -159,11 +155,6 @@ def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None
 
 def _terminate(signum: int, frame: types.FrameType | None) -> NoReturn:
     raise _Terminated
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"granpinn.simulate: {message}", file=sys.stderr)
-    return code
 
 
 sys.modules[__name__].__class__ = _CallableModule

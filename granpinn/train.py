@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from granpinn import comparison, parallel, progress, report, resimulation, results
 from granpinn.arguments import parse
 from granpinn.checkpoint import CheckpointError
+from granpinn.command import fail
 from granpinn.config import Config, ConfigError
 from granpinn.data import FlowFileError, read_flow
 from granpinn.findings import Resimulation
@@ -31,18 +32,27 @@ from granpinn.simulation import progress as simulation_progress
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
-    try:
+
+    def run() -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
         with parallel.joined() as rank:
             return _train(config, rank)
+
+    return exit_code("train", run)
+
+
+def exit_code(command: str, run: Callable[[], int]) -> int:
+    """What a command that trains returns: that of `run`, or what its error stands for."""
+    try:
+        return run()
     except (ConfigError, FlowFileError) as error:
-        return _fail(2, str(error))
+        return fail(command, 2, str(error))
     except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
-        return _fail(1, str(error))
+        return fail(command, 1, str(error))
     except Interrupted as error:
-        return _fail(128 + error.signum, str(error))
+        return fail(command, 128 + error.signum, str(error))
     except KeyboardInterrupt:
-        return _fail(130, "stopped before or after the training")
+        return fail(command, 130, "stopped before or after the training")
 
 
 def _train(config: Config, rank: int) -> int:
@@ -83,11 +93,6 @@ def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimul
     )
     comparison.write_comparison(summary, compared, folder / comparison.FILE)
     return summary
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"granpinn.train: {message}", file=sys.stderr)
-    return code
 
 
 if __name__ == "__main__":

@@ -11,19 +11,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from granpinn import parallel, progress
 from granpinn.arguments import read_toml
-from granpinn.checkpoint import CheckpointError
+from granpinn.command import Parser
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow, FlowFileError
-from granpinn.guard import Interrupted, NonFiniteError
+from granpinn.data import Flow
 from granpinn.identification import choose_device
 from granpinn.recipes import build
-from granpinn.simulation import SimulationError
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case
+from granpinn.train import exit_code
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
 EXAMPLES = """examples:
@@ -63,30 +62,20 @@ class Request:
     config: Config
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ConfigError(f"{message}; {self.prog} --help explains every argument")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
-    try:
+
+    def run() -> int:
         request = parse(sys.argv[1:] if argv is None else argv)
         with parallel.joined() as rank:
             return _run(request, rank)
-    except (ConfigError, FlowFileError) as error:
-        return _fail(2, str(error))
-    except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
-        return _fail(1, str(error))
-    except Interrupted as error:
-        return _fail(128 + error.signum, str(error))
-    except KeyboardInterrupt:
-        return _fail(130, "stopped before or after the training")
+
+    return exit_code("tables", run)
 
 
 def parse(argv: Sequence[str]) -> Request:
     """The request of a command line; ConfigError says in one sentence what is wrong with it."""
-    parser = _Parser(
+    parser = Parser(
         prog="python -m granpinn.tables",
         description="Run the tables of the paper again, all cases and seeds as one batch.",
         epilog=EXAMPLES,
@@ -190,11 +179,6 @@ def _flows(request: Request, rank: int) -> list[Flow]:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-def _fail(code: int, message: str) -> int:
-    print(f"granpinn.tables: {message}", file=sys.stderr)
-    return code
 
 
 if __name__ == "__main__":
