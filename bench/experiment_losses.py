@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from granpinn.importers import Validity, VectorFields
 from granpinn.scoring import relative_l2
 
 if TYPE_CHECKING:
-    from bench.experiment import Film
+    from bench.experiment_film import Film
 
 Array = npt.NDArray[np.float64]
 OUTLIER = 1.0  # px: a larger error of a vector that is called valid
@@ -23,7 +24,7 @@ OUTLIER = 1.0  # px: a larger error of a vector that is called valid
 
 def true_flow(measured: Flow, field: VelocityField) -> Flow:
     """The measured flow with the true velocity in the place of every measured vector."""
-    true = _truth(field, measured.t, measured.x, measured.y)
+    true = on_grid(field.velocity, measured.t, measured.x, measured.y)
     known = np.isfinite(measured.u)
     u, v = (np.where(known, a, np.nan).astype(np.float32) for a in true)
     return replace(measured, u=u, v=v)
@@ -36,12 +37,12 @@ def of_piv(fields: VectorFields, film: Film, window: int) -> dict[str, Any]:
     """
     size, delay = film.camera.pixel, film.delay
     times, x, y = np.asarray(film.times), fields.x * size, fields.y * size
-    true = _truth(film.field, times, x, y) * delay / size
+    true = on_grid(film.field.velocity, times, x, y) * delay / size
     inside = _inside(film, x, y)
     valid = fields.usable & inside
     rejected = (fields.validity == Validity.INVALID) & inside
     offsets = (np.arange(4) - 1.5) / 4 * window * size
-    parts = [_truth(film.field, times, x + a, y + b) for a in offsets for b in offsets]
+    parts = [on_grid(film.field.velocity, times, x + a, y + b) for a in offsets for b in offsets]
     mean = np.mean(parts, axis=0) * delay / size
     found = np.stack([fields.u, fields.v])
     # Vectors a window away from the edge of the grains, where no window is cut.
@@ -93,6 +94,22 @@ def of_conversion(measured: Flow, truth: Flow, film: Film, height: float) -> dic
     }
 
 
+def of_inspection(found: dict[str, Any], measured: Flow, truth: Flow) -> dict[str, Any]:
+    """What granpinn.inspect says before training, and the noise that it estimates, in units of
+    the true one: of all vectors, and of their better half, which a robust estimate sees."""
+    valid = measured.valid
+    error = np.stack([measured.u - truth.u, measured.v - truth.v])[:, valid]
+    sigma = found["noise"]["sigma"]
+    normal = 0.6745  # median of |x| of a standard normal variable
+    return {
+        "verdict": found["verdict"],
+        "precision": found["precision"],
+        "noise": found["noise"],
+        "noise_over_rms_error": sigma / float(np.sqrt(np.mean(error**2))),
+        "noise_over_median_error": sigma / (float(np.median(np.abs(error))) / normal),
+    }
+
+
 def surface_errors(measured: Flow, field: VelocityField, height: float) -> dict[str, float]:
     """Distance of the observed line from the true one, c = 1/2, in % of the column height."""
     line = measured.surface
@@ -127,6 +144,8 @@ def table(found: dict[str, Any]) -> str:
             f"valid {piv['valid_percent']:.1f} %, outliers {piv['outliers_percent']:.2f} %",
             f"{'conversion':<22}velocity {conversion['relative_l2_percent']:.2f} %, surface line "
             f"{conversion['surface']['rms_percent_of_height']:.2f} % of the height",
+            f"{'inspection':<22}noise {found['inspection']['noise_over_rms_error']:.2f} of the "
+            f"rms error; {found['inspection']['verdict'][0]}",
         ]
     for name, row in found.get("identification", {}).items():
         values, error = row["parameters"], row["error_percent"]
@@ -143,11 +162,12 @@ def table(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _truth(field: VelocityField, t: Array, x: Array, y: Array) -> Array:
-    """(u, v) [2, T, Y, X] at times and on axes."""
+def on_grid(sample: Callable[[float, Array, Array], Array], t: Array, x: Array, y: Array) -> Array:
+    """Samples [..., T, Y, X] of a field at times and on axes."""
     xx, yy = np.meshgrid(x, y)
-    frames = [field.velocity(now, xx.ravel(), yy.ravel()) for now in t]
-    return np.stack(frames, axis=1).reshape(2, t.size, y.size, x.size)
+    frames = [sample(now, xx.ravel(), yy.ravel()) for now in t]
+    stacked = np.stack(frames, axis=-2)
+    return stacked.reshape(*stacked.shape[:-2], t.size, y.size, x.size)
 
 
 def _inside(film: Film, x: Array, y: Array) -> npt.NDArray[np.bool_]:

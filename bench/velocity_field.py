@@ -27,6 +27,7 @@ class VelocityField:
         self.c = flow.c.astype(np.float64)
         self.u, self.v = (beyond(a.astype(np.float64), LAYERS) for a in (flow.u, flow.v))
         self.known = np.isfinite(flow.u)
+        self.p = beyond(flow.p.astype(np.float64), LAYERS) if flow.p is not None else None
 
     def velocity(self, t: float, x: Array, y: Array) -> Array:
         """(u, v) [2, n] at a time and at points [n]; 0 farther than LAYERS cells from grains."""
@@ -35,6 +36,11 @@ class VelocityField:
     def fraction(self, t: float, x: Array, y: Array) -> Array:
         """Volume fraction of grains [n]."""
         return self._sample(self.c, t, x, y)
+
+    def pressure(self, t: float, x: Array, y: Array) -> Array:
+        """Pressure [n], of a flow that knows it."""
+        assert self.p is not None
+        return self._sample(self.p, t, x, y)
 
     def inside(self, t: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
         """Points [n] all of whose neighbors in space are full of grains, in the nearest frame."""

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bench import experiment
-from bench.experiment import ExperimentError, Film
+from bench.experiment_commands import ExperimentError, identify, run
+from bench.experiment_film import Film
 from bench.experiment_losses import table
 from bench.units_invariance import demonstration
 from granpinn.data import read_flow, write_flow
@@ -79,7 +80,7 @@ def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
 
 def test_identification_by_the_command(tmp_path: Path) -> None:
     write_flow(demonstration(every=20), tmp_path / "flow.h5")
-    found = experiment.identify(tmp_path / "flow.h5", tmp_path / "run", TINY)
+    found = identify(tmp_path / "flow.h5", tmp_path / "run", TINY)
     value = found["parameters"]["mu_s"]["value"]
     assert found["error_percent"]["mu_s"] == pytest.approx(100 * (value / 0.4 - 1))
     assert 0 < found["misfit_percent"] < 100
@@ -99,4 +100,4 @@ def test_without_openpiv(tmp_path: Path) -> None:
 
 def test_a_failing_command_is_named() -> None:
     with pytest.raises(ExperimentError, match="ended with 3: the last line"):
-        experiment.run(["/bin/sh", "-c", "echo first >&2; echo the last line >&2; exit 3"])
+        run(["/bin/sh", "-c", "echo first >&2; echo the last line >&2; exit 3"])
