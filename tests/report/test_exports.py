@@ -10,10 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import report, vtkhdf
-from granpinn.fields import Fields, write_fields
-from granpinn.results import Parameter, Result
-from granpinn.results_csv import write_csv
+from granpinn import report
+from granpinn.report import vtkhdf
+from granpinn.results import Fields, Parameter, Result, write_csv, write_fields
 from tests.report.examples import PARAMETERS, SPARSE, make_result
 from tests.report.run_folder import Contents
 
