@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from granpinn import report
-from granpinn.plots import album, curves
+from granpinn.plots import album, curves, maps
 from granpinn.plots.style import Drawing, new_figure
 from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
@@ -107,9 +107,9 @@ def test_the_command_prints_the_page(
     run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times: list[float | None] = []
-    real = report.maps.frame_at
+    real = maps.frame_at
     monkeypatch.setattr(
-        report.maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
+        maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
     )
     assert main([str(run_dir), "--time", "0.3"]) == 0
     assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
