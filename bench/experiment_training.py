@@ -23,7 +23,7 @@ from typing import Any
 from bench.experiment_film import TRUTH
 from bench.machine import describe
 from granpinn import identify_many
-from granpinn.arguments import parse
+from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import read_flow
 

@@ -52,7 +52,7 @@ def demonstration(every: int) -> Flow:
     """
     flow = read_flow(demo_path())
     kept = slice(None, None, every)
-    u, v, c = (a[kept] for a in (flow.u, flow.v, flow.c))
+    u, v, c = flow.u[kept], flow.v[kept], flow.c[kept]
     line = flow.surface
     assert line is not None
     seen = (line.t >= flow.t[0] - 1e-9) & (line.t <= flow.t[kept][-1] + 1e-9)

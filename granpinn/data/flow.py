@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+VelocityArray = npt.NDArray[np.floating[Any]]  # float32 or float64
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -44,15 +45,15 @@ class Particles:
 
     Attributes:
         t, x, y: time and position, [n] float64.
-        u, v: velocity, [n] float32; every vector is valid.
+        u, v: velocity, [n] float32 or float64; every vector is valid.
         sigma_u, sigma_v: standard deviation of u and v, [n] float32, or None.
     """
 
     t: Float64Array
     x: Float64Array
     y: Float64Array
-    u: Float32Array
-    v: Float32Array
+    u: VelocityArray
+    v: VelocityArray
     sigma_u: Float32Array | None = None
     sigma_v: Float32Array | None = None
 
@@ -75,7 +76,7 @@ class Flow:
 
     Attributes:
         t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
-        u, v: velocity [T, Y, X]; NaN where there is no valid vector, never 0.
+        u, v: velocity [T, Y, X], float32 or float64; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1.
         gravity: (g_x, g_y).
         density: bulk density of the grains, which the momentum equation has.
@@ -97,8 +98,8 @@ class Flow:
     t: Float64Array
     y: Float64Array
     x: Float64Array
-    u: Float32Array
-    v: Float32Array
+    u: VelocityArray
+    v: VelocityArray
     c: Float32Array
     gravity: tuple[float, float]
     density: float

@@ -21,12 +21,15 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True)
 class DatasetRule:
-    """What the format says about one dataset; the first of `dtypes` is the one written."""
+    """What the format says about one dataset, which may have one of `dtypes`."""
 
     name: str
     axes: tuple[str, ...]
     dtypes: tuple[str, ...]
     required: bool = False
+
+    def __str__(self) -> str:
+        return f"{' or '.join(self.dtypes)} [{', '.join(self.axes)}]"
 
 
 @dataclass(frozen=True)
@@ -38,14 +41,16 @@ class Layout:
 
 
 _GRID = ("T", "Y", "X")
+# A velocity keeps the type that it has: in other units, float32 is not the same number.
+FLOATS = ("float32", "float64")
 
 GRID_DATASETS = (
     DatasetRule("t", ("T",), ("float64",), required=True),
     DatasetRule("y", ("Y",), ("float64",), required=True),
     DatasetRule("x", ("X",), ("float64",), required=True),
     DatasetRule("c", _GRID, ("float32",), required=True),
-    DatasetRule("u", _GRID, ("float32",), required=True),
-    DatasetRule("v", _GRID, ("float32",), required=True),
+    DatasetRule("u", _GRID, FLOATS, required=True),
+    DatasetRule("v", _GRID, FLOATS, required=True),
     DatasetRule("p", _GRID, ("float32",)),
     DatasetRule("sigma_u", _GRID, ("float32",)),
     DatasetRule("sigma_v", _GRID, ("float32",)),
@@ -53,7 +58,7 @@ GRID_DATASETS = (
 PARTICLES = "particles"
 PARTICLE_DATASETS = (
     *(DatasetRule(f"{PARTICLES}/{name}", ("N",), ("float64",), required=True) for name in "txy"),
-    *(DatasetRule(f"{PARTICLES}/{name}", ("N",), ("float32",), required=True) for name in "uv"),
+    *(DatasetRule(f"{PARTICLES}/{name}", ("N",), FLOATS, required=True) for name in "uv"),
     DatasetRule(f"{PARTICLES}/sigma_u", ("N",), ("float32",)),
     DatasetRule(f"{PARTICLES}/sigma_v", ("N",), ("float32",)),
 )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Float32Array, Flow, Particles, Surface
+from granpinn.data.flow import Float32Array, Flow, Particles, Surface, VelocityArray
 from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
@@ -128,7 +128,7 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy(values: Float32Array, sigma: Any, seed: int, stream: int) -> Float32Array:
+def _noisy(values: VelocityArray, sigma: Any, seed: int, stream: int) -> Float32Array:
     """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order.
 
     `sigma` is one number or has the shape of `values`.

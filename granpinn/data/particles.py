@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Flow, FlowFileError, Particles
+from granpinn.data.flow import Flow, FlowFileError, Particles, VelocityArray
 
 # A cell is this many times wider than the usual distance to the nearest grain.
 CELL = 2.5
@@ -68,7 +68,7 @@ def grid_view(particles: Particles) -> GridView:
     place = np.ravel_multi_index((frame, row, column), shape)
     count = np.bincount(place, minlength=math.prod(shape))
 
-    def means(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def means(values: VelocityArray) -> npt.NDArray[np.float32]:
         sums = np.bincount(place, weights=values, minlength=count.size)
         mean = np.divide(sums, count, out=np.full(count.size, np.nan), where=count > 0)
         return np.asarray(mean.reshape(shape), np.float32)

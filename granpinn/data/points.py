@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from granpinn.axes import Axes
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 LEVELS = ("V0", "V1", "V2")
 # In the toe the layer is thinner than this many grains and p = 0 does not hold.
 TOE_GRAINS = 2.0
+# Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
+# measurement. The same data in other units are off by 1e-16 and become the same numbers, so that
+# one training does not part from the other.
+RESOLUTION = 2.0**-24
 
 Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
@@ -24,6 +29,8 @@ Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
     """What the network is fitted to; N data points, M points of the free surface.
+
+    Positions and velocities are in the axes of granpinn/axes.py.
 
     Attributes:
         points: (x, y, t) of the data, [N, 3].
@@ -70,11 +77,15 @@ def training_set(
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
     samples = _samples(flow)
+    axes = Axes.of(flow.gravity)
     points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
     measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
     velocity = scales.to_dimensionless(measured, "velocity")
     weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
     surface_points, surface_pressure = _surface(flow, scales, level)
+    points, velocity, surface_points = (
+        _turned_and_rounded(values, axes) for values in (points, velocity, surface_points)
+    )
 
     def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
@@ -101,6 +112,12 @@ def test_grid(flow: Flow, scales: Scales) -> TestGrid:
     """All points with c = 1, for scoring and for maps of the fields."""
     indices = _indices(flow.material)
     return TestGrid(torch.as_tensor(_points(flow, scales, indices)), indices)
+
+
+def _turned_and_rounded(values: npt.NDArray[np.float64], axes: Axes) -> npt.NDArray[np.float64]:
+    """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
+    turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
+    return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
 
 
 def _indices(mask: BoolArray) -> Indices:

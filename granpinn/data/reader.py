@@ -25,7 +25,7 @@ from granpinn.data.particles import grid_view
 from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
 
 DEFAULT_MAX_BYTES = 2**30
-# What is held in memory: coordinates in float64, all else in float32.
+# What is held in memory: coordinates in float64, velocities as they are, all else in float32.
 _FLOAT64 = tuple(
     prefix + name for prefix in ("", f"{PARTICLES}/", "surface_") for name in ("t", "y", "x")
 )
@@ -99,9 +99,15 @@ def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
     if total > max_bytes:
         raise too_large(total, max_bytes)
     return {
-        name: dataset.read("float64" if name in _FLOAT64 else "float32")
+        name: dataset.read(_type_of(name, dataset.layout.dtype))
         for name, dataset in datasets.items()
     }
+
+
+def _type_of(name: str, stored: str) -> str:
+    if name.removeprefix(f"{PARTICLES}/") in ("u", "v"):
+        return stored
+    return "float64" if name in _FLOAT64 else "float32"
 
 
 def _check_version(file: SafeFile) -> None:

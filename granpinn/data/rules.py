@@ -61,11 +61,9 @@ def check_layout(found: Mapping[str, Layout]) -> None:
             _check_one_layout(rule, found[rule.name], sizes)
         elif rule.required:
             names = ", ".join(found) or "none of the format"
-            axes = f"[{', '.join(rule.axes)}]"
             raise FlowFileError(
-                f"{rule.name} is missing: expected a dataset {rule.name} "
-                f"{rule.dtypes[0]} {axes}, found {names}; add it"
-                + ("" if scattered else ", NaN where nothing is known")
+                f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found {names}; "
+                "add it" + ("" if scattered else ", NaN where nothing is known")
             )
     surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
     if len(surface) in (1, 2) or ("surface_p" in found and not surface):
@@ -81,13 +79,11 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
     axes = f"[{', '.join(rule.axes)}]"
     if layout.dtype not in rule.dtypes:
         raise FlowFileError(
-            f"{name} must be {rule.dtypes[0]} {axes}, got {layout.dtype} {list(shape)}: "
-            f"convert it or {WRITE_HINT}"
+            f"{name} must be {rule}, got {layout.dtype} {list(shape)}: convert it or {WRITE_HINT}"
         )
     if len(shape) != len(rule.axes):
         raise FlowFileError(
-            f"{name} must be {rule.dtypes[0]} {axes}, got {len(shape)} dimensions "
-            f"{list(shape)}: reshape it"
+            f"{name} must be {rule}, got {len(shape)} dimensions {list(shape)}: reshape it"
         )
     if rule.axes == ("n",) and shape[0] == 0:
         raise FlowFileError(

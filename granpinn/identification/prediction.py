@@ -20,6 +20,7 @@ import torch
 from torch import Tensor
 
 from granpinn import ops, rheology
+from granpinn.axes import Axes
 from granpinn.data import Flow, test_grid
 from granpinn.network import NetworkSpec
 from granpinn.results import Fields
@@ -48,11 +49,12 @@ def predict(
         physics: [d, g_x, g_y, eta_min, eta_max, U, P, p_floor], dimensionless.
         chunk: points per evaluation.
     """
-    grid = test_grid(flow, scales)
+    grid, axes = test_grid(flow, scales), Axes.of(flow.gravity)
     values: dict[str, Float32] = {}
     for start in range(0, len(grid.points), chunk):
-        points = grid.points[start : start + chunk].to(params)
-        for name, value in evaluate(points, spec, params, theta, physics).items():
+        points = _turned(grid.points[start : start + chunk], axes).to(params)
+        found = evaluate(points, spec, params, theta, physics)
+        for name, value in _turned_back(found, axes).items():
             if name not in values:
                 values[name] = np.empty(len(grid.points), np.float32)
             kind = VARIABLES[name][0]
@@ -61,7 +63,7 @@ def predict(
             values[name][start : start + chunk] = value.cpu().numpy()
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         if known is not None:
-            values[f"{name}_reference"] = known[grid.indices]
+            values[f"{name}_reference"] = known[grid.indices].astype(np.float32)
     return Fields(
         t=flow.t,
         y=flow.y,
@@ -83,21 +85,42 @@ def velocity_at_particles(
     p = flow.particles
     if p is None:
         return None
-    points = torch.as_tensor(scales.points_to_dimensionless(p.x, p.y, p.t))
+    axes = Axes.of(flow.gravity)
+    points = _turned(torch.as_tensor(scales.points_to_dimensionless(p.x, p.y, p.t)), axes)
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     parts = [
         ops.network_jet(part.to(params), params, *network, 1)[0][:, :2].cpu()
         for part in torch.split(points, CHUNK)
     ]
-    predicted = physics[5] * torch.cat(parts).double().numpy().T
+    turned = physics[5] * torch.cat(parts).double().numpy().T
+    predicted = np.stack(axes.undo(turned[0], turned[1]))
     return np.asarray(scales.to_physical(predicted, "velocity"))
+
+
+def _turned(points: Tensor, axes: Axes) -> Tensor:
+    """Points [N, 3] = (x, y, t) in the axes of the training."""
+    x, y, t = points.unbind(1)
+    return torch.stack([*axes.turn(x, y), t], 1)
+
+
+def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
+    """What `evaluate` finds, in the axes of the file."""
+    found = dict(values)
+    for x, y in (("u", "v"), ("momentum_residual_x", "momentum_residual_y")):
+        found[x], found[y] = axes.undo(values[x], values[y])
+    stress = values["tau_xx"], values["tau_xy"]
+    found["tau_xx"], found["tau_xy"] = axes.undo_stress(*stress)
+    return found
 
 
 @torch.no_grad()
 def evaluate(
     points: Tensor, spec: NetworkSpec, params: Tensor, theta: Tensor, physics: Sequence[float]
 ) -> dict[str, Tensor]:
-    """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless."""
+    """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
+
+    All in the axes of the training.
+    """
     d, _, _, eta_min, eta_max, U, P, p_floor = physics
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     z, z_x, z_y, _ = ops.network_jet(points, params, *network, 1)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.axes import Axes
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.network import OUTPUTS, NetworkSpec
@@ -49,7 +50,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     material = scales.material(flow)
     physics = [
         material.grain_diameter,
-        *material.gravity,
+        *Axes.of(flow.gravity).gravity,
         material.eta_min or 0.0,
         math.inf if material.eta_max is None else material.eta_max,
         U_out,

@@ -187,7 +187,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "opaque": (lambda f: _retype(f, "V4"), "got opaque"),
     "integers": (lambda f: _retype(f, "i4"), "got integer of 4 bytes"),
     "half floats": (lambda f: _retype(f, "f2"), "got float of 2 bytes"),
-    "double floats": (lambda f: _retype(f, "f8"), "u must be float32"),
+    "long floats": (lambda f: _retype(f, "f16"), "u must be float32 or float64"),
     # Shapes
     "no u": (lambda f: f.pop("u"), "u is missing"),
     "no datasets": (lambda f: [f.pop(name) for name in list(f)], "t is missing"),

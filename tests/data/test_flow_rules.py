@@ -43,7 +43,10 @@ NEGATIVE_SIGMA = np.full(FLOW.u.shape, 0.1, dtype=np.float32)
 NEGATIVE_SIGMA[FLOW.valid] = -0.1
 
 RULES: dict[str, tuple[dict[str, Any], str]] = {
-    "u as double": ({"u": FLOW.u.astype(float)}, "u must be float32 [T, Y, X], got float64 [12"),
+    "u as integers": (
+        {"u": np.zeros(FLOW.u.shape, int)},
+        "u must be float32 or float64 [T, Y, X], got int64 [12",
+    ),
     "v transposed": ({"v": FLOW.v.T}, "v must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: tra"),
     "c of one frame": ({"c": FLOW.c[0]}, "c must be float32 [T, Y, X], got 2 dimensions"),
     "p of other size": ({"p": FLOW.p[:, 1:]}, "p must be [T, Y, X] = [12, 24, 20], got [12, 23"),
