@@ -11,9 +11,9 @@ which is that of the residual $\dot\gamma\,s - 2\mu D$ with a strain-rate error 
 $\sigma / (\kappa H_0)$, and $F^{-1}$ bounds the covariance. The cap $\dot\gamma_{max}$ stands for
 layers that are thinner than what a change of friction moves. Both constants are calibrated on the
 bounds of a forward model for two column collapses, (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84),
-whose standard deviations come out within a factor 1.25, with the noise of 2 and of 20 %. For other
-flows take a factor of 2. A training stays above the bound and adds a scatter of its own, by the
-constants below, which are measured (docs/method.md).
+whose standard deviations come out within a factor 1.25, with the noise of 2 and of 20 %; for other
+flows nothing has measured them. A training stays above the bound and adds a scatter of its own, by
+the constants below, which are measured (docs/method.md). Systematic errors are not in it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Precision:
-    """Relative standard deviations, good to a factor of 2.
+    """Relative standard deviations from random errors.
 
     Attributes:
         mu_s, mu_2: with I0 known: the bound from noise.

@@ -46,8 +46,8 @@ def _noise(found: Inspection, unit: str) -> str:
         return "none: nothing moves"
     if relative < NEGLIGIBLE_NOISE:
         return f"below {NEGLIGIBLE_NOISE:.2%} of the largest speed"
-    text = f"{n.sigma * found.scales.velocity:.3g}{unit} per component = {relative:.2%} of the "
-    text += "largest speed"
+    text = f"{n.sigma * found.scales.velocity:.3g}{unit} per component of a typical vector = "
+    text += f"{relative:.2%} of the largest speed"
     if n.vectors_per_independent > 1.5:
         text += f"; {n.vectors_per_independent:.1f} neighbors share one error"
     if found.stated_sigma is not None:

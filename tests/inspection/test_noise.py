@@ -53,6 +53,23 @@ def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
     assert found.noise.vectors_per_independent < 1.2
 
 
+def test_noise_is_that_of_a_typical_vector(demo: Flow, seed: int) -> None:
+    """One vector in a hundred has ten times the error: half of the variance is theirs."""
+    sd = 0.05
+    noisy = add_noise(demo, sd, seed)
+    wrong = np.random.default_rng(seed).uniform(size=demo.u.shape) < 0.01
+    u, v = (
+        np.where(wrong, clean + 10 * (found - clean), found).astype(np.float32)
+        for clean, found in ((demo.u, noisy.u), (demo.v, noisy.v))
+    )
+    expected = sd * max_speed(demo)
+    rms = np.sqrt(np.mean((u - demo.u)[demo.valid] ** 2))
+    assert rms > 1.3 * expected
+    found = inspect(replace(demo, u=u, v=v))
+    assert found.noise.sigma is not None
+    assert found.noise.sigma * found.scales.velocity == pytest.approx(expected, rel=0.1)
+
+
 def test_gradients_are_no_noise(demo: Flow) -> None:
     """Without noise less than 0.1 % is seen, a tenth of the least that is estimated."""
     relative = inspect(demo).relative_noise

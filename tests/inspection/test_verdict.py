@@ -10,7 +10,7 @@ from granpinn.data.noise import max_speed
 from granpinn.inspection import Inspection, Law, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
-from granpinn.inspection.verdict import verdict
+from granpinn.inspection.verdict import LARGE_DIVERGENCE, PIV_DIVERGENCE, verdict
 
 
 def said(found: Inspection) -> str:
@@ -171,6 +171,20 @@ def test_grains_that_leave_the_plane(demo: Flow) -> None:
     """x in other units than y: not free of divergence."""
     found = inspect(replace(demo, u=(1.8 * demo.u).astype(np.float32)))
     assert "div v is" in said(found)
+    assert "PIV of an incompressible flow left 8%" in said(found)
+
+
+def test_errors_like_those_of_piv_are_not_grains_that_leave_the_plane(demo: Flow) -> None:
+    found = inspect(replace(demo, u=(1.4 * demo.u).astype(np.float32)))
+    assert found.kinematics.divergence is not None
+    assert PIV_DIVERGENCE < found.kinematics.divergence < LARGE_DIVERGENCE
+    assert "div v" not in said(found)
+
+
+def test_the_answer_leaves_room_for_systematic_errors(demo: Flow) -> None:
+    answer = verdict(inspect(demo))[0]
+    assert answer.endswith("systematic errors come on top.")
+    assert "factor" not in answer
 
 
 def test_two_frames(demo: Flow) -> None:
