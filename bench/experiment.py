@@ -5,7 +5,7 @@
 A simulated collapse of known mu_s and mu_2 is filmed by an imaginary camera; OpenPIV, an outside
 program, measures the pairs of pictures; granpinn.convert and granpinn.train do what they do with
 any experiment. DIR/experiment.json holds the recovered parameters and the loss at every link.
-docs/experiment.md explains it.
+docs/experiment.md explains it. `--flow DIR/measured.h5` identifies the flow of an earlier run.
 
 Defends: from pictures of the collapse (0.4, 0.64), mu_s to 3 % and mu_2 to 8 % in ten minutes on a
 CPU after the PIV.
@@ -59,10 +59,37 @@ def openpiv(python: str, window: int) -> Piv:
 def experiment(
     arguments: argparse.Namespace, settings: Sequence[str], piv: Piv | None = None
 ) -> dict[str, Any]:
-    """The whole chain; `piv` measures a film, by default OpenPIV."""
+    """The whole chain, or the identification alone; `piv` measures a film, by default OpenPIV."""
     out: Path = arguments.out
-    measure = piv or openpiv(arguments.openpiv_python, arguments.window)
     out.mkdir(parents=True, exist_ok=True)
+    found: dict[str, Any] = {
+        "date": time.strftime("%Y-%m-%d"),
+        "machine": describe(),
+        "arguments": {name: str(value) for name, value in vars(arguments).items()},
+        "settings": list(settings),
+    }
+    flows = {"measured": arguments.flow}
+    if arguments.flow is None:
+        found |= film_and_measure(
+            arguments, piv or openpiv(arguments.openpiv_python, arguments.window)
+        )
+        flows = {name: out / "links" / f"{name}.h5" for name in ("points", "measured")}
+        write(found, out)
+    if not arguments.measure_only:
+        options = ["--seed", str(arguments.seed), "--max-time", str(arguments.max_time)]
+        options += [] if arguments.steps is None else ["--steps", str(arguments.steps)]
+        found["identification"] = {}
+        for name, flow in flows.items():
+            row = identify(flow, out / f"run_{name}", [*options, *settings])
+            found["identification"][name] = row
+            print(f"{name}: {row['command_s']} s", flush=True)
+    write(found, out)
+    return found
+
+
+def film_and_measure(arguments: argparse.Namespace, measure: Piv) -> dict[str, Any]:
+    """From the simulation to the flow file, and the flows between the links in DIR/links."""
+    out: Path = arguments.out
     seconds: dict[str, float] = {}
     clock = time.monotonic()
 
@@ -95,10 +122,7 @@ def experiment(
         write_flow(link, out / "links" / f"{name}.h5")
     lap("links")
     px = film.camera.pixel / film.delay
-    found: dict[str, Any] = {
-        "machine": describe(),
-        "arguments": {name: str(value) for name, value in vars(arguments).items()},
-        "settings": list(settings),
+    return {
         "film": {
             "pairs": len(film.times),
             "rows": film.camera.rows,
@@ -112,19 +136,6 @@ def experiment(
         "inspection": losses.of_inspection(inspection, measured, between["points"]),
         "seconds": seconds,
     }
-    write(found, out)
-    if not arguments.measure_only:
-        options = ["--seed", str(arguments.seed), "--max-time", str(arguments.max_time)]
-        options += [] if arguments.steps is None else ["--steps", str(arguments.steps)]
-        found["identification"] = {}
-        for name in ("points", "measured"):
-            folder = out / f"run_{name}"
-            found["identification"][name] = identify(
-                out / "links" / f"{name}.h5", folder, [*options, *settings]
-            )
-            lap(name)
-    write(found, out)
-    return found
 
 
 def write(found: dict[str, Any], out: Path) -> None:
@@ -134,13 +145,14 @@ def write(found: dict[str, Any], out: Path) -> None:
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     made.add_argument("--out", type=Path, required=True, help="folder for all files")
-    made.add_argument("--cells", type=int, default=512, help="cells of the simulation")
+    made.add_argument("--cells", type=int, default=256, help="cells of the simulation")
     made.add_argument("--pairs", type=int, default=50, help="pairs of pictures")
     made.add_argument("--pixel", type=float, default=0.1, help="size of a pixel, mm")
     made.add_argument("--displacement", type=float, default=8.0, help="of the fastest grains, px")
     made.add_argument("--window", type=int, default=16, help="interrogation window, px")
     made.add_argument("--steps", type=int, help="of each identification")
     made.add_argument("--max-time", type=float, default=600.0, help="seconds of each")
+    made.add_argument("--flow", type=Path, help="identify this flow of an earlier run, no more")
     made.add_argument("--measure-only", action="store_true", help="leave the identification out")
     made.add_argument("--seed", type=int, default=0)
     made.add_argument("--openpiv-python", default=sys.executable, help="interpreter with OpenPIV")

@@ -73,5 +73,7 @@ def identify(flow: Path, out: Path, settings: Sequence[str]) -> dict[str, Any]:
             for name, interval in intervals.items()
         },
         "misfit_percent": result["error_percent"]["velocity"],
+        "steps": result["timing"]["steps"],
+        "verdict": result["verdict"],
         "command_s": round(time.monotonic() - begin, 1),
     }

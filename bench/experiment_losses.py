@@ -157,7 +157,7 @@ def table(found: dict[str, Any]) -> str:
                 for n, inside in row["truth_in_interval_90"].items()
                 if inside is False
             )
-            + f", {row['command_s']:.0f} s"
+            + f", {row['steps']} steps, {row['command_s']:.0f} s"
         )
     return "\n".join(lines)
 

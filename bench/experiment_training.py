@@ -65,6 +65,8 @@ def main() -> int:
     begin = time.monotonic()
     found = {
         "errors_percent": study(arguments.flows, config, arguments.seeds),
+        "date": time.strftime("%Y-%m-%d"),
+        "command": " ".join(["python -m bench.experiment_training", *sys.argv[1:]]),
         "machine": describe(),
         "seeds": arguments.seeds,
         "settings": settings,

@@ -192,6 +192,7 @@ def main() -> int:
     begin = time.monotonic()
     found = study(cases(arguments.every, arguments.tilt), config, arguments.seeds)
     found |= {
+        "date": time.strftime("%Y-%m-%d"),
         "machine": describe(),
         "seeds": arguments.seeds,
         "tilt_degrees": arguments.tilt,

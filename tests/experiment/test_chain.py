@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench import experiment
-from bench.experiment_commands import ExperimentError, identify, run
+from bench.experiment_commands import ExperimentError, run
 from bench.experiment_film import Film
 from bench.experiment_losses import table
 from bench.units_invariance import demonstration
@@ -78,9 +78,17 @@ def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
     assert "surface line" in table(found)
 
 
-def test_identification_by_the_command(tmp_path: Path) -> None:
+def test_a_flow_of_an_earlier_run_is_identified_and_no_more(tmp_path: Path) -> None:
     write_flow(demonstration(every=20), tmp_path / "flow.h5")
-    found = identify(tmp_path / "flow.h5", tmp_path / "run", TINY)
+    arguments = experiment.parser().parse_args(
+        ["--out", str(tmp_path / "out"), "--flow", str(tmp_path / "flow.h5")]
+    )
+    result = experiment.experiment(arguments, TINY)
+    assert result == json.loads((tmp_path / "out" / "experiment.json").read_text())
+    assert list(result["identification"]) == ["measured"]
+    assert not (tmp_path / "out" / "pictures").exists()
+    found = result["identification"]["measured"]
+    assert found["steps"] == 20
     value = found["parameters"]["mu_s"]["value"]
     assert found["error_percent"]["mu_s"] == pytest.approx(100 * (value / 0.4 - 1))
     assert 0 < found["misfit_percent"] < 100
