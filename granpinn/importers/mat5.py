@@ -1,4 +1,4 @@
-"""MATLAB files of version 5 to 7: matrices of numbers and cell arrays, all else is passed over.
+"""MATLAB files of version 5 to 7: numbers, characters and cell arrays, all else is passed over.
 
 Written here because scipy.io.loadmat crashes the process on some damaged files. The layout is that
 of "MAT-File Format" (MathWorks): a header of 128 bytes, then elements of a tag (type and size, 4 or
@@ -28,9 +28,11 @@ _TYPES = {
     9: "f8",
     12: "i8",
     13: "u8",
+    16: "u1",  # UTF-8
+    17: "u2",  # UTF-16
 }
 _MATRIX, _COMPRESSED = 14, 15
-_CELL = 1
+_CELL, _CHARACTERS = 1, 4
 _NUMBERS = range(6, 16)  # classes of matrices: double, single, and the integers
 _MAX_DEPTH = 3
 
@@ -41,6 +43,8 @@ class Mat5Error(ValueError):
 
 def read_variables(content: bytes, max_bytes: int) -> dict[str, Any]:
     """All matrices and cell arrays by name: float64 arrays, and object arrays of them or None.
+
+    Characters are their code points, as in version 7.3.
 
     Args:
         content: of the file.
@@ -125,6 +129,10 @@ class _Reader:
             if values.size != size:
                 raise Mat5Error(f"{label} does not hold the {size} numbers that it declares")
             return label, values.astype(np.float64).reshape(shape, order="F")
+        if kind == _CHARACTERS:
+            codes = self.numbers(*next(parts, (2, b"")))
+            # UTF-8 beyond ASCII has more bytes than characters; no text that is read has any.
+            return label, codes.astype(np.float64) if codes.size == size else None
         if kind != _CELL or depth >= _MAX_DEPTH:
             return label, None
         cells = []

@@ -14,6 +14,7 @@ from granpinn.importers.mat5 import read_variables
 from granpinn.importers.vectors import DataFileError, Float64
 
 MAX_BYTES = 2**31
+MAX_TEXT = 1000
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_AT = (0, 512)  # MATLAB puts a text of its own before it
 
@@ -34,6 +35,9 @@ class Matlab(Protocol):
 
     def number(self, name: str, default: float) -> float:
         """A single number, `default` if there is none."""
+
+    def text(self, name: str) -> str:
+        """The characters of a variable, "" if there is none."""
 
 
 @contextmanager
@@ -79,6 +83,11 @@ class _Base:
             raise DataFileError(f"{self.path}: {name} must be a matrix of numbers, got none")
         return matrix
 
+    def _text(self, codes: Float64 | None) -> str:
+        if codes is None or codes.size > MAX_TEXT or not ((codes >= 0) & (codes < 128)).all():
+            return ""
+        return "".join(chr(int(code)) for code in codes.ravel(order="F"))
+
 
 class _Version5(_Base):
     """Version 5 to 7."""
@@ -111,6 +120,9 @@ class _Version5(_Base):
     def number(self, name: str, default: float) -> float:
         matrix = _matrix(self._variables[name]) if name in self._variables else None
         return default if matrix is None else float(matrix.flat[0])
+
+    def text(self, name: str) -> str:
+        return self._text(_matrix(self._variables.get(name)))
 
 
 class _Hdf5(_Base):
@@ -165,3 +177,6 @@ class _Hdf5(_Base):
     def number(self, name: str, default: float) -> float:
         matrix = self._read(self._dataset(name)) if name in self._file else None
         return default if matrix is None else float(matrix.flat[0])
+
+    def text(self, name: str) -> str:
+        return self._text(self._read(self._dataset(name)) if name in self._file else None)

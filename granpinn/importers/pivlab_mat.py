@@ -89,7 +89,8 @@ def _units(file: Matlab) -> tuple[str, str]:
     position, velocity = file.number("calxy", 1.0), file.number("caluv", file.number("calu", 1.0))
     if position == 1 and abs(velocity) == 1:
         return "px", "px/frame"
-    return "m", "m/frame" if file.number("displacement_only", 0.0) == 1 else "m/s"
+    per_frame = "m/frame" in file.text("units") or file.number("displacement_only", 0.0) == 1
+    return "m", "m/frame" if per_frame else "m/s"
 
 
 def _fields(

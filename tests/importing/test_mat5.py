@@ -40,7 +40,7 @@ def test_matrices_and_cells(tmp_path: Path, compressed: bool) -> None:
         np.testing.assert_array_equal(found["cells"][index], cells[index])
     np.testing.assert_array_equal(found["one"][0, 0], one[0, 0])
     assert found["number"].item() == 2.5
-    assert found["text"] is None
+    assert bytes(found["text"].ravel().astype(int).tolist()) == b"hello"
     assert found["record"] is None
 
 

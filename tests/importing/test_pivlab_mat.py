@@ -43,6 +43,8 @@ def version_73(path: Path, variables: dict[str, Any]) -> Path:
             return file.create_dataset(name, data=matrix.T)
 
         for name, value in variables.items():
+            if isinstance(value, str):
+                value = np.array([ord(letter) for letter in value], np.uint16)
             if np.asarray(value).dtype.kind != "O":
                 put(name, value)
                 continue
@@ -110,6 +112,26 @@ def test_all_frames(tmp_path: Path, write: Writer) -> None:
     calibrated = read_vectors(write(tmp_path / "m.mat", all_frames(0.5)))
     assert (calibrated.length_unit, calibrated.velocity_unit) == ("m", "m/s")
     scene.check(calibrated, scale=0.5)
+
+
+@WRITERS
+@pytest.mark.parametrize(
+    ("facts", "unit"),
+    [
+        ({"units": "[m] respectively [m/s]"}, "m/s"),
+        ({"units": "[m] respectively [m/frame]"}, "m/frame"),
+        ({"displacement_only": 1.0}, "m/frame"),
+        ({"units": "[\N{MICRO SIGN}m]"}, "m/s"),
+        ({"units": "m/frame" * 200}, "m/s"),
+    ],
+)
+def test_calibrated_without_a_time_step(
+    tmp_path: Path, write: Writer, facts: dict[str, Any], unit: str
+) -> None:
+    """Meters per frame: taken for m/s they would be too slow by the frame rate."""
+    fields = read_vectors(write(tmp_path / "d.mat", all_frames(0.5) | facts))
+    assert (fields.length_unit, fields.velocity_unit) == ("m", unit)
+    scene.check(fields, scale=0.5)
 
 
 @WRITERS
