@@ -128,7 +128,8 @@ class Config:
     out: str | None = setting(None, "folder of the run: results, fields, figures, checkpoints")
     level: Literal["V0", "V1", "V2"] = setting(
         "V1",
-        "what is measured: V0 velocity; V1 and the line of the free surface, where p = 0; "
+        "what is measured: V0 velocity, with p = 0 where its vectors end upwards; V1 and the line "
+        "of the free surface, where p = 0; "
         "V2 and pressure at surface points",
     )
     form: Literal["mixed", "strong"] = setting(
