@@ -31,10 +31,16 @@ from bench.noise_study import known_bound, read_bounds, statistics, thinned
 from granpinn import identify_many, recipes
 from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
-from granpinn.guard import NonFiniteError
-from granpinn.inertial_profile import LEAST_AVERAGE, fair_losses, grid_of, judge, vertex
-from granpinn.progress import Lines
+from granpinn.identification.inertial_profile import (
+    LEAST_AVERAGE,
+    fair_losses,
+    grid_of,
+    judge,
+    vertex,
+)
 from granpinn.results import Result, plain
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.progress import Lines
 
 NAMES = ("mu_s", "mu_2", "I0")
 

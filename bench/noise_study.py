@@ -37,8 +37,8 @@ from bench.machine import describe
 from granpinn import identify_many, recipes
 from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, read_flow
-from granpinn.progress import Lines
 from granpinn.results import Result, plain
+from granpinn.training.progress import Lines
 
 NAMES = ("mu_s", "mu_2")
 FIELDS = ("velocity", "pressure", "pressure_flowing", "pressure_stagnant")

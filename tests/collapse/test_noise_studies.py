@@ -14,8 +14,8 @@ from bench import inertial_study, noise_study
 from granpinn import recipes
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
-from granpinn.findings import Loss
 from granpinn.results import Parameter, Parameters, Result
+from granpinn.results.findings import Loss
 from tests.flows import make_flow
 from tests.report.examples import make_result
 
