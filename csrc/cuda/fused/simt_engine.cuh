@@ -6,8 +6,8 @@
 namespace granpinn::cuda::fused {
 
 template <int Width, int Channels, int Points, int Split, int Stages>
-struct SimtEngine : Lanes<Width, Split> {
-  using L = Lanes<Width, Split>;
+struct SimtEngine : Lanes<Width, Split, false> {
+  using L = Lanes<Width, Split, false>;
   using L::H, L::neurons;
   static constexpr int C = Channels;
   static constexpr int CP = Channels;  // channels with padding
