@@ -27,7 +27,7 @@ import numpy as np
 
 from bench.coverage import settings_of
 from bench.machine import describe
-from bench.noise_study import known_bound, read_bounds, statistics, thinned
+from bench.noise_study import known_bound, read_bounds, read_study, statistics, thinned
 from granpinn import identify_many, recipes
 from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
@@ -194,7 +194,7 @@ def main() -> int:
         parser.error("give flow files, or --read an earlier study")
     try:
         if options.read:
-            found = json.loads(options.read.read_text())
+            found = read_study(options.read)
         else:
             config = settings(words, options.values, options.reach)
             flows = [thinned(read_flow(path), options.points) for path in options.flows]

@@ -156,7 +156,23 @@ def known_bound(
 
 def read_bounds(files: Sequence[Path]) -> list[dict[str, Any]]:
     """The rows of bench.simulator_fit --bound."""
-    return [known for path in files for known in json.loads(path.read_text())["rows"]]
+    rows = [known for path in files for known in json.loads(path.read_text())["rows"]]
+    return [_with_nan(known) for known in rows]
+
+
+def read_study(path: Path) -> dict[str, Any]:
+    """An earlier study from its file."""
+    found: dict[str, Any] = json.loads(path.read_text())
+    for row in found["rows"]:
+        row["errors_percent"] = _with_nan(row["errors_percent"])
+    return found
+
+
+def _with_nan(value: Any) -> Any:
+    """NaN again where the file has null, as JSON has no NaN."""
+    if isinstance(value, dict):
+        return {name: _with_nan(part) for name, part in value.items()}
+    return math.nan if value is None else value
 
 
 def with_bounds(
@@ -216,7 +232,7 @@ def main() -> int:
         parser().error("give flow files, or --read an earlier study")
     try:
         if options.read:
-            found = json.loads(options.read.read_text())
+            found = read_study(options.read)
         else:
             config = recipes.build(settings_of(words))
             flows = [read_flow(path) for path in options.flows]

@@ -14,7 +14,7 @@ from bench import inertial_study, noise_study
 from granpinn import recipes
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
-from granpinn.results import Parameter, Parameters, Result
+from granpinn.results import Parameter, Parameters, Result, plain
 from granpinn.results.findings import Loss
 from tests.flows import make_flow
 from tests.report.examples import make_result
@@ -33,6 +33,7 @@ KNOWN = {
     },
     "two_grids": {"mu_s_percent": 1.1, "mu_2_percent": 2.2},
 }
+NO_BOUND = {"mu_s_percent": None, "mu_2_percent": None}  # where J has no information
 
 
 def tiny() -> Config:
@@ -131,3 +132,19 @@ def test_the_study_of_I0_has_a_verdict_and_ratios(tmp_path: Path) -> None:
     text = inertial_study.text(inertial_study.with_bounds([row], noise_study.read_bounds([path])))
     assert "ratio" in text
     assert row["profile"]["verdict"] in text
+
+
+@pytest.mark.parametrize("names", [noise_study.NAMES, inertial_study.NAMES])
+def test_an_earlier_study_without_statistics_is_read_and_shown(
+    names: tuple[str, ...], tmp_path: Path
+) -> None:
+    study = noise_study if names == noise_study.NAMES else inertial_study
+    row = {"mu_s": 0.4, "mu_2": 0.64, "noise": 0.2, "points": 400, "draws": 1, "at_an_end": 1}
+    row |= {"failed": 0, "median_percent": {"pressure": None}, "profile": {"verdict": "none"}}
+    row |= {"errors_percent": {name: noise_study.statistics([]) for name in names}}
+    (tmp_path / "study.json").write_text(json.dumps(plain({"rows": [row]}), allow_nan=False))
+    (tmp_path / "bound.json").write_text(json.dumps({"rows": [KNOWN | {"two_grids": NO_BOUND}]}))
+    rows = noise_study.read_study(tmp_path / "study.json")["rows"]
+    rows = study.with_bounds(rows, noise_study.read_bounds([tmp_path / "bound.json"]))
+    assert math.isnan(rows[0]["rmse_over_bound"]["mu_s"])
+    assert "nan" in study.text(rows)
