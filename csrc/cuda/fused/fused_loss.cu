@@ -67,7 +67,7 @@ cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch&
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
-  if (plan.large)
+  if (plan.size == Size::large)
     return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
                              : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
   return plan.tensor_cores ? weights<MmaWeights<64>, H, 64>(a, plan, s, chunk, stream)
@@ -118,22 +118,27 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   p.outputs = static_cast<int>(a.net.outputs());
   p.H = widest <= 128 ? 128 : 256;
 
-  // the first that fits: blocks that a multiprocessor holds, by registers and by shared memory
+  // blocks that a multiprocessor holds, by registers and by shared memory
   int resident = 0;
-  const auto try_shape = [&](bool tensor, bool large) {
-    p.tensor_cores = tensor, p.large = large;
-    p.tile = tile_shape(a.form, tensor, large);
-    if (p.tile_bytes() > device.shared_per_block) return resident = 0;
-    return resident = std::min(512 / (p.H * p.tile.split),
-                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+  const auto take = [&](bool tensor, Size size) {
+    p.tensor_cores = tensor, p.size = size;
+    p.tile = tile_shape(a.form, tensor, size);
+    p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+    p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+    resident = p.tile_bytes() > device.shared_per_block
+                   ? 0
+                   : std::min(512 / (p.H * p.tile.split),
+                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    return resident > 0;
   };
-  if (!(tensor_cores && try_shape(true, false)) && !try_shape(false, false)) return false;
-  // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const bool tensor = p.tensor_cores;
-  if (E * ceil_div(a.n, p.tile.points) > 2 * device.multiprocessors * resident)
-    if (!try_shape(tensor, true)) try_shape(tensor, false);
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+  // the largest tiles that fit and of which there are enough for all multiprocessors
+  const auto take_largest = [&](bool tensor) {
+    for (const Size size : {Size::large, Size::medium})
+      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
+        return true;
+    return take(tensor, Size::small);
+  };
+  if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;
   plan = p;
   if (p.tiles == 0) return true;
 
@@ -145,7 +150,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const int B = p.large ? 128 : 64;
+  const int B = p.size == Size::large ? 128 : 64;
   const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
   const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.tile.rows, kStageRows);
   const std::int64_t wanted = 2 * device.multiprocessors / per_split;  // two on each at a time
