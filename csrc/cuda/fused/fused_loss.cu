@@ -51,27 +51,48 @@ cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
   return cudaGetLastError();
 }
 
-template <class P, int H, int B>
-cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
-                    cudaStream_t stream) {
-  const auto kernel = weights_kernel<P, H, B>;
-  constexpr int bytes = weights_memory<P, B>();
-  const cudaError_t error =
-      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
-  if (error != cudaSuccess) return error;
-  const dim3 grid((H / B) * (H / B), plan.splits, a.net.members * (plan.hidden - 1));
-  kernel<<<grid, kWeightsThreads, bytes, stream>>>(plan, s, chunk);
-  return cudaGetLastError();
+// Calls `visit` with the policy of the weights kernel.
+template <int H, class Visit>
+auto visit_weights(const Plan& plan, Visit visit) {
+  if constexpr (H == 256)
+    if (plan.large)
+      return plan.tensor_cores ? visit(MmaWeights<256, 128, 16, 6>{})
+                               : visit(SimtWeights<256, 256, 128, 16, 16, 6>{});
+  return plan.tensor_cores ? visit(MmaWeights<128, 128, 32, 4>{})
+                           : visit(SimtWeights<256, 128, 128, 16, 16, 8>{});
 }
 
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
-  if (plan.large)
-    return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
-                             : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
-  return plan.tensor_cores ? weights<MmaWeights<64>, H, 64>(a, plan, s, chunk, stream)
-                           : weights<SimtWeights<64>, H, 64>(a, plan, s, chunk, stream);
+  return visit_weights<H>(plan, [&](auto policy) {
+    using P = decltype(policy);
+    const auto kernel = weights_kernel<P, H>;
+    constexpr int bytes = weights_memory<P>();
+    const cudaError_t error =
+        cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+    if (error != cudaSuccess) return error;
+    const dim3 grid((H / P::M) * (H / P::N), plan.splits, a.net.members * (plan.hidden - 1));
+    kernel<<<grid, P::threads, bytes, stream>>>(plan, s, chunk);
+    return cudaGetLastError();
+  });
+}
+
+// Splits of the rows of a chunk: those that finish first, counted in stages of a block, of which
+// its start and end take as much time as kExtra, and the fewest of these, since they are added up.
+template <class P>
+int choose_splits(const Plan& plan, std::int64_t panels, int multiprocessors) {
+  constexpr int kExtra = 128 / P::stage_rows;
+  const std::int64_t tiles = panels * (plan.H / P::M) * (plan.H / P::N);
+  const std::int64_t slots = std::int64_t(multiprocessors) * P::blocks;
+  const std::int64_t stages = ceil_div(std::int64_t(plan.chunk) * plan.rows, P::stage_rows);
+  const auto time = [&](std::int64_t splits) {
+    return ceil_div(tiles * splits, slots) * (ceil_div(stages, splits) + kExtra);
+  };
+  std::int64_t best = 1;
+  for (std::int64_t splits = 2; splits <= std::min(stages, slots); ++splits)
+    if (time(splits) < time(best)) best = splits;
+  return static_cast<int>(best);
 }
 
 cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
@@ -146,12 +167,11 @@ Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessor
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const int B = p.large ? 128 : 64;
-  const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
-  const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
-  const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
-  p.splits =
-      static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
+  const std::int64_t layers = E * std::max(p.hidden - 1, 1);
+  const auto splits = [&](auto policy) {
+    return choose_splits<decltype(policy)>(p, layers, multiprocessors);
+  };
+  p.splits = p.H == 128 ? visit_weights<128>(p, splits) : visit_weights<256>(p, splits);
   return p;
 }
 
