@@ -6,7 +6,7 @@
 #include "collect.cuh"
 #include "pack.cuh"
 #include "variants.h"
-#include "weights_kernel.cuh"
+#include "weights_plan.cuh"
 
 namespace granpinn::cuda::fused {
 
@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kDeepest = 8;                              // hidden layers
 constexpr std::int64_t kPanels = std::int64_t(1) << 28;  // bytes of activations and adjoints
-
-constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
@@ -29,7 +27,7 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
   Scratch s{};
   s.packed = floats(E * plan.packed());
   s.narrow = floats(E * plan.narrow());
-  s.stash = floats(plan.shared_stash ? 0 : E * plan.slots * plan.stash());
+  s.stash = floats(E * plan.slots * plan.stash());
   s.activations = floats(E * hidden * plan.panel());
   s.adjoints = floats(E * hidden * plan.panel());
   s.gradients = floats(E * hidden * plan.splits * plan.H * plan.H);
@@ -51,24 +49,13 @@ cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
   return cudaGetLastError();
 }
 
-// Calls `visit` with the policy of the weights kernel.
-template <int H, class Visit>
-auto visit_weights(const Plan& plan, Visit visit) {
-  if constexpr (H == 256)
-    if (plan.large)
-      return plan.tensor_cores ? visit(MmaWeights<256, 128, 16, 6>{})
-                               : visit(SimtWeights<256, 256, 128, 16, 16, 6>{});
-  return plan.tensor_cores ? visit(MmaWeights<128, 128, 32, 4>{})
-                           : visit(SimtWeights<256, 128, 128, 16, 16, 8>{});
-}
-
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
   return visit_weights<H>(plan, [&](auto policy) {
     using P = decltype(policy);
     const auto kernel = weights_kernel<P, H>;
-    constexpr int bytes = weights_memory<P>();
+    const int bytes = P::memory(plan.weights_stages);
     const cudaError_t error =
         cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
     if (error != cudaSuccess) return error;
@@ -76,23 +63,6 @@ cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch&
     kernel<<<grid, P::threads, bytes, stream>>>(plan, s, chunk);
     return cudaGetLastError();
   });
-}
-
-// Splits of the rows of a chunk: those that finish first, counted in stages of a block, of which
-// its start and end take as much time as kExtra, and the fewest of these, since they are added up.
-template <class P>
-int choose_splits(const Plan& plan, std::int64_t panels, int multiprocessors) {
-  constexpr int kExtra = 128 / P::stage_rows;
-  const std::int64_t tiles = panels * (plan.H / P::M) * (plan.H / P::N);
-  const std::int64_t slots = std::int64_t(multiprocessors) * P::blocks;
-  const std::int64_t stages = ceil_div(std::int64_t(plan.chunk) * plan.rows, P::stage_rows);
-  const auto time = [&](std::int64_t splits) {
-    return ceil_div(tiles * splits, slots) * (ceil_div(stages, splits) + kExtra);
-  };
-  std::int64_t best = 1;
-  for (std::int64_t splits = 2; splits <= std::min(stages, slots); ++splits)
-    if (time(splits) < time(best)) best = splits;
-  return static_cast<int>(best);
 }
 
 cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
@@ -127,52 +97,48 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
 
 }  // namespace
 
-bool supports(const DeviceLoss<float>& a) {
+bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+               Plan& plan) {
   const int L = a.net.layers - 1;
-  if (L < 1 || L > kDeepest || a.net.members > 65535 / kDeepest) return false;
-  return *std::max_element(a.net.widths + 1, a.net.widths + 1 + L) <= kWidest;
-}
-
-Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessors) {
   const std::int64_t E = a.net.members;
+  if (L < 1 || L > kDeepest || E > 65535 / kDeepest) return false;
+  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
+  if (widest > kWidest) return false;
   Plan p{};
-  p.hidden = a.net.layers - 1;
+  p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
-  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + p.hidden);
   p.H = widest <= 128 ? 128 : 256;
-  p.tensor_cores = tensor_cores;
 
+  // the first that fits: blocks that a multiprocessor holds, by registers and by shared memory
+  int resident = 0;
+  const auto try_shape = [&](bool tensor, bool large) {
+    p.tensor_cores = tensor, p.large = large;
+    p.tile = tile_shape(a.form, tensor, large);
+    if (p.tile_bytes() > device.shared_per_block) return resident = 0;
+    return resident = std::min(512 / (p.H * p.tile.split),
+                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+  };
+  if (!(tensor_cores && try_shape(true, false)) && !try_shape(false, false)) return false;
   // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const int blocks = multiprocessors * (256 / p.H);
-  const TileShape small = tile_shape(a.form, tensor_cores, false);
-  p.large = E * ceil_div(a.n, small.points) > 2 * blocks;
-  const TileShape shape = p.large ? tile_shape(a.form, tensor_cores, true) : small;
-  p.points = shape.points;
-  p.surface_points = shape.surface_points;
-  p.rows = shape.rows;
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.surface_points));
-  if (p.tiles == 0) return p;
-
-  // panel, ring and the small arrays of a tile take less than the rest of a multiprocessor's
-  const int panels = tensor_cores ? 2 : 1, ring = 4 * 4 * kStage * p.H / 32;
-  const int rest = 227 * 1024 * p.H / 256 - ring - 4 * (p.rows * 32 + p.narrow());
-  p.shared_stash = 4 * (panels * p.rows * (p.H + 8) + p.stash()) <= rest;
+  const bool tensor = p.tensor_cores;
+  if (E * ceil_div(a.n, p.tile.points) > 2 * device.multiprocessors * resident)
+    if (!try_shape(tensor, true)) try_shape(tensor, false);
+  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+  plan = p;
+  if (p.tiles == 0) return true;
 
   // as many rounds as it takes, each with the same number of blocks
-  const std::int64_t most = std::max<std::int64_t>(1, blocks / E);
+  const std::int64_t most = std::max<std::int64_t>(1, device.multiprocessors * resident / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));
-  const std::int64_t tile_bytes = std::int64_t(8) * p.rows * p.H * std::max(p.hidden - 1, 1);
+  const std::int64_t tile_bytes = std::int64_t(8) * p.tile.rows * p.H * std::max(p.hidden - 1, 1);
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const std::int64_t layers = E * std::max(p.hidden - 1, 1);
-  const auto splits = [&](auto policy) {
-    return choose_splits<decltype(policy)>(p, layers, multiprocessors);
-  };
-  p.splits = p.H == 128 ? visit_weights<128>(p, splits) : visit_weights<256>(p, splits);
-  return p;
+  if (!plan_weights(p, E * std::max(p.hidden - 1, 1), device)) return false;
+  plan = p;
+  return true;
 }
 
 std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {
