@@ -40,12 +40,12 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 template <int H>
 cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
                  cudaStream_t stream) {
-  const dim3 grid(ceil_div(std::max<std::int64_t>(plan.packed(), plan.narrow()), 1024),
-                  a.net.members);
+  const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
+  const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
-    pack_kernel<H, true><<<grid, 256, 0, stream>>>(a, plan, s);
+    pack_kernel<H, true><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
   else
-    pack_kernel<H, false><<<grid, 256, 0, stream>>>(a, plan, s);
+    pack_kernel<H, false><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
   return cudaGetLastError();
 }
 
