@@ -67,7 +67,11 @@ struct Plan {
   int tiles;           // with those of the surface
   int slots;           // blocks of a member
   int chunk;           // tiles of a member that go through the kernels together
-  int splits;          // of the rows of a chunk, in the weights kernel
+
+  // weights kernel
+  bool large_weights;  // the larger of two tiles of weights
+  int weights_stages;  // of its ring
+  int splits;          // of the rows of a chunk
 
   // products that stream weights: forward through layers 1 .. L-1, then backward
   GRANPINN_HD int products() const { return 2 * (hidden - 1); }
