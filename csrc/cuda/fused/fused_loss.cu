@@ -6,7 +6,7 @@
 #include "collect.cuh"
 #include "pack.cuh"
 #include "variants.h"
-#include "weights_kernel.cuh"
+#include "weights_plan.cuh"
 
 namespace granpinn::cuda::fused {
 
@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kDeepest = 8;                              // hidden layers
 constexpr std::int64_t kPanels = std::int64_t(1) << 28;  // bytes of activations and adjoints
-
-constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
@@ -42,36 +40,29 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 template <int H>
 cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
                  cudaStream_t stream) {
-  const dim3 grid(ceil_div(std::max<std::int64_t>(plan.packed(), plan.narrow()), 1024),
-                  a.net.members);
+  const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
+  const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
-    pack_kernel<H, true><<<grid, 256, 0, stream>>>(a, plan, s);
+    pack_kernel<H, true><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
   else
-    pack_kernel<H, false><<<grid, 256, 0, stream>>>(a, plan, s);
-  return cudaGetLastError();
-}
-
-template <class P, int H, int B>
-cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
-                    cudaStream_t stream) {
-  const auto kernel = weights_kernel<P, H, B>;
-  constexpr int bytes = weights_memory<P, B>();
-  const cudaError_t error =
-      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
-  if (error != cudaSuccess) return error;
-  const dim3 grid((H / B) * (H / B), plan.splits, a.net.members * (plan.hidden - 1));
-  kernel<<<grid, kWeightsThreads, bytes, stream>>>(plan, s, chunk);
+    pack_kernel<H, false><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
   return cudaGetLastError();
 }
 
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
-  if (plan.large)
-    return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
-                             : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
-  return plan.tensor_cores ? weights<MmaWeights<64>, H, 64>(a, plan, s, chunk, stream)
-                           : weights<SimtWeights<64>, H, 64>(a, plan, s, chunk, stream);
+  return visit_weights<H>(plan, [&](auto policy) {
+    using P = decltype(policy);
+    const auto kernel = weights_kernel<P, H>;
+    const int bytes = P::memory(plan.weights_stages);
+    const cudaError_t error =
+        cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+    if (error != cudaSuccess) return error;
+    const dim3 grid((H / P::M) * (H / P::N), plan.splits, a.net.members * (plan.hidden - 1));
+    kernel<<<grid, P::threads, bytes, stream>>>(plan, s, chunk);
+    return cudaGetLastError();
+  });
 }
 
 cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
@@ -118,22 +109,27 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   p.outputs = static_cast<int>(a.net.outputs());
   p.H = widest <= 128 ? 128 : 256;
 
-  // the first that fits: blocks that a multiprocessor holds, by registers and by shared memory
+  // blocks that a multiprocessor holds, by registers and by shared memory
   int resident = 0;
-  const auto try_shape = [&](bool tensor, bool large) {
-    p.tensor_cores = tensor, p.large = large;
-    p.tile = tile_shape(a.form, tensor, large);
-    if (p.tile_bytes() > device.shared_per_block) return resident = 0;
-    return resident = std::min(512 / (p.H * p.tile.split),
-                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+  const auto take = [&](bool tensor, Size size) {
+    p.tensor_cores = tensor, p.size = size;
+    p.tile = tile_shape(a.form, tensor, size);
+    p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+    p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+    resident = p.tile_bytes() > device.shared_per_block
+                   ? 0
+                   : std::min(512 / (p.H * p.tile.split),
+                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    return resident > 0;
   };
-  if (!(tensor_cores && try_shape(true, false)) && !try_shape(false, false)) return false;
-  // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const bool tensor = p.tensor_cores;
-  if (E * ceil_div(a.n, p.tile.points) > 2 * device.multiprocessors * resident)
-    if (!try_shape(tensor, true)) try_shape(tensor, false);
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+  // the largest tiles that fit and of which there are enough for all multiprocessors
+  const auto take_largest = [&](bool tensor) {
+    for (const Size size : {Size::large, Size::medium})
+      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
+        return true;
+    return take(tensor, Size::small);
+  };
+  if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;
   plan = p;
   if (p.tiles == 0) return true;
 
@@ -145,12 +141,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const int B = p.large ? 128 : 64;
-  const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
-  const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.tile.rows, kStageRows);
-  const std::int64_t wanted = 2 * device.multiprocessors / per_split;  // two on each at a time
-  p.splits =
-      static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
+  if (!plan_weights(p, E * std::max(p.hidden - 1, 1), device)) return false;
   plan = p;
   return true;
 }

@@ -1,7 +1,5 @@
 // Which values of a tile a thread owns: `neurons` consecutive neurons of a slab, for some points
-// and all their channels. A warp is 8 groups of neurons x 4 groups of points: in the order of the
-// tensor cores' results, or, for loads of 16 bytes, so that lanes i and i ^ 1 have the same points,
-// i and i ^ 2 the same neurons: the hardware then merges the loads in pairs.
+// and all their channels. A warp is 8 groups of neurons x 4 groups of points.
 #pragma once
 
 #include "weight_stream.cuh"
@@ -10,7 +8,7 @@ namespace granpinn::cuda::fused {
 
 __device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
 
-template <int Width, int Split, bool TensorCores>
+template <int Width, int Split>
 struct Lanes {
   static constexpr int H = Width;
   static constexpr int split = Split;
@@ -19,23 +17,16 @@ struct Lanes {
   static constexpr int neurons = 4 / Split;
 
   static __device__ int lane() { return threadIdx.x % 32; }
-  static __device__ int point_lane() {
-    return TensorCores ? lane() % 4 : lane() / 2 % 2 + lane() / 16 * 2;
-  }
-  static __device__ int neuron_lane() {
-    return TensorCores ? lane() / 4 : lane() % 2 + lane() / 4 % 4 * 2;
-  }
+  static __device__ int point_lane() { return lane() % 4; }
+  static __device__ int neuron_lane() { return lane() / 4; }
   static __device__ int slab() { return threadIdx.x / 32 % (H / kSlab); }
   static __device__ int part() { return threadIdx.x / H; }  // of the warps of a slab
   static __device__ int column() { return slab() * kSlab + neuron_lane() * 4 + part() * neurons; }
 
   // sums over the lanes with the same neurons, or with the same points
-  static __device__ float sum_points(float a) {
-    return TensorCores ? add_lanes(add_lanes(a, 1), 2) : add_lanes(add_lanes(a, 2), 16);
-  }
+  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
   static __device__ float sum_neurons(float a) {
-    return TensorCores ? add_lanes(add_lanes(add_lanes(a, 4), 8), 16)
-                       : add_lanes(add_lanes(add_lanes(a, 1), 4), 8);
+    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
   }
 
   // this thread's neurons of a row of H

@@ -54,9 +54,9 @@ __device__ inline float power_of_two(int exponent) {
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points, int Split, int Stages>
-struct MmaEngine : Lanes<Width, Split, true> {
-  using L = Lanes<Width, Split, true>;
+template <int Width, int Channels, int Points, int Split, int StageFloats, int Stages>
+struct MmaEngine : Lanes<Width, Split> {
+  using L = Lanes<Width, Split>;
   using L::H, L::neurons;
   static constexpr int C = Channels;
   static constexpr int PT = Points;
@@ -67,7 +67,7 @@ struct MmaEngine : Lanes<Width, Split, true> {
   static constexpr int tiles = R / 8;
   static constexpr int ld = row_floats(true, H);  // rows eight banks apart
   static constexpr bool tensor_cores = true;
-  using Stream = WeightStream<stage_floats(true), Stages>;
+  using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
 
   static __device__ int point(int q) {
