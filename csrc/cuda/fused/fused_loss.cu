@@ -109,22 +109,27 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   p.outputs = static_cast<int>(a.net.outputs());
   p.H = widest <= 128 ? 128 : 256;
 
-  // the first that fits: blocks that a multiprocessor holds, by registers and by shared memory
+  // blocks that a multiprocessor holds, by registers and by shared memory
   int resident = 0;
-  const auto try_shape = [&](bool tensor, bool large) {
-    p.tensor_cores = tensor, p.large = large;
-    p.tile = tile_shape(a.form, tensor, large);
-    if (p.tile_bytes() > device.shared_per_block) return resident = 0;
-    return resident = std::min(512 / (p.H * p.tile.split),
-                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+  const auto take = [&](bool tensor, Size size) {
+    p.tensor_cores = tensor, p.size = size;
+    p.tile = tile_shape(a.form, tensor, size);
+    p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+    p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+    resident = p.tile_bytes() > device.shared_per_block
+                   ? 0
+                   : std::min(512 / (p.H * p.tile.split),
+                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    return resident > 0;
   };
-  if (!(tensor_cores && try_shape(true, false)) && !try_shape(false, false)) return false;
-  // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const bool tensor = p.tensor_cores;
-  if (E * ceil_div(a.n, p.tile.points) > 2 * device.multiprocessors * resident)
-    if (!try_shape(tensor, true)) try_shape(tensor, false);
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+  // the largest tiles that fit and of which there are enough for all multiprocessors
+  const auto take_largest = [&](bool tensor) {
+    for (const Size size : {Size::large, Size::medium})
+      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
+        return true;
+    return take(tensor, Size::small);
+  };
+  if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;
   plan = p;
   if (p.tiles == 0) return true;
 

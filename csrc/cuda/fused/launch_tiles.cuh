@@ -19,10 +19,10 @@ cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& 
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool tensor_cores,
-          bool large>
+          Size size>
 cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                            Chunk chunk, cudaStream_t stream) {
-  constexpr TileShape t = tile_shape(form, tensor_cores, large);
+  constexpr TileShape t = tile_shape(form, tensor_cores, size);
   constexpr int outputs = form == Form::strong ? 3 : 5;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
@@ -31,28 +31,33 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                                                                             stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stages>{},
-               MmaEngine<H, 1, t.surface_points, t.split, t.stages>{});
+    return run(MmaEngine<H, C, t.points, t.split, t.stage, t.stages>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
   else
-    return run(SimtEngine<H, C, t.points, t.split, t.stages>{},
-               SimtEngine<H, 1, t.surface_points, t.split, t.stages>{});
+    return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>
 cudaError_t launch_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                          Chunk chunk, cudaStream_t stream) {
-  const auto by_width = [&](auto tensor_cores, auto large) {
-    constexpr bool tc = decltype(tensor_cores)::value, big = decltype(large)::value;
+  const auto by_width = [&](auto tensor_cores, auto size) {
+    constexpr bool tc = decltype(tensor_cores)::value;
+    constexpr Size s = decltype(size)::value;
     if (plan.H == 128)
-      return launch_variant<form, C, InteriorTask, SurfaceTask, 128, tc, big>(a, plan, scratch,
-                                                                              chunk, stream);
-    return launch_variant<form, C, InteriorTask, SurfaceTask, 256, tc, big>(a, plan, scratch, chunk,
+      return launch_variant<form, C, InteriorTask, SurfaceTask, 128, tc, s>(a, plan, scratch, chunk,
                                                                             stream);
+    return launch_variant<form, C, InteriorTask, SurfaceTask, 256, tc, s>(a, plan, scratch, chunk,
+                                                                          stream);
   };
-  using Yes = std::true_type;
-  using No = std::false_type;
-  if (plan.tensor_cores) return plan.large ? by_width(Yes{}, Yes{}) : by_width(Yes{}, No{});
-  return plan.large ? by_width(No{}, Yes{}) : by_width(No{}, No{});
+  const auto by_size = [&](auto tensor_cores) {
+    if (plan.size == Size::large)
+      return by_width(tensor_cores, std::integral_constant<Size, Size::large>{});
+    if (plan.size == Size::medium)
+      return by_width(tensor_cores, std::integral_constant<Size, Size::medium>{});
+    return by_width(tensor_cores, std::integral_constant<Size, Size::small>{});
+  };
+  return plan.tensor_cores ? by_size(std::true_type{}) : by_size(std::false_type{});
 }
 
 }  // namespace granpinn::cuda::fused

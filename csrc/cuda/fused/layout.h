@@ -25,26 +25,32 @@ struct TileShape {
   int points, surface_points;  // of a tile of either kind
   int rows;                    // of both
   int split;                   // warps of a slab
-  int stages;                  // of the ring of weights of each warp
+  int stage, stages;           // floats of a stage of weights, stages in a warp's ring
 };
 
-constexpr TileShape tile_shape(Form form, bool tensor_cores, bool large) {
-  const int split = large ? 1 : 2, stages = tensor_cores == large ? 2 : 4;
-  if (form == Form::data)
-    return large ? TileShape{64, 64, 64, split, stages} : TileShape{8, 8, 8, split, stages};
-  if (form == Form::mixed)
-    return large ? TileShape{16, 64, 64, split, stages} : TileShape{4, 16, 16, split, stages};
-  if (large) return {8, 56, 56, split, stages};
-  return tensor_cores ? TileShape{4, 32, 32, split, stages} : TileShape{4, 28, 28, split, stages};
+// Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
+enum class Size { small, medium, large };
+
+constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
+  const bool large = size == Size::large, split = size == Size::small;
+  TileShape t = large ? TileShape{8, 56, 56} : TileShape{4, 28, 28};
+  if (form == Form::strong && tensor_cores && !large) t = {4, 32, 32};
+  if (form == Form::mixed) t = {4, 16, 16};
+  if (form == Form::mixed && !split) t = large ? TileShape{16, 64, 64} : TileShape{8, 32, 32};
+  if (form == Form::data) t = {8, 8, 8};
+  if (form == Form::data && !split) t = large ? TileShape{64, 64, 64} : TileShape{32, 32, 32};
+  t.split = split ? 2 : 1;
+  t.stage = split && !tensor_cores ? 256 : 512;
+  t.stages = split && tensor_cores ? 4 : 2;
+  return t;
 }
 
-// Sizes in shared memory, in floats.
-constexpr int stage_floats(bool tensor_cores) { return tensor_cores ? 512 : 256; }
+// A row of the panel in shared memory, in floats.
 constexpr int row_floats(bool tensor_cores, int H) { return H + (tensor_cores ? 8 : 4); }
 
 // Of TileMemory (tile.cuh).
 constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
-  const int ring = tile.split * H / kSlab * tile.stages * stage_floats(tensor_cores);
+  const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
   const int halves = tile.split == 1 ? 2 : 2 * tile.rows * H / 2;
   return tile.rows * row_floats(tensor_cores, H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
 }
@@ -55,7 +61,7 @@ struct Plan {
   int hidden;         // hidden layers L
   int outputs;        // K
   bool tensor_cores;  // products on tensor cores
-  bool large;         // the larger of two tiles
+  Size size;          // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
   int tiles;           // with those of the surface

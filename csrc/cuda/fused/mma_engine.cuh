@@ -54,7 +54,7 @@ __device__ inline float power_of_two(int exponent) {
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points, int Split, int Stages>
+template <int Width, int Channels, int Points, int Split, int StageFloats, int Stages>
 struct MmaEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
   using L::H, L::neurons;
@@ -67,7 +67,7 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr int tiles = R / 8;
   static constexpr int ld = row_floats(true, H);  // rows eight banks apart
   static constexpr bool tensor_cores = true;
-  using Stream = WeightStream<stage_floats(true), Stages>;
+  using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
 
   static __device__ int point(int q) {
@@ -143,27 +143,10 @@ struct MmaEngine : Lanes<Width, Split> {
       uint4 a[4];
 #pragma unroll
       for (int i = 0; i < 4; ++i) a[i] = *reinterpret_cast<const uint4*>(w + i * 128);
+      // tiles in groups: their products are independent and hide each other's latency
 #pragma unroll
-      for (int t = 0; t < tiles; ++t) {
-        const uint4 b = *reinterpret_cast<const uint4*>(from + t * 8 * ld);
-#pragma unroll
-        for (int m = 0; m < 2; ++m) {
-          float d[4], old[4];
-#pragma unroll
-          for (int i = 0; i < 4; ++i) old[i] = value_of(sum, t, m, i);
-          if (Forward) {
-            constexpr float zero[4] = {};
-            mma_f16(d, a[2 + m], b.x, b.y, zero);
-            mma_f16(d, a[m], b.z, b.w, d);
-            mma_f16(d, a[m], b.x, b.y, d);
-          } else {
-            mma_f16(d, a[m], b.x, b.y, old);
-            mma_f16(d, a[2 + m], b.z, b.w, d);
-          }
-#pragma unroll
-          for (int i = 0; i < 4; ++i) value_of(sum, t, m, i) = Forward ? old[i] + d[i] : d[i];
-        }
-      }
+      for (int first = 0; first < tiles; first += together)
+        multiply_group<Forward>(from + first * 8 * ld, first, a, sum);
     }
     L::exchange(memory, sum, z);
   }
@@ -175,6 +158,40 @@ struct MmaEngine : Lanes<Width, Split> {
   static __device__ int panel_row(int c, int q) {
     if (quad) return c / 2 * 8 + place(point(q) * 2 + c % 2);
     return row(c, q) / 8 * 8 + place(row(c, q) % 8);
+  }
+
+  static constexpr int together = tiles <= 4 ? tiles : 2;
+
+  template <bool Forward>
+  static __device__ void multiply_group(const float* from, int first, const uint4 (&a)[4],
+                                        float (&sum)[CP * PPT][4]) {
+    uint4 b[together];
+    float d[together][2][4];
+#pragma unroll
+    for (int i = 0; i < together; ++i)
+      if (first + i < tiles) b[i] = *reinterpret_cast<const uint4*>(from + i * 8 * ld);
+#pragma unroll
+    for (int j = 0; j < together * 8; ++j)
+      d[j / 8][j / 4 % 2][j % 4] =
+          Forward || first + j / 8 >= tiles ? 0 : value_of(sum, first + j / 8, j / 4 % 2, j % 4);
+#pragma unroll
+    for (int part = 0; part < (Forward ? 3 : 2); ++part)
+#pragma unroll
+      for (int i = 0; i < together; ++i)
+#pragma unroll
+        for (int m = 0; m < 2; ++m) {
+          if (first + i >= tiles) continue;
+          const bool low = Forward ? part == 0 : part == 1;
+          const bool upper = part == 1;
+          mma_f16(d[i][m], a[low ? 2 + m : m], upper ? b[i].z : b[i].x, upper ? b[i].w : b[i].y,
+                  d[i][m]);
+        }
+#pragma unroll
+    for (int j = 0; j < together * 8; ++j)
+      if (first + j / 8 < tiles) {
+        float& s = value_of(sum, first + j / 8, j / 4 % 2, j % 4);
+        s = Forward ? s + d[j / 8][j / 4 % 2][j % 4] : d[j / 8][j / 4 % 2][j % 4];
+      }
   }
 
   // The place of element d of tensor-core tile (t, m) among a thread's values: its two columns are

@@ -5,7 +5,7 @@
 
 namespace granpinn::cuda::fused {
 
-template <int Width, int Channels, int Points, int Split, int Stages>
+template <int Width, int Channels, int Points, int Split, int StageFloats, int Stages>
 struct SimtEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
   using L::H, L::neurons;
@@ -16,8 +16,8 @@ struct SimtEngine : Lanes<Width, Split> {
   static constexpr int R = C * PT;
   static constexpr int ld = row_floats(false, H);  // rows four banks apart
   static constexpr bool tensor_cores = false;
-  static constexpr int block_k = 8;  // inputs of a stage
-  using Stream = WeightStream<stage_floats(false), Stages>;
+  static constexpr int block_k = StageFloats / kSlab;  // inputs of a stage
+  using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
 
   static __device__ int point(int q) { return 4 * q + L::point_lane(); }
