@@ -30,15 +30,21 @@ auto visit_weights(const Plan& plan, Visit visit) {
   return plan.tensor_cores ? visit(MmaWeights<64, 64>{}) : visit(SimtWeights<64, 32>{});
 }
 
-// Time of the weights kernel with so many splits and of adding these up.
+// Stages of a block, if the rows of a chunk go into so many splits.
 template <class P>
-double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors, int splits) {
+std::int64_t split_stages(const Plan& plan, std::int64_t splits) {
+  const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.rows;
+  return ceil_div(ceil_div(rows, P::stage_rows), splits);
+}
+
+// Time of the weights kernel, and of adding up the splits.
+template <class P>
+double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) {
   const WeightsTime time = weights_time(plan.tensor_cores, plan.large_weights);
-  const std::int64_t weights = panels * plan.H * plan.H, blocks = weights / (P::M * P::N) * splits;
-  const std::int64_t stages = ceil_div(std::int64_t(plan.chunk) * plan.tile.rows, P::stage_rows);
-  const double rows = static_cast<double>(ceil_div(stages, splits) * P::stage_rows);
-  return static_cast<double>(ceil_div(blocks, multiprocessors)) * (rows * time.row + time.block) +
-         static_cast<double>(4 * weights * splits) * kAddTime;
+  const std::int64_t weights = panels * plan.H * plan.H * plan.splits;
+  const auto rows = static_cast<double>(split_stages<P>(plan, plan.splits) * P::stage_rows);
+  const auto rounds = static_cast<double>(ceil_div(weights / (P::M * P::N), multiprocessors));
+  return rounds * (rows * time.row + time.block) + 4 * kAddTime * static_cast<double>(weights);
 }
 
 // Chooses tile, stages and splits for `panels` pairs of panels (members x hidden layers); false
@@ -53,11 +59,13 @@ inline bool plan_weights(Plan& plan, std::int64_t panels, const DeviceLimits& de
       using P = decltype(policy);
       p.weights_stages = P::memory(3) <= device.shared_per_block ? 3 : 2;
       if (P::memory(p.weights_stages) > device.shared_per_block) return;
-      const std::int64_t rows = std::int64_t(p.chunk) * p.tile.rows;
-      const std::int64_t most =
-          std::min<std::int64_t>(ceil_div(rows, P::stage_rows), device.multiprocessors);
-      for (p.splits = 1; p.splits <= most; ++p.splits) {
-        const double time = weights_time<P>(p, panels, device.multiprocessors, p.splits);
+      // splits that fill the GPU once, twice, ..., and the fewest that are as short
+      const std::int64_t blocks = panels * (p.H / P::M) * (p.H / P::N);
+      const std::int64_t fewest = ceil_div(blocks, device.multiprocessors);
+      for (std::int64_t rounds = fewest; rounds < fewest + 8; ++rounds) {
+        const std::int64_t most = rounds * device.multiprocessors / blocks;
+        p.splits = static_cast<int>(split_stages<P>(p, split_stages<P>(p, most)));
+        const double time = weights_time<P>(p, panels, device.multiprocessors);
         if (best > 0 && time >= best) continue;
         best = time;
         plan = p;
