@@ -13,7 +13,7 @@ namespace granpinn::cuda::fused {
 namespace {
 
 constexpr int kDeepest = 8;                              // hidden layers
-constexpr std::int64_t kPanels = std::int64_t(1) << 28;  // bytes of activations and adjoints
+constexpr std::int64_t kPanels = std::int64_t(1) << 29;  // bytes of activations and adjoints
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
@@ -113,6 +113,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   int resident = 0;
   const auto take = [&](bool tensor, Size size) {
     p.tensor_cores = tensor, p.size = size;
+    p.compensated = compensated(a.form, tensor);
     p.tile = tile_shape(a.form, tensor, size);
     p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
@@ -137,7 +138,8 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   const std::int64_t most = std::max<std::int64_t>(1, device.multiprocessors * resident / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));
-  const std::int64_t tile_bytes = std::int64_t(8) * p.tile.rows * p.H * std::max(p.hidden - 1, 1);
+  const std::int64_t tile_bytes =
+      std::int64_t(8) * p.tile.panel_rows * p.H * std::max(p.hidden - 1, 1);
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 

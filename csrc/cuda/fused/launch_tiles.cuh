@@ -31,8 +31,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                                                                             stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stage, t.stages>{},
-               MmaEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, compensated(form, true)>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages, compensated(form, true)>{});
   else
     return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
                SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});

@@ -23,7 +23,8 @@ constexpr int kSums = 8;   // squares of the five terms, then theta
 // a channel of padding.
 struct TileShape {
   int points, surface_points;  // of a tile of either kind
-  int rows;                    // of both
+  int rows;                    // of an interior tile, in shared memory
+  int panel_rows;              // of either, in the panels of the weights kernel
   int split;                   // warps of a slab
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
 };
@@ -31,14 +32,28 @@ struct TileShape {
 // Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
 enum class Size { small, medium, large };
 
+// Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
+// it an error that shows (three times that of float32 in the mixed form). With these forms both
+// products of the way back take that channel in two pieces; in the panels, the products of the
+// pieces are rows of their own. The strong form has no need of it.
+constexpr bool compensated(Form form, bool tensor_cores) {
+  return tensor_cores && form != Form::strong;
+}
+
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
   const bool large = size == Size::large, split = size == Size::small;
-  TileShape t = large ? TileShape{8, 56, 56} : TileShape{4, 28, 28};
-  if (form == Form::strong && tensor_cores && !large) t = {4, 32, 32};
-  if (form == Form::mixed) t = {4, 16, 16};
-  if (form == Form::mixed && !split) t = large ? TileShape{16, 64, 64} : TileShape{8, 32, 32};
-  if (form == Form::data) t = {8, 8, 8};
-  if (form == Form::data && !split) t = large ? TileShape{64, 64, 64} : TileShape{32, 32, 32};
+  const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
+  TileShape t{};
+  t.points = large ? 8 : 4;
+  if (form == Form::mixed && !split) t.points = large ? 16 : 8;
+  if (form == Form::data) t.points = large ? 64 : split ? 8 : 32;
+  t.rows = channels * t.points;
+  if (tensor_cores) t.rows = (t.rows + 7) / 8 * 8;
+  t.surface_points = t.panel_rows = t.rows;
+  if (compensated(form, tensor_cores)) {
+    t.panel_rows = t.rows + 2 * t.points;
+    t.surface_points = t.panel_rows / 3;
+  }
   t.split = split ? 2 : 1;
   t.stage = split && !tensor_cores ? 256 : 512;
   t.stages = split && tensor_cores ? 4 : 2;
@@ -61,6 +76,7 @@ struct Plan {
   int hidden;         // hidden layers L
   int outputs;        // K
   bool tensor_cores;  // products on tensor cores
+  bool compensated;   // see above
   Size size;          // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
@@ -81,13 +97,13 @@ struct Plan {
   GRANPINN_HD int last() const { return (3 + hidden) * H; }
   // pre-activations that a block keeps for the way back: of all layers but the first
   GRANPINN_HD int stash() const { return (hidden - 1) * tile.rows * H; }
-  // streamed weights: float32, or two halves on the way forward and one on the way back
+  // streamed weights: float32, or two halves on the way forward and one or two on the way back
   GRANPINN_HD std::int64_t packed() const {
-    return std::int64_t(hidden - 1) * H * H * (tensor_cores ? 3 : 4) / 2;
+    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !compensated ? 3 : 4) / 2;
   }
   GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
   int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }
-  GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.rows * H; }
+  GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.panel_rows * H; }
 };
 
 struct Scratch {

@@ -54,7 +54,7 @@ __device__ inline float power_of_two(int exponent) {
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points, int Split, int StageFloats, int Stages>
+template <int Width, int Channels, int Points, int Split, int Stages, bool Compensated>
 struct MmaEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
   using L::H, L::neurons;
@@ -65,9 +65,9 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
-  static constexpr int ld = row_floats(true, H);  // rows eight banks apart
-  static constexpr bool tensor_cores = true;
-  using Stream = WeightStream<StageFloats, Stages>;
+  static constexpr int ld = row_floats(true, H);    // rows eight banks apart
+  static constexpr bool compensated = Compensated;  // backward too, see compensated() in layout.h
+  using Stream = WeightStream<512, Stages>;
   using Values = float[CP * PPT][neurons];
 
   static __device__ int point(int q) {
@@ -98,24 +98,25 @@ struct MmaEngine : Lanes<Width, Split> {
   }
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `v` becomes what the weights kernel gets. Forward, a row holds for every four inputs these
-  // inputs and then what rounding took from them; backward just the inputs.
+  // `v` becomes what the weights kernel gets, `rest` what is left then. With two pieces, a row holds
+  // for every four inputs these inputs and then what rounding took from them.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned* peaks,
-                             float (&v)[neurons]) {
+  static __device__ void put(float* panel, int c, int q, const unsigned* peaks, float (&v)[neurons],
+                             [[maybe_unused]] float (&rest)[neurons]) {
+    constexpr bool two_pieces = Forward || Compensated;
     const float scale = c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
     unsigned halves[neurons];
 #pragma unroll
     for (int j = 0; j < neurons; j += 2) {
       const float a = v[j] * scale, b = v[j + 1] * scale;
       halves[j] = to_halves(a, b);
-      halves[j + 1] = Forward ? rest_of_halves(halves[j], a, b) : 0;
+      halves[j + 1] = two_pieces ? rest_of_halves(halves[j], a, b) : 0;
     }
     unsigned* to = reinterpret_cast<unsigned*>(panel + panel_row(c, q) * ld);
     const int four = L::column() / 4;
-    if constexpr (Forward && neurons == 4) {
+    if constexpr (two_pieces && neurons == 4) {
       reinterpret_cast<uint4*>(to)[four] = make_uint4(halves[0], halves[2], halves[1], halves[3]);
-    } else if constexpr (Forward) {
+    } else if constexpr (two_pieces) {
       to[4 * four + L::part()] = halves[0];
       to[4 * four + 2 + L::part()] = halves[1];
     } else if constexpr (neurons == 4) {
@@ -124,7 +125,11 @@ struct MmaEngine : Lanes<Width, Split> {
       to[2 * four + L::part()] = halves[0];
     }
 #pragma unroll
-    for (int j = 0; j < neurons; ++j) v[j] = to_tf32(v[j]);
+    for (int j = 0; j < neurons; ++j) {
+      const float rounded = to_tf32(v[j]);
+      if constexpr (Compensated) rest[j] = to_tf32(v[j] - rounded);
+      v[j] = rounded;
+    }
   }
 
   // z[row][neuron] = sum_k panel[row][k] W[k][neuron], times the scales
@@ -135,7 +140,7 @@ struct MmaEngine : Lanes<Width, Split> {
     for (int i = 0; i < CP * PPT * 4; ++i) sum[i / 4][i % 4] = 0;
     // this lane's sixteen bytes of the row of its tensor-core column
     const float* from = panel + place(L::lane() / 4) * ld + L::lane() % 4 * 4;
-    constexpr int block = Forward ? 16 : 32;  // inputs of a stage
+    constexpr int block = Forward || Compensated ? 16 : 32;  // inputs of a stage
     from += L::part() * (H / Split / block) * 16;
 #pragma unroll 1
     for (int k = 0; k < H / Split; k += block, from += 16) {
@@ -162,6 +167,15 @@ struct MmaEngine : Lanes<Width, Split> {
 
   static constexpr int together = tiles <= 4 ? tiles : 2;
 
+  // Products of a tensor-core tile with a stage. In two pieces: low high + high low + high high,
+  // then added to the sum in a register. Of one piece: those of its two halves of the inputs, or of
+  // the high pieces, added up by the tensor core.
+  template <bool Forward>
+  static constexpr int products(int t) {
+    const bool values = quad ? t == 0 : t < PT / 8;  // of the value channel
+    return Forward || (Compensated && values) ? 3 : Compensated ? 1 : 2;
+  }
+
   template <bool Forward>
   static __device__ void multiply_group(const float* from, int first, const uint4 (&a)[4],
                                         float (&sum)[CP * PPT][4]) {
@@ -171,27 +185,32 @@ struct MmaEngine : Lanes<Width, Split> {
     for (int i = 0; i < together; ++i)
       if (first + i < tiles) b[i] = *reinterpret_cast<const uint4*>(from + i * 8 * ld);
 #pragma unroll
-    for (int j = 0; j < together * 8; ++j)
+    for (int j = 0; j < together * 8; ++j) {
+      const int t = first + j / 8;
       d[j / 8][j / 4 % 2][j % 4] =
-          Forward || first + j / 8 >= tiles ? 0 : value_of(sum, first + j / 8, j / 4 % 2, j % 4);
+          t < tiles && products<Forward>(t) < 3 ? value_of(sum, t, j / 4 % 2, j % 4) : 0;
+    }
 #pragma unroll
-    for (int part = 0; part < (Forward ? 3 : 2); ++part)
+    for (int part = 0; part < 3; ++part)
 #pragma unroll
       for (int i = 0; i < together; ++i)
 #pragma unroll
         for (int m = 0; m < 2; ++m) {
-          if (first + i >= tiles) continue;
-          const bool low = Forward ? part == 0 : part == 1;
-          const bool upper = part == 1;
-          mma_f16(d[i][m], a[low ? 2 + m : m], upper ? b[i].z : b[i].x, upper ? b[i].w : b[i].y,
+          const int count = first + i < tiles ? products<Forward>(first + i) : 0;
+          if (part >= count) continue;
+          const bool low_weights = count == 3 ? part == 0 : part == 1;
+          const uint4& v = b[i];
+          mma_f16(d[i][m], a[low_weights ? 2 + m : m], part == 1 ? v.z : v.x, part == 1 ? v.w : v.y,
                   d[i][m]);
         }
 #pragma unroll
-    for (int j = 0; j < together * 8; ++j)
-      if (first + j / 8 < tiles) {
-        float& s = value_of(sum, first + j / 8, j / 4 % 2, j % 4);
-        s = Forward ? s + d[j / 8][j / 4 % 2][j % 4] : d[j / 8][j / 4 % 2][j % 4];
-      }
+    for (int j = 0; j < together * 8; ++j) {
+      const int t = first + j / 8;
+      if (t >= tiles) continue;
+      float& s = value_of(sum, t, j / 4 % 2, j % 4);
+      const float product = d[j / 8][j / 4 % 2][j % 4];
+      s = products<Forward>(t) == 3 ? s + product : product;
+    }
   }
 
   // The place of element d of tensor-core tile (t, m) among a thread's values: its two columns are

@@ -31,7 +31,7 @@ __device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net
 // the inputs.
 template <int H, bool TensorCores>
 __device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* params, int L,
-                                 int slab, int part, int parts, int i) {
+                                 int slab, int part, int parts, bool compensated, int i) {
   const int inputs = H / parts, fours = kSlab * inputs / 4;  // of a product in float32
   if (!TensorCores) {
     const int product = i / fours, at = i % fours;
@@ -43,13 +43,14 @@ __device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* p
   }
   // [quarter of the stage][lane][register]: two halves in each, see MmaEngine::multiply
   const bool forward = i < (L - 1) * fours;
-  const int size = forward ? fours : fours / 2, block = forward ? 16 : 32;
+  const bool pieces = forward || compensated;
+  const int size = pieces ? fours : fours / 2, block = pieces ? 16 : 32;
   const int at = forward ? i : i - (L - 1) * fours;
   const int product = at / size, stage = at % size / 128;
   const auto w = product_weights(net, params, forward ? product + 1 : L - 1 - product, forward);
   const int lane = at % 32, m = at / 32 % 2, second = at / 64 % 2;
   const int k0 =
-      part * inputs + stage * block + (forward ? 4 * (lane % 4) : 8 * (lane % 4) + 4 * second);
+      part * inputs + stage * block + (pieces ? 4 * (lane % 4) : 8 * (lane % 4) + 4 * second);
   const int n0 = slab * kSlab + lane / 4 * 4 + 2 * m;
   constexpr float scale = 1 << kWeightExponent;
   float v[4][2];
@@ -62,7 +63,7 @@ __device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* p
   for (int r = 0; r < 4; ++r) {
     const unsigned halves = to_halves(v[r][0], v[r][1]);
     packed[r] =
-        __uint_as_float(forward && second ? rest_of_halves(halves, v[r][0], v[r][1]) : halves);
+        __uint_as_float(pieces && second ? rest_of_halves(halves, v[r][0], v[r][1]) : halves);
   }
   return {packed[0], packed[1], packed[2], packed[3]};
 }
@@ -101,7 +102,8 @@ __global__ void __launch_bounds__(kPackThreads)
   const std::int64_t length = plan.stream();
   if (4 * i < length)
     reinterpret_cast<float4*>(scratch.packed + e * plan.packed() + warp * length)[i] =
-        packed_weights<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split, i);
+        packed_weights<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split,
+                                       plan.compensated, i);
 }
 
 }  // namespace granpinn::cuda::fused

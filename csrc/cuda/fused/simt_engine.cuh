@@ -15,7 +15,7 @@ struct SimtEngine : Lanes<Width, Split> {
   static constexpr int PPT = PT / 4;  // of a thread
   static constexpr int R = C * PT;
   static constexpr int ld = row_floats(false, H);  // rows four banks apart
-  static constexpr bool tensor_cores = false;
+  static constexpr bool compensated = false;
   static constexpr int block_k = StageFloats / kSlab;  // inputs of a stage
   using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
@@ -31,7 +31,8 @@ struct SimtEngine : Lanes<Width, Split> {
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
   // `v` becomes what the weights kernel gets.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned*, float (&v)[neurons]) {
+  static __device__ void put(float* panel, int c, int q, const unsigned*, float (&v)[neurons],
+                             float (&)[neurons]) {
     L::store(panel + row(c, q) * ld, v);
   }
 

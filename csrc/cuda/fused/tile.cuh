@@ -168,8 +168,16 @@ class Tile {
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
         float (&v)[N] = a[c * E::PPT + q];
-        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], v);
-        E::store(to + (first_row_ + E::row(c, q)) * E::H, v);
+        [[maybe_unused]] float rest[N];
+        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], v, rest);
+        const std::int64_t row = first_row_ + E::row(c, q);
+        E::store(to + row * E::H, v);
+        if constexpr (E::compensated)
+          if (c == 0) {
+            // A and G hold the value channel thrice: (v, v, rest) against (v, rest, v)
+            E::store(to + (row + E::R) * E::H, Forward ? v : rest);
+            E::store(to + (row + E::R + E::PT) * E::H, Forward ? rest : v);
+          }
       }
     if (threadIdx.x < kRow) m_.peaks[1 - turn_][threadIdx.x] = 0;
     __syncthreads();

@@ -27,12 +27,12 @@ template <class E>
 constexpr int kResident = 512 / E::threads;
 
 // A block is one slot of one member, blockIdx = (slot, member), and takes every slots-th tile.
-// I and S are the engines of interior and surface tiles: same width, same number of rows.
+// I and S are the engines of interior and surface tiles: same width, for the surface no more rows.
 template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
 __global__ void __launch_bounds__(I::threads, kResident<I>)
     tile_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                 const Scratch scratch, const Chunk chunk) {
-  static_assert(I::R == S::R && I::threads == S::threads, "tiles share their memory");
+  static_assert(I::R >= S::R && I::threads == S::threads, "tiles share their memory");
   extern __shared__ __align__(16) unsigned char memory[];
   auto& m = *reinterpret_cast<TileMemory<I>*>(memory);
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
@@ -54,7 +54,7 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
 
   double sum = 0;
   for (int i = blockIdx.x; i < chunk.count; i += plan.slots) {
-    const std::int64_t tile = chunk.begin + i, first_row = std::int64_t(i) * I::R;
+    const std::int64_t tile = chunk.begin + i, first_row = std::int64_t(i) * plan.tile.panel_rows;
     if (tile < plan.interior_tiles)
       do_tile<I, InteriorTask, Outputs>(a, e, constants, net, m, weights, tile * I::PT, first_row,
                                         sum);

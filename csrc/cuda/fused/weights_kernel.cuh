@@ -198,7 +198,7 @@ __global__ void __launch_bounds__(P::threads, 1)
   constexpr int steps = P::stage_rows / (P::groups * P::step_rows);
   static_assert(steps % 2 == 0, "operands of a stage's last step are in the second buffer");
   const int out0 = blockIdx.x / (H / P::N) * P::M, in0 = blockIdx.x % (H / P::N) * P::N;
-  const int rows = chunk.count * plan.tile.rows;
+  const int rows = chunk.count * plan.tile.panel_rows;
   const std::int64_t all = (rows + P::stage_rows - 1) / P::stage_rows;
   const int begin = static_cast<int>(blockIdx.y * all / plan.splits);
   const int end = static_cast<int>((blockIdx.y + 1) * all / plan.splits);

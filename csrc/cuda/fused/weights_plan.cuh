@@ -33,7 +33,7 @@ auto visit_weights(const Plan& plan, Visit visit) {
 // Stages of a block, if the rows of a chunk go into so many splits.
 template <class P>
 std::int64_t split_stages(const Plan& plan, std::int64_t splits) {
-  const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.rows;
+  const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.panel_rows;
   return ceil_div(ceil_div(rows, P::stage_rows), splits);
 }
 
