@@ -13,7 +13,7 @@ namespace granpinn::cuda::fused {
 namespace {
 
 constexpr int kDeepest = 8;                              // hidden layers
-constexpr std::int64_t kPanels = std::int64_t(1) << 29;  // bytes of activations and adjoints
+constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;

@@ -35,7 +35,8 @@ enum class Size { small, medium, large };
 // Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
 // it an error that shows (three times that of float32 in the mixed form). With these forms both
 // products of the way back take that channel in two pieces; in the panels, the products of the
-// pieces are rows of their own. The strong form has no need of it.
+// pieces are rows of their own (which the few points of the surface do without). The strong form
+// has no need of it.
 constexpr bool compensated(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
@@ -52,7 +53,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
   t.surface_points = t.panel_rows = t.rows;
   if (compensated(form, tensor_cores)) {
     t.panel_rows = t.rows + 2 * t.points;
-    t.surface_points = t.panel_rows / 3;
+    if (form == Form::data) t.surface_points = t.panel_rows / 3;
   }
   t.split = split ? 2 : 1;
   t.stage = split && !tensor_cores ? 256 : 512;
@@ -63,7 +64,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
 // A row of the panel in shared memory, in floats.
 constexpr int row_floats(bool tensor_cores, int H) { return H + (tensor_cores ? 8 : 4); }
 
-// Of TileMemory (tile.cuh).
+// Of TileMemory (tile_memory.cuh).
 constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
   const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
   const int halves = tile.split == 1 ? 2 : 2 * tile.rows * H / 2;

@@ -54,7 +54,8 @@ __device__ inline float power_of_two(int exponent) {
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points, int Split, int Stages, bool Compensated>
+template <int Width, int Channels, int Points, int Split, int Stages, bool Compensated,
+          bool MoreRows>
 struct MmaEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
   using L::H, L::neurons;
@@ -65,8 +66,8 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
-  static constexpr int ld = row_floats(true, H);    // rows eight banks apart
-  static constexpr bool compensated = Compensated;  // backward too, see compensated() in layout.h
+  static constexpr int ld = row_floats(true, H);  // rows eight banks apart
+  static constexpr bool more_rows = MoreRows;     // in the panels, see compensated() in layout.h
   using Stream = WeightStream<512, Stages>;
   using Values = float[CP * PPT][neurons];
 
@@ -127,7 +128,7 @@ struct MmaEngine : Lanes<Width, Split> {
 #pragma unroll
     for (int j = 0; j < neurons; ++j) {
       const float rounded = to_tf32(v[j]);
-      if constexpr (Compensated) rest[j] = to_tf32(v[j] - rounded);
+      if constexpr (MoreRows) rest[j] = to_tf32(v[j] - rounded);
       v[j] = rounded;
     }
   }

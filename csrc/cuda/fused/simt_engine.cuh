@@ -15,7 +15,7 @@ struct SimtEngine : Lanes<Width, Split> {
   static constexpr int PPT = PT / 4;  // of a thread
   static constexpr int R = C * PT;
   static constexpr int ld = row_floats(false, H);  // rows four banks apart
-  static constexpr bool compensated = false;
+  static constexpr bool more_rows = false;
   static constexpr int block_k = StageFloats / kSlab;  // inputs of a stage
   using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];

@@ -6,37 +6,9 @@
 #pragma once
 
 #include "math/jet.h"
-#include "mma_engine.cuh"
-#include "simt_engine.cuh"
+#include "tile_memory.cuh"
 
 namespace granpinn::cuda::fused {
-
-// Shared memory of a block.
-template <class E>
-struct TileMemory {
-  float panel[E::R * E::ld];                 // operands of a product [row][neuron]
-  float ring[E::warps * E::Stream::floats];  // weights
-  float2 halves[E::split == 1 ? 1 : E::CP * E::PPT * E::threads];  // sums on their way
-  float xi[3 * E::R];                                              // mapped coordinates [3][point]
-  float observed[4 * E::R];  // of the points: what the task needs
-  float scale[4];
-  unsigned peaks[2][kRow];  // of the operands, by channel; two take turns
-
-  // Between forward and backward the panel is free, first for the warps' parts of the outputs:
-  __device__ float* raw() { return panel + E::warps * E::R * kRow; }  // outputs [row][K]
-  __device__ float* adjoint() { return raw() + E::R * kRow; }         // their adjoints
-  __device__ float* terms() { return adjoint() + E::R * kRow; }       // what points add to the sums
-};
-
-// What a block knows of its member's network.
-struct TileNetwork {
-  Plan plan;
-  const float* narrow;  // weights of the first and last layer, biases
-  float* stash;         // this block's
-  float* activations;   // of this member: [L - 1][panel]
-  float* adjoints;
-  float* gradient;  // of the narrow parameters, in shared memory
-};
 
 // Outputs: the largest number K of outputs.
 template <class E, int Outputs, class Memory>
@@ -172,13 +144,17 @@ class Tile {
         E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], v, rest);
         const std::int64_t row = first_row_ + E::row(c, q);
         E::store(to + row * E::H, v);
-        if constexpr (E::compensated)
+        if constexpr (E::more_rows)
           if (c == 0) {
             // A and G hold the value channel thrice: (v, v, rest) against (v, rest, v)
             E::store(to + (row + E::R) * E::H, Forward ? v : rest);
             E::store(to + (row + E::R + E::PT) * E::H, Forward ? rest : v);
           }
       }
+    const float none[N] = {};
+    for (int r = E::R + (E::more_rows ? 2 * E::PT : 0) + E::point_lane();
+         r < net_.plan.tile.panel_rows; r += 4)
+      E::store(to + (first_row_ + r) * E::H, none);
     if (threadIdx.x < kRow) m_.peaks[1 - turn_][threadIdx.x] = 0;
     __syncthreads();
   }
