@@ -57,22 +57,24 @@ struct Band {
   __device__ int lower() const { return band < 2 ? 2 * band + 4 : 2 * band + 1; }
 
   __device__ void load(Terms& t, unsigned Y, int k) const {
-    const unsigned at = Y + lane_row(lane) + (k % 8 * 32 ^ lane_chunk(lane));
+    const unsigned left = (Y + left_lane(lane)) ^ (k % 8 * 32);
+    const unsigned right = (Y + right_lane(lane)) ^ (k % 8 * 32);
     constexpr unsigned rows = 16 * kRowBytes;
 #pragma unroll
     for (int i = 0; i < 2; ++i) {
-      t.own[i] = half_square::load(at + (2 * band + i) * rows);
-      if (Far) t.next[i] = half_square::load(at + ((2 * band + 2) % 8 + i) * rows);
-      if (Near) t.upper[i] = half_square::load(at + (band % 2 * 2 + i) * rows);
+      t.own[i] = half_square::load(left + (2 * band + i) * rows);
+      if (Far) t.next[i] = half_square::load(right + ((2 * band + 2) % 8 + i) * rows);
+      if (Near) t.upper[i] = half_square::load(left + (band % 2 * 2 + i) * rows);
     }
-    if (Near) t.lower[0] = half_square::load(at + lower() * rows);
+    if (Near) t.lower[0] = half_square::load(right + lower() * rows);
   }
   __device__ void add(const Terms& t) {
     if (Near) {
-      multiply_rows<2, 2>(diagonal, t.own, t.own);
-      multiply_rows<2, 1>(opposite, t.upper, t.lower);
+      const Fragment right[] = {right_of(t.own[0]), right_of(t.own[1])};
+      multiply_add<2, 2>(diagonal, t.own, right);
+      multiply_add<2, 1>(opposite, t.upper, t.lower);
     }
-    if (Far) multiply_rows<2, 2>(next, t.own, t.next);
+    if (Far) multiply_add<2, 2>(next, t.own, t.next);
   }
   template <int M, int N, class F>
   static __device__ void each_of(Sum (&d)[M][N], F f) {

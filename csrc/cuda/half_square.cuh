@@ -1,8 +1,8 @@
 // Squares of 128 x 128 half-precision numbers in shared memory, and their products on tensor cores.
 //
 // A row is 256 bytes, and its chunks of 16 bytes change places with the row, so that eight rows of
-// any 8 x 8 matrix lie in different banks. Fragments of 16 x 16 numbers are what mma.m16n8k16 takes:
-// as its left operand, and, of a matrix given by its columns, as two of its right operands.
+// any 8 x 8 matrix lie in different banks. A fragment of 16 x 16 numbers is what mma.m16n8k16 takes
+// as its left operand, or, of a matrix given by its columns, as two right ones.
 #pragma once
 
 #include <cuda_fp16.h>
@@ -15,15 +15,25 @@ constexpr int kBytes = kSide * kRowBytes;
 
 using Sum = float[4];  // of a lane: columns 2 (lane % 4) + {0, 1} of rows lane / 4 and 8 below
 
+// Left: rows 0-7, rows 8-15, both of columns 8-15. Right: columns 0-7, columns 8-15 of rows 0-7,
+// both of rows 8-15.
 struct Fragment {
-  unsigned x[4];  // rows 0-7, rows 8-15, both of columns 8-15
+  unsigned x[4];
 };
 
-// Where a lane finds the row of a fragment that it loads: the fragment at (0, 0).
-__device__ inline unsigned lane_row(int lane) { return lane % 16 * kRowBytes; }
-__device__ inline unsigned lane_chunk(int lane) { return (lane / 16 ^ lane % 8) * 16; }
+// Where a lane finds the row that it loads of the fragment at (0, 0); it goes on from there with
+// rows, and columns 16 k are found with ^ 32 k.
+__device__ inline unsigned left_lane(int lane) {
+  return lane % 16 * kRowBytes + (lane / 16 ^ lane % 8) * 16;
+}
+__device__ inline unsigned right_lane(int lane) {
+  return (lane % 8 + lane / 16 * 8) * kRowBytes + (lane / 8 % 2 ^ lane % 8) * 16;
+}
+// A fragment on the diagonal is both.
+__device__ inline Fragment right_of(const Fragment& left) {
+  return {{left.x[0], left.x[2], left.x[1], left.x[3]}};
+}
 
-// `at` is the address of a row of the fragment with the chunk of its columns.
 __device__ inline Fragment load(unsigned at) {
   Fragment f;
   asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
@@ -32,7 +42,7 @@ __device__ inline Fragment load(unsigned at) {
                : "memory");
   return f;
 }
-// Its 8 x 8 matrices transposed where they are.
+// With 8 x 8 matrices transposed: what left_lane finds becomes a right operand given by its rows.
 __device__ inline Fragment load_flipped(unsigned at) {
   Fragment f;
   asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
@@ -49,20 +59,9 @@ __device__ inline void multiply_add(Sum& d, const Fragment& a, unsigned b0, unsi
       : "r"(a.x[0]), "r"(a.x[1]), "r"(a.x[2]), "r"(a.x[3]), "r"(b0), "r"(b1));
 }
 
-// d += left right^T, fragments of rows both.
 template <int M, int N>
-__device__ inline void multiply_rows(Sum (&d)[M][2 * N], const Fragment (&left)[M],
-                                     const Fragment (&right)[N]) {
-#pragma unroll
-  for (int j = 0; j < 2 * N; ++j)
-#pragma unroll
-    for (int i = 0; i < M; ++i)
-      multiply_add(d[i][j], left[i], right[j / 2].x[j % 2], right[j / 2].x[j % 2 + 2]);
-}
-// d += left right, the right one loaded flipped.
-template <int M, int N>
-__device__ inline void multiply_flipped(Sum (&d)[M][2 * N], const Fragment (&left)[M],
-                                        const Fragment (&right)[N]) {
+__device__ inline void multiply_add(Sum (&d)[M][2 * N], const Fragment (&left)[M],
+                                    const Fragment (&right)[N]) {
 #pragma unroll
   for (int j = 0; j < 2 * N; ++j)
 #pragma unroll

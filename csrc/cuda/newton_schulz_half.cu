@@ -35,8 +35,8 @@ __device__ double sum_of(double value, double* sums) {
 }
 
 // X = G / |G|, padded with zeros, transposed if tall, rounded and not; a thread has half a column.
-__device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned X, float* exact,
-                          double* sums) {
+__device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned X, float* exact) {
+  auto* sums = reinterpret_cast<double*>(exact);
   const int column = threadIdx.x % kSide, first = threadIdx.x / kSide;
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   float value[kCount], part[4] = {};
@@ -97,13 +97,13 @@ struct Part {
   };
   __device__ void load(Terms& t, unsigned P, unsigned rounded, int k) const {
     constexpr unsigned rows = 16 * kRowBytes;
-    const unsigned own = P + lane_row(lane) + (k % 8 * 32 ^ lane_chunk(lane));
-    const unsigned down = rounded + lane_row(lane) + k % 8 * rows;
+    const unsigned own = (P + left_lane(lane)) ^ (k % 8 * 32);
+    const unsigned down = rounded + left_lane(lane) + k % 8 * rows;
 #pragma unroll
     for (int i = 0; i < 2; ++i) t.left[i] = half_square::load(own + (warp / 2 * 2 + i) * rows);
 #pragma unroll
     for (int j = 0; j < 4; ++j)
-      t.right[j] = load_flipped(down + ((warp % 2 * 4 + j) * 32 ^ lane_chunk(lane)));
+      t.right[j] = load_flipped(down ^ ((warp % 2 * 4 + j) * 32));
   }
   // a X + P X
   __device__ void advance(unsigned P, unsigned rounded, int steps) {
@@ -114,9 +114,9 @@ struct Part {
 #pragma unroll 1
     for (int k = 0; k < steps; k += 2) {
       load(odd, P, rounded, k + 1);
-      multiply_flipped<2, 4>(X, even.left, even.right);
+      multiply_add<2, 4>(X, even.left, even.right);
       load(even, P, rounded, k + 2);
-      multiply_flipped<2, 4>(X, odd.left, odd.right);
+      multiply_add<2, 4>(X, odd.left, odd.right);
     }
   }
   __device__ void store(unsigned to) const {
@@ -175,8 +175,7 @@ __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<flo
 template <bool Descends>
 __global__ void __launch_bounds__(kThreads)
     half_kernel(const NewtonSchulz<float> a, const DescendArguments<float> d) {
-  extern __shared__ __align__(128) unsigned char memory[];
-  __shared__ double norms[kWarps];
+  extern __shared__ __align__(256) unsigned char memory[];
   wait_for_earlier();
   const std::int64_t matrix = blockIdx.x, step = Descends ? d.control.counter[0] : 0;
   if (Descends && d.members.frozen(matrix / a.count, step, kParams)) return;
@@ -187,8 +186,7 @@ __global__ void __launch_bounds__(kThreads)
   unsigned A = base, X = base + 2 * kBytes;
   const unsigned P = base + kBytes;
   float* exact = reinterpret_cast<float*>(memory);  // where A and P are, before and after
-  normalize(a, a.G + matrix / a.count * a.group_stride + matrix % a.count * a.stride, X, exact,
-            norms);
+  normalize(a, a.G + matrix / a.count * a.group_stride + matrix % a.count * a.stride, X, exact);
   Part part{warp, lane, {}};
   part.each_pair([&](float* x, int at) {
     const float2 both = *reinterpret_cast<const float2*>(exact + at);
