@@ -1,7 +1,7 @@
 """Coverage study of the error bars: known materials, drawn at random, simulated and identified.
 
 python -m bench.coverage --truths 100 --members 2 --controls 4 --json coverage.json
-python -m bench.coverage_fit coverage.json --write granpinn/calibration.json
+python -m bench.coverage_fit coverage.json --write granpinn/identification/calibration.json
 
 The first command draws mu_s in 0.2 to 0.6 and mu_2 - mu_s in 0.1 to 0.3, simulates each collapse
 (one core each, all cores), identifies all of them as one batch and writes values and residuals of
@@ -32,12 +32,12 @@ import numpy as np
 
 from bench.machine import describe
 from granpinn import identify_many, recipes
-from granpinn.arguments import convert
+from granpinn.command.arguments import convert
 from granpinn.config import Config, ConfigError, kinds_of
 from granpinn.data import Flow, read_flow
-from granpinn.progress import Lines
 from granpinn.results import Result
 from granpinn.simulation import Collapse, simulate
+from granpinn.training.progress import Lines
 
 MU_S, SLOPE = (0.2, 0.6), (0.1, 0.3)  # slope: mu_2 - mu_s
 VISCOSITY = (0.3, 3.0)  # of the viscous control, log-uniform; 10 sqrt(10) is the unit of the column

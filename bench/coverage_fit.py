@@ -1,6 +1,6 @@
 """Calibration table of the error bars from coverage studies, and what its intervals cover.
 
-python -m bench.coverage_fit coverage.json --write granpinn/calibration.json
+python -m bench.coverage_fit coverage.json --write granpinn/identification/calibration.json
 python -m bench.coverage_fit half.json --test other_half.json
 
 The coverage that is printed is always that of truths which the table was not made from: those of
@@ -23,10 +23,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.coverage import LAW
-from granpinn import calibration, uncertainty
-from granpinn.calibration import Calibration, Range
-from granpinn.decoding import decode
-from granpinn.records import Members, Residuals
+from granpinn.identification import calibration, uncertainty
+from granpinn.identification.calibration import Calibration, Range
+from granpinn.results.decoding import decode
+from granpinn.results.records import Members, Residuals
 
 Array = npt.NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from bench.particle_images import surface_points
 from bench.velocity_field import VelocityField
 from granpinn.data import Flow
+from granpinn.identification.scoring import relative_l2
 from granpinn.importers import Validity, VectorFields
-from granpinn.scoring import relative_l2
 
 if TYPE_CHECKING:
     from bench.experiment import Film

@@ -19,12 +19,13 @@ import torch
 from torch import Tensor
 
 from bench.steps import HIDDEN, PHYSICS, make_task
-from granpinn import checkpoint, ops, recipes, reference
-from granpinn.arguments import read_toml
+from granpinn import ops, recipes, reference
+from granpinn.command.arguments import read_toml
 from granpinn.config import ConfigError
-from granpinn.identification import Case, pose, start
+from granpinn.identification.identification import Case, pose, start
 from granpinn.network import NetworkSpec
 from granpinn.simulation import demo_path
+from granpinn.training import checkpoint
 
 RULE = 1.5
 BATCHES = 8

@@ -35,7 +35,7 @@ from bench.rivals import (
     Sizes,
     too_large,
 )
-from granpinn.identification import choose_device
+from granpinn.identification.identification import choose_device
 
 JAX = "JAX"
 

@@ -19,10 +19,10 @@ from bench.rivals import STEPS_PER_GRAPH
 from bench.steps import Task, fused_step, make_task
 from granpinn import recipes
 from granpinn.config import Config
-from granpinn.history import Row
-from granpinn.identification import pose, start
-from granpinn.progress import Silent
+from granpinn.identification.identification import pose, start
 from granpinn.simulation import demo_path
+from granpinn.training.history import Row
+from granpinn.training.progress import Silent
 
 ENSEMBLE_GOAL = 1.5
 STEPS_GOAL = 8000.0

@@ -22,9 +22,10 @@ import torch
 from bench.gpu_step import gpu, rounded, run_lines
 from bench.gpu_training import Marks
 from bench.machine import describe
-from granpinn import identify, identify_many, parallel, recipes
-from granpinn.identification import choose_device
+from granpinn import identify, identify_many, recipes
+from granpinn.identification.identification import choose_device
 from granpinn.simulation import demo_path
+from granpinn.training import parallel
 
 GOAL = 1.9
 WHOLE_RUN = recipes.make().steps or 0  # steps of the default recipe

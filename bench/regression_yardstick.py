@@ -28,8 +28,8 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 from bench.collapse_residual import Balance, regression
 from bench.machine import describe
 from granpinn.data import Flow, add_noise, read_flow
+from granpinn.identification.scoring import relative_l2
 from granpinn.scales import Scales
-from granpinn.scoring import relative_l2
 
 Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -37,10 +37,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.machine import describe
-from granpinn.comparison import interpolation
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
-from granpinn.resimulation import Column, collapse_of, initial_column
+from granpinn.identification.comparison import interpolation
+from granpinn.identification.resimulation import Column, collapse_of, initial_column
 from granpinn.results import plain
 from granpinn.simulation import Collapse
 from granpinn.simulation.progress import Silent

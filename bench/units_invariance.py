@@ -29,7 +29,7 @@ import numpy as np
 
 from bench.machine import describe
 from granpinn import identify_many
-from granpinn.arguments import parse
+from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import Flow, Particles, Surface, particle_flow, read_flow
 from granpinn.importers import Settings, convert

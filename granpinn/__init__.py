@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
-    from granpinn.ensemble import identify_many
-    from granpinn.identification import identify
+    from granpinn.identification.ensemble import identify_many
+    from granpinn.identification.identification import identify
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -35,8 +35,8 @@ __all__ = [
 _HOMES = {
     "Config": "granpinn.config",
     "Result": "granpinn.results",
-    "identify": "granpinn.identification",
-    "identify_many": "granpinn.ensemble",
+    "identify": "granpinn.identification.identification",
+    "identify_many": "granpinn.identification.ensemble",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",

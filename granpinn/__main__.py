@@ -2,6 +2,6 @@
 
 import sys
 
-from granpinn.cli import main
+from granpinn.command.cli import main
 
 sys.exit(main())

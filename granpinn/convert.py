@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.command import fail
+from granpinn.command.parser import fail
 from granpinn.data import FlowFileError, FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS

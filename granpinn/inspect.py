@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.arguments import convert
 from granpinn.atomic import atomic_path
-from granpinn.command import Parser, fail
+from granpinn.command.arguments import convert
+from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.arguments import convert
-from granpinn.command import Parser, fail
+from granpinn.command.arguments import convert
+from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.data.flow import Flow
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate

@@ -16,18 +16,20 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from granpinn import comparison, parallel, progress, report, resimulation, results
-from granpinn.arguments import parse
-from granpinn.checkpoint import CheckpointError
-from granpinn.command import fail
+from granpinn import report, results
+from granpinn.command.arguments import parse
+from granpinn.command.parser import fail
 from granpinn.config import Config, ConfigError
 from granpinn.data import FlowFileError, read_flow
-from granpinn.findings import Resimulation
-from granpinn.guard import Interrupted, NonFiniteError
-from granpinn.identification import identify
-from granpinn.inertial_profile import profile_I0
+from granpinn.identification import comparison, resimulation
+from granpinn.identification.identification import identify
+from granpinn.identification.inertial_profile import profile_I0
+from granpinn.results.findings import Resimulation
 from granpinn.simulation import SimulationError
 from granpinn.simulation import progress as simulation_progress
+from granpinn.training import parallel, progress
+from granpinn.training.checkpoint import CheckpointError
+from granpinn.training.guard import Interrupted, NonFiniteError
 
 
 def main(argv: Sequence[str] | None = None) -> int:

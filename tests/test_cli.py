@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import granpinn
-from granpinn import cli, completion
+from granpinn.command import cli, completion
 
 FLAGS = {
     "train": {"--out": [], "--level": ["V0", "V1", "V2"], "--network.widths": []},
@@ -34,7 +34,8 @@ def test_the_help_has_a_line_and_an_example_for_every_verb(
 
 def test_the_help_loads_no_command() -> None:
     code = (
-        "from granpinn import cli; import sys; cli.main(['--help']); print('torch' in sys.modules)"
+        "import sys; from granpinn.command.cli import main; "
+        "main(['--help']); print('torch' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.splitlines()[-1] == "False"

@@ -1,4 +1,4 @@
-// The unknowns mu_s and mu_2 as two unbounded numbers q (granpinn/scalars.py):
+// The unknowns mu_s and mu_2 as two unbounded numbers q (granpinn/training/scalars.py):
 //   log:      mu_s = exp(q_0), mu_2 = exp(q_0) + exp(q_1)
 //   sigmoid:  mu_s = 1 / (1 + exp(-q_0)), mu_2 = 1 / (1 + exp(-q_1))
 #pragma once

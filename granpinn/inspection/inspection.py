@@ -20,7 +20,7 @@ from granpinn.inspection.view import Bool, Float64, View, view_of
 from granpinn.scales import Scales
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
-# granpinn/scoring.py), and this many times what noise makes of rest.
+# granpinn/identification/scoring.py), and this many times what noise makes of rest.
 RATE_AT_REST = 0.05 * np.sqrt(2)
 RATE_OVER_NOISE = 2.5
 # Below this share of flowing vectors, or this number, nothing is said of the friction law.

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.comparison import Comparison
-from granpinn.fields import VARIABLES, Fields
+from granpinn.identification.comparison import Comparison
+from granpinn.identification.scoring import after_start
 from granpinn.plots import checks, curves, maps, profiles
 from granpinn.plots.style import Drawing, NothingToDraw, save
-from granpinn.results import Result
-from granpinn.scoring import after_start
+from granpinn.results import Fields, Result
+from granpinn.results.fields import VARIABLES
 
 History = Mapping[str, npt.NDArray[np.floating]]
 

@@ -6,9 +6,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Normalize
 
-from granpinn.comparison import Comparison
-from granpinn.fields import Units
-from granpinn.findings import Profile
+from granpinn.identification.comparison import Comparison
 from granpinn.plots.style import (
     BLACK,
     BLUE,
@@ -22,6 +20,8 @@ from granpinn.plots.style import (
     styled,
 )
 from granpinn.results import Result
+from granpinn.results.fields import Units
+from granpinn.results.findings import Profile
 
 
 @styled

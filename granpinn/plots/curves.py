@@ -9,7 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
-from granpinn.fields import Fields
+from granpinn.identification.scoring import after_start, flowing
 from granpinn.plots.style import (
     BLACK,
     BLUE,
@@ -22,9 +22,8 @@ from granpinn.plots.style import (
     new_figure,
     styled,
 )
-from granpinn.results import Result
-from granpinn.scoring import after_start, flowing
-from granpinn.summary import friction, half_width
+from granpinn.results import Fields, Result
+from granpinn.results.summary import friction, half_width
 
 Array = npt.NDArray[np.floating]
 

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from granpinn.fields import Fields
+from granpinn.identification.scoring import after_start
 from granpinn.plots.style import (
     BLACK,
     DIFFERENCE_MAP,
@@ -25,7 +25,7 @@ from granpinn.plots.style import (
     new_figure,
     styled,
 )
-from granpinn.scoring import after_start
+from granpinn.results import Fields
 
 Array = npt.NDArray[np.floating]
 

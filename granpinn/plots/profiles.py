@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from granpinn.fields import Fields
 from granpinn.plots.maps import Window, draw_surface, grain_window
 from granpinn.plots.style import (
     BLACK,
@@ -17,6 +16,7 @@ from granpinn.plots.style import (
     new_figure,
     styled,
 )
+from granpinn.results import Fields
 
 Array = npt.NDArray[np.floating]
 

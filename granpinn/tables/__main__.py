@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from granpinn import parallel, progress
-from granpinn.arguments import read_toml
-from granpinn.command import Parser
+from granpinn.command.arguments import read_toml
+from granpinn.command.parser import Parser
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification import choose_device
+from granpinn.identification.identification import choose_device
 from granpinn.recipes import build
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case
 from granpinn.train import exit_code
+from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
 EXAMPLES = """examples:

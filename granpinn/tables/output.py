@@ -14,7 +14,7 @@ import jinja2
 
 from granpinn.atomic import atomic_path
 from granpinn.config import flatten
-from granpinn.report import TEMPLATES, duration
+from granpinn.report.page import TEMPLATES, duration
 from granpinn.results import number, plain
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, PaperRow
 from granpinn.tables.rows import Row, Spread

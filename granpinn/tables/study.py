@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from granpinn.config import Config
-from granpinn.ensemble import identify_many
-from granpinn.progress import Progress
+from granpinn.identification.ensemble import identify_many
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
 from granpinn.tables.rows import Case, Row, row_of
+from granpinn.training.progress import Progress
 
 I0_UNKNOWN = 0.3  # that of the paper
 

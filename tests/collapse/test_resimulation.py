@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from granpinn import report, results, train
-from granpinn.comparison import (
+from granpinn.data import Flow, write_flow
+from granpinn.identification.comparison import (
     compare,
     fronts,
     interpolation,
@@ -18,8 +19,7 @@ from granpinn.comparison import (
     surface_heights,
     write_comparison,
 )
-from granpinn.data import Flow, write_flow
-from granpinn.resimulation import Column, collapse_of, initial_column, resimulate
+from granpinn.identification.resimulation import Column, collapse_of, initial_column, resimulate
 from granpinn.results import Parameter, Parameters
 from granpinn.simulation import Collapse, simulate
 from tests.flows import make_flow

@@ -13,13 +13,13 @@ import torch
 from torch import Tensor
 
 from granpinn import recipes, reference
-from granpinn.control import HEALTHY
 from granpinn.data import training_set
-from granpinn.objective import Member, Objective
-from granpinn.problem import build
 from granpinn.scales import Scales
-from granpinn.schedule import Schedule
-from granpinn.training import Training
+from granpinn.training.control import HEALTHY
+from granpinn.training.objective import Member, Objective
+from granpinn.training.problem import build
+from granpinn.training.schedule import Schedule
+from granpinn.training.training import Training
 from tests.flows import make_flow
 
 from .accuracy import EPSILON, GROSS_FACTOR

@@ -8,9 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import ops, step_ops  # noqa: F401
-from granpinn.control import HEALTHY
-from granpinn.sampling import INTERIOR, SURFACE
+from granpinn import ops
+from granpinn.training import step_ops  # noqa: F401
+from granpinn.training.control import HEALTHY
+from granpinn.training.sampling import INTERIOR, SURFACE
 
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
 MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed

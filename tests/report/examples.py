@@ -9,13 +9,12 @@ import numpy as np
 import torch
 
 from granpinn.data import Flow, Truth
-from granpinn.fields import Fields, Units
 from granpinn.network import OUTPUTS, NetworkSpec, initial_parameters
-from granpinn.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.results import (
     Covariance,
     DataSummary,
     ErrorPercent,
+    Fields,
     InertialNumber,
     Input,
     Parameter,
@@ -24,6 +23,8 @@ from granpinn.results import (
     Timing,
     Zones,
 )
+from granpinn.results.fields import Units
+from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.scales import Scales
 
 PARAMETERS = Parameters(

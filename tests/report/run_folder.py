@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn import identify, recipes, report
-from granpinn.fields import Fields, read_fields
-from granpinn.results import Result, read_results
+from granpinn.results import Fields, Result, read_fields, read_results
 from tests.flows import make_flow
 
 Array = npt.NDArray[np.floating]

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from granpinn.assessment import Assessment, assess
-from granpinn.records import Verdict
+from granpinn.report.assessment import Assessment, assess
 from granpinn.results import ErrorPercent, Parameter, Parameters
-from granpinn.summary import summarize
+from granpinn.results.records import Verdict
+from granpinn.results.summary import summarize
 from tests.report.examples import make_result
 
 SURE = Parameters(

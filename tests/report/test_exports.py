@@ -10,10 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import report, vtkhdf
-from granpinn.fields import Fields, write_fields
-from granpinn.results import Parameter, Result
-from granpinn.results_csv import write_csv
+from granpinn import report
+from granpinn.report import vtkhdf
+from granpinn.results import Fields, Parameter, Result, read_results, write_csv, write_fields
 from tests.report.examples import PARAMETERS, SPARSE, make_result
 from tests.report.run_folder import Contents
 
@@ -51,7 +50,7 @@ def test_what_is_not_known_is_an_empty_cell_in_the_same_columns(tmp_path: Path) 
 def test_building_a_report_writes_the_row_again(built: Path) -> None:
     with (built / "results.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
-    assert float(row["mu_s"]) == report.read_results(built / "results.json").parameters.mu_s.value
+    assert float(row["mu_s"]) == read_results(built / "results.json").parameters.mu_s.value
 
 
 # ---- ParaView ------------------------------------------------------------------------------------

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import xarray
 
-from granpinn import fields as module
-from granpinn.fields import VARIABLES, Fields, FieldsFileError, Units, read_fields, write_fields
+from granpinn.results import Fields, FieldsFileError, read_fields, write_fields
+from granpinn.results import fields as module
+from granpinn.results.fields import VARIABLES, Units
 from tests.flows import make_flow
 from tests.report.examples import make_fields
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 import pytest
 from PIL import Image
 
-from granpinn import film as films
-from granpinn.fields import Fields
 from granpinn.plots.style import NothingToDraw
+from granpinn.report import film as films
+from granpinn.results import Fields
 from tests.flows import make_flow
 from tests.report.examples import make_fields
 from tests.report.run_folder import Contents, with_values, without_frame

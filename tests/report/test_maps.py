@@ -10,9 +10,10 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.fields import Fields, Units
 from granpinn.plots import maps, profiles, style
 from granpinn.plots.style import NothingToDraw
+from granpinn.results import Fields
+from granpinn.results.fields import Units
 from tests.report.run_folder import Array, Contents, with_values, without_frame
 
 K = 8

@@ -12,13 +12,19 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from granpinn import summary
 from granpinn.data import Truth
-from granpinn.fields import Fields
 from granpinn.plots import album, curves, style
 from granpinn.plots.style import NothingToDraw
-from granpinn.records import ErrorBars
-from granpinn.results import Covariance, InertialNumber, Parameter, Parameters, Result
+from granpinn.results import (
+    Covariance,
+    Fields,
+    InertialNumber,
+    Parameter,
+    Parameters,
+    Result,
+    summary,
+)
+from granpinn.results.records import ErrorBars
 from tests.report.run_folder import Array, Contents, with_values
 
 BAND = InertialNumber(q05=2e-3, median=0.02, q95=0.3)

@@ -9,11 +9,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import prediction, reference
+from granpinn import reference
 from granpinn.data import Flow
-from granpinn.fields import VARIABLES, Fields
-from granpinn.prediction import evaluate, predict
+from granpinn.identification import prediction
+from granpinn.identification.prediction import evaluate, predict
 from granpinn.reference.equations import pressure
+from granpinn.results import Fields
+from granpinn.results.fields import VARIABLES
 from granpinn.scales import Scales
 from tests.flows import make_flow
 from tests.report.examples import Model, make_model

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import report
 from granpinn.data import Truth
 from granpinn.plots import album
-from granpinn.results import ErrorPercent, Input, Parameter, Result
+from granpinn.report import page as pages
+from granpinn.results import ErrorPercent, Input, Parameter, Result, read_results
 from tests.report.examples import PARAMETERS, make_result
 from tests.report.page import Page
 
@@ -23,7 +23,7 @@ HOSTILE = """<script>alert(1)</script>"><img src=x onerror='alert(2)'>{{ 7 * 7 }
 
 
 def render(result: Result, history: album.History | None = None) -> Page:
-    return Page(report.render(result, history, [], [], []))
+    return Page(pages.render(result, history, [], [], []))
 
 
 def test_the_page_needs_nothing_but_itself(built: Path) -> None:
@@ -63,7 +63,7 @@ def test_the_figures_are_inside(built: Path) -> None:
 
 def test_the_result_comes_first(built: Path) -> None:
     page = Page((built / "report.html").read_text(encoding="utf-8"))
-    result = report.read_results(built / "results.json")
+    result = read_results(built / "results.json")
     value = f"{result.parameters.mu_s.value:.3f}"
     order = ["Friction law of in memory", "Level V1", value, "Verdict: ", "In words"]
     order += ["Results", "Fields over time", "Figures", "The run"]
@@ -203,7 +203,7 @@ def test_hostile_names_are_text(changes: dict[str, Any]) -> None:
 def test_hostile_problems_and_captions_are_text(tmp_path: Path) -> None:
     (tmp_path / "figure.png").write_bytes(b"not an image")
     picture = album.Picture(tmp_path / "figure.png", HOSTILE, HOSTILE)
-    html = report.render(
+    html = pages.render(
         make_result(), None, [picture], [album.Missing(HOSTILE, HOSTILE)], [HOSTILE]
     )
     page = Page(html)
@@ -224,10 +224,10 @@ def test_folders_of_the_machine_are_not_on_the_page() -> None:
     [(0.4, "0 s"), (59.4, "59 s"), (59.5, "1 min 0 s"), (250, "4 min 10 s"), (7500, "2 h 5 min")],
 )
 def test_durations(seconds: float, text: str) -> None:
-    assert report.duration(seconds) == text
+    assert pages.duration(seconds) == text
 
 
 def test_nested_settings_become_lines() -> None:
     settings = {"a": {"b": {"c": [1, 2.5]}, "d": None}, "e": False, "f": []}
     expected = {"a.b.c": "1, 2.5", "a.d": "none", "e": "False", "f": ""}
-    assert report.flatten(settings) == expected
+    assert pages.flatten(settings) == expected

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from granpinn import report
-from granpinn.history import COLUMNS
-from granpinn.plots import album, curves
+from granpinn.plots import album, curves, maps
 from granpinn.plots.style import Drawing, new_figure
 from granpinn.report import HistoryFileError
+from granpinn.report.__main__ import main
 from granpinn.results import write_results
+from granpinn.training.history import COLUMNS
 from tests.report.examples import make_result
 from tests.report.page import Page
 
@@ -87,7 +88,7 @@ def test_a_page_that_fails_leaves_the_old_one(
 ) -> None:
     (run_dir / "report.html").write_text("the old page")
     before = {path.name for path in run_dir.iterdir()} | {"figures"}
-    monkeypatch.setattr(report, "render", lambda *_: str(1 // 0))
+    monkeypatch.setattr(report.page, "render", lambda *_: str(1 // 0))
     with pytest.raises(ZeroDivisionError):
         report.build(run_dir)
     assert (run_dir / "report.html").read_text() == "the old page"
@@ -106,11 +107,11 @@ def test_the_command_prints_the_page(
     run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times: list[float | None] = []
-    real = report.maps.frame_at
+    real = maps.frame_at
     monkeypatch.setattr(
-        report.maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
+        maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
     )
-    assert report.main([str(run_dir), "--time", "0.3"]) == 0
+    assert main([str(run_dir), "--time", "0.3"]) == 0
     assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
     assert times == [0.3]
 
@@ -118,7 +119,7 @@ def test_the_command_prints_the_page(
 def test_the_command_writes_the_fields_for_paraview(
     run_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert report.main([str(run_dir), "--paraview"]) == 0
+    assert main([str(run_dir), "--paraview"]) == 0
     page, path = run_dir / "report.html", run_dir / "fields.vtkhdf"
     assert capsys.readouterr() == (f"{page}\n{path}\n", "")
     assert path.stat().st_size > 0
@@ -128,7 +129,7 @@ def test_no_fields_for_paraview_are_refused(
     run_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (run_dir / "fields.h5").unlink()
-    assert report.main([str(run_dir), "--paraview"]) == 2
+    assert main([str(run_dir), "--paraview"]) == 2
     assert f"granpinn.report: {run_dir / 'fields.h5'} does not exist" in capsys.readouterr().err
     assert not (run_dir / "fields.vtkhdf").exists()
 
@@ -148,7 +149,7 @@ def test_a_folder_without_a_valid_run(
 ) -> None:
     if content is not None:
         (tmp_path / "results.json").write_text(content)
-    assert_refused(capsys, report.main([str(tmp_path)]), 2, words)
+    assert_refused(capsys, main([str(tmp_path)]), 2, words)
     assert not (tmp_path / "report.html").exists()
 
 
@@ -167,7 +168,7 @@ def test_a_folder_that_is_none(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
     (tmp_path / "file").write_text("not a folder")
-    assert_refused(capsys, report.main([str(tmp_path / kind)]), 2, "results.json")
+    assert_refused(capsys, main([str(tmp_path / kind)]), 2, "results.json")
 
 
 @pytest.mark.parametrize("value", [0.0, -0.3])
@@ -178,21 +179,21 @@ def test_an_I0_that_is_no_scale_is_refused(
     content = json.loads(path.read_text())
     content["parameters"]["I0"]["value"] = value
     path.write_text(json.dumps(content))
-    assert_refused(capsys, report.main([str(run_dir)]), 2, f"I0 must be positive, got {value}")
+    assert_refused(capsys, main([str(run_dir)]), 2, f"I0 must be positive, got {value}")
 
 
 def test_a_folder_that_cannot_be_written_to(
     run_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (run_dir / "figures").write_text("a file where the folder should be")
-    assert_refused(capsys, report.main([str(run_dir)]), 1, "figures")
+    assert_refused(capsys, main([str(run_dir)]), 1, "figures")
 
 
 def test_it_runs_as_a_module(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["granpinn.report", str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "granpinn.report")
+    monkeypatch.delitem(sys.modules, "granpinn.report.__main__")
     with pytest.raises(SystemExit) as caught:
         runpy.run_module("granpinn.report", run_name="__main__")
     assert_refused(capsys, int(str(caught.value.code)), 2, "does not exist")

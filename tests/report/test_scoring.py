@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Truth
-from granpinn.results import Parameter, Parameters
-from granpinn.scoring import (
+from granpinn.identification.scoring import (
     D2_STAGNANT,
     after_start,
     flowing,
@@ -19,6 +18,7 @@ from granpinn.scoring import (
     score,
     strain_rate,
 )
+from granpinn.results import Parameter, Parameters
 from tests.flows import make_flow
 from tests.report.examples import PARAMETERS, make_fields
 

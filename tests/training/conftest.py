@@ -8,15 +8,16 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import problem, recipes
+from granpinn import recipes
 from granpinn.config import Config
 from granpinn.data import Flow, training_set, write_flow
-from granpinn.objective import Member, Objective
-from granpinn.progress import Silent
-from granpinn.run import Run
 from granpinn.scales import Scales
-from granpinn.schedule import Schedule
-from granpinn.training import Training
+from granpinn.training import problem
+from granpinn.training.objective import Member, Objective
+from granpinn.training.progress import Silent
+from granpinn.training.run import Run
+from granpinn.training.schedule import Schedule
+from granpinn.training.training import Training
 from tests.flows import make_flow
 
 TINY = {

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import checkpoint
-from granpinn.checkpoint import CheckpointError, newest, plain, require_same, restore, save
+from granpinn.training import checkpoint
+from granpinn.training.checkpoint import CheckpointError, newest, plain, require_same, restore, save
 
 TENSORS = {"params": torch.arange(6.0), "scalars": torch.tensor([1.0, 2.0], dtype=torch.float64)}
 STATE: dict[str, Any] = {"settings": {"seed": 3, "sigma": "inf"}, "input_sha256": "abc"}

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import clock, recipes
-from granpinn import run as run_module
+from granpinn import recipes
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.guard import Interrupted, Signals
-from granpinn.progress import Silent
-from granpinn.run import Run
+from granpinn.training import clock
+from granpinn.training import run as run_module
+from granpinn.training.guard import Interrupted, Signals
+from granpinn.training.progress import Silent
+from granpinn.training.run import Run
 from tests.training.conftest import make_objective, make_training, tiny
 
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from granpinn import recipes
-from granpinn.arguments import flag_of, parse, read_toml, to_toml
+from granpinn.command.arguments import flag_of, parse, read_toml, to_toml
 from granpinn.config import FREE_SECTIONS, Config, ConfigError, flatten, identity, kinds_of
 
 REQUIRED = ["flow.h5", "--out", "run"]

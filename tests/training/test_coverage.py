@@ -13,10 +13,10 @@ import pytest
 
 from bench import coverage, coverage_fit
 from bench.coverage_fit import Case
-from granpinn import calibration, uncertainty
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
-from granpinn.records import Members, Residuals
+from granpinn.identification import calibration, uncertainty
+from granpinn.results.records import Members, Residuals
 from granpinn.simulation import Collapse
 
 Array = npt.NDArray[np.float64]

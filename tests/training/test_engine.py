@@ -20,10 +20,10 @@ from torch.utils._pytree import tree_leaves
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.engine import Eager, Graphs
-from granpinn.guard import NonFiniteError
-from granpinn.objective import Evaluation, Objective
-from granpinn.training import Training
+from granpinn.training.engine import Eager, Graphs
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.objective import Evaluation, Objective
+from granpinn.training.training import Training
 from tests.training.conftest import make_training, tiny
 
 WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}

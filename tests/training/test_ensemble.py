@@ -12,11 +12,11 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.history import Row
-from granpinn.identification import pose, start
-from granpinn.progress import Silent
+from granpinn.identification.identification import pose, start
 from granpinn.results import Result
-from granpinn.run import Run
+from granpinn.training.history import Row
+from granpinn.training.progress import Silent
+from granpinn.training.run import Run
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 

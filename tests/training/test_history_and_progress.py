@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from granpinn import progress
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.history import COLUMNS, History, Row
-from granpinn.progress import Bar, Lines, Silent, TensorBoard, describe, duration
+from granpinn.training import progress
+from granpinn.training.history import COLUMNS, History, Row
+from granpinn.training.progress import Bar, Lines, Silent, TensorBoard, describe, duration
 from tests.training.conftest import make_run, tiny
 
 NAN = math.nan

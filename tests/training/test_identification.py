@@ -12,12 +12,13 @@ import pytest
 import torch
 
 import granpinn
-from granpinn import identification, recipes, results
-from granpinn.arguments import read_toml
+from granpinn import recipes, results
+from granpinn.command.arguments import read_toml
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, FlowFileError, Truth
-from granpinn.identification import choose_device, identify
-from granpinn.run import Run
+from granpinn.identification import identification
+from granpinn.identification.identification import choose_device, identify
+from granpinn.training.run import Run
 from tests.training.conftest import make_training, tiny
 
 

@@ -14,12 +14,12 @@ import torch
 
 from granpinn import reference, results, train
 from granpinn.data import Flow
-from granpinn.final_loss import final_loss
-from granpinn.findings import Loss, Profile
-from granpinn.guard import NonFiniteError
-from granpinn.inertial_profile import grid_of, judge
+from granpinn.identification.final_loss import final_loss
+from granpinn.identification.inertial_profile import grid_of, judge
 from granpinn.op_rules import TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
+from granpinn.results.findings import Loss, Profile
+from granpinn.training.guard import NonFiniteError
 from tests.report.examples import make_result
 from tests.training.conftest import make_run, tiny
 

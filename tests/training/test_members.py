@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import calibration, conclusion, identify, identify_many, report, results
+from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow, known_sd, redraw
-from granpinn.guard import NonFiniteError
-from granpinn.identification import member_seed, members, pose
-from granpinn.run import Run
+from granpinn.identification import calibration, conclusion
+from granpinn.identification.identification import member_seed, members, pose
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.run import Run
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 from tests.training.test_ensemble import spoil

@@ -8,14 +8,15 @@ from dataclasses import replace
 import pytest
 import torch
 
-from granpinn import ops, problem, recipes, reference
+from granpinn import ops, recipes, reference
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, add_noise, training_set
-from granpinn.objective import Evaluation
-from granpinn.problem import velocity_relaxation
-from granpinn.sampling import INTERIOR, SURFACE, draw
 from granpinn.scales import Scales
-from granpinn.training import Training
+from granpinn.training import problem
+from granpinn.training.objective import Evaluation
+from granpinn.training.problem import velocity_relaxation
+from granpinn.training.sampling import INTERIOR, SURFACE, draw
+from granpinn.training.training import Training
 from tests.training.conftest import make_training, tiny
 
 

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer, Rheology
-from granpinn.control import Control
 from granpinn.network import n_params, views
-from granpinn.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
-from granpinn.scalars import Scalars
+from granpinn.training.control import Control
+from granpinn.training.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
+from granpinn.training.scalars import Scalars
 
 WIDTHS = (3, 20, 30, 30, 30, 25, 5)
 P = n_params(WIDTHS)

@@ -14,12 +14,13 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import checkpoint, identify, identify_many, parallel, results
-from granpinn.arguments import parse
+from granpinn import identify, identify_many, results
+from granpinn.command.arguments import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.objective import Evaluation, Objective
 from granpinn.recipes import make
+from granpinn.training import checkpoint, parallel
+from granpinn.training.objective import Evaluation, Objective
 from tests.training.conftest import make_objective, tiny
 
 FLAGS = ["--steps", "30", "--network.widths", "9,7", "--batch.interior", "34", "--batch.surface"]
@@ -73,7 +74,8 @@ def test_a_signal_to_one_process_stops_both(flow_file: Path, tmp_path: Path) -> 
 SPREAD = """
 import json, sys
 from pathlib import Path
-from granpinn import identify_many, parallel
+from granpinn import identify_many
+from granpinn.training import parallel
 from granpinn.recipes import make
 if __name__ == "__main__":
     flow, folder, changes = sys.argv[1:]

@@ -11,12 +11,12 @@ import pytest
 import torch
 
 from granpinn import recipes
-from granpinn.checkpoint import CheckpointError
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.guard import Interrupted
-from granpinn.history import Row
-from granpinn.run import Run
+from granpinn.training.checkpoint import CheckpointError
+from granpinn.training.guard import Interrupted
+from granpinn.training.history import Row
+from granpinn.training.run import Run
 from tests.training.conftest import make_run, tiny
 
 CONFIGS: dict[str, dict[str, Any]] = {

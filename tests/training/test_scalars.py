@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer, Rheology
-from granpinn.control import Control
-from granpinn.optimise import BatchOptimizer
-from granpinn.scalars import Scalars
+from granpinn.training.control import Control
+from granpinn.training.optimise import BatchOptimizer
+from granpinn.training.scalars import Scalars
 
 WIDTHS = (3, 4, 3)
 LIKE = torch.zeros(0, dtype=torch.float64)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from granpinn.config import Optimizer
-from granpinn.schedule import Schedule
+from granpinn.training.schedule import Schedule
 
 
 def schedule(total: int = 1000, **changes: Any) -> Schedule:

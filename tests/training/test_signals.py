@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import checkpoint
-from granpinn.guard import signals
+from granpinn.training import checkpoint
+from granpinn.training.guard import signals
 
 ENDLESS = ["--steps", "1000000", "--log-every", "10", "--network.widths", "6,5"]
 
@@ -57,7 +57,7 @@ def test_a_signal_saves_and_stops_within_ten_seconds(
 
 def test_a_second_signal_ends_the_process_at_once() -> None:
     code = (
-        "import time\nfrom granpinn.guard import signals\n"
+        "import time\nfrom granpinn.training.guard import signals\n"
         "with signals() as caught:\n"
         "    print('ready', flush=True)\n"
         "    while not caught.received: time.sleep(0.01)\n"

@@ -12,12 +12,13 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import checkpoint, results, train
-from granpinn.arguments import parse
+from granpinn import results, train
+from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import Flow, write_flow
-from granpinn.guard import Interrupted, NonFiniteError
 from granpinn.simulation import demo_path
+from granpinn.training import checkpoint
+from granpinn.training.guard import Interrupted, NonFiniteError
 from tests.flows import make_flow
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]

@@ -12,9 +12,9 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from granpinn import calibration, uncertainty
-from granpinn.calibration import Range
-from granpinn.records import Members, Residuals
+from granpinn.identification import calibration, uncertainty
+from granpinn.identification.calibration import Range
+from granpinn.results.records import Members, Residuals
 
 Array = npt.NDArray[np.float64]
 

@@ -29,7 +29,7 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
   Scratch s{};
   s.packed = floats(E * plan.packed());
   s.narrow = floats(E * plan.narrow());
-  s.stash = floats(plan.shared_stash ? 0 : E * plan.slots * plan.stash());
+  s.stash = floats(E * plan.slots * plan.stash());
   s.activations = floats(E * hidden * plan.panel());
   s.adjoints = floats(E * hidden * plan.panel());
   s.gradients = floats(E * hidden * plan.splits * plan.H * plan.H);
@@ -106,53 +106,53 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
 
 }  // namespace
 
-bool supports(const DeviceLoss<float>& a) {
+bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+               Plan& plan) {
   const int L = a.net.layers - 1;
-  if (L < 1 || L > kDeepest || a.net.members > 65535 / kDeepest) return false;
-  return *std::max_element(a.net.widths + 1, a.net.widths + 1 + L) <= kWidest;
-}
-
-Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessors) {
   const std::int64_t E = a.net.members;
+  if (L < 1 || L > kDeepest || E > 65535 / kDeepest) return false;
+  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
+  if (widest > kWidest) return false;
   Plan p{};
-  p.hidden = a.net.layers - 1;
+  p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
-  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + p.hidden);
   p.H = widest <= 128 ? 128 : 256;
-  p.tensor_cores = tensor_cores;
 
+  // the first that fits: blocks that a multiprocessor holds, by registers and by shared memory
+  int resident = 0;
+  const auto try_shape = [&](bool tensor, bool large) {
+    p.tensor_cores = tensor, p.large = large;
+    p.tile = tile_shape(a.form, tensor, large);
+    if (p.tile_bytes() > device.shared_per_block) return resident = 0;
+    return resident = std::min(512 / (p.H * p.tile.split),
+                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+  };
+  if (!(tensor_cores && try_shape(true, false)) && !try_shape(false, false)) return false;
   // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const int blocks = multiprocessors * (256 / p.H);
-  const TileShape small = tile_shape(a.form, tensor_cores, false);
-  p.large = E * ceil_div(a.n, small.points) > 2 * blocks;
-  const TileShape shape = p.large ? tile_shape(a.form, tensor_cores, true) : small;
-  p.points = shape.points;
-  p.surface_points = shape.surface_points;
-  p.rows = shape.rows;
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.surface_points));
-  if (p.tiles == 0) return p;
-
-  // panel, ring and the small arrays of a tile take less than the rest of a multiprocessor's
-  const int panels = tensor_cores ? 2 : 1, ring = 4 * 4 * kStage * p.H / 32;
-  const int rest = 227 * 1024 * p.H / 256 - ring - 4 * (p.rows * 32 + p.narrow());
-  p.shared_stash = 4 * (panels * p.rows * (p.H + 8) + p.stash()) <= rest;
+  const bool tensor = p.tensor_cores;
+  if (E * ceil_div(a.n, p.tile.points) > 2 * device.multiprocessors * resident)
+    if (!try_shape(tensor, true)) try_shape(tensor, false);
+  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+  plan = p;
+  if (p.tiles == 0) return true;
 
   // as many rounds as it takes, each with the same number of blocks
-  const std::int64_t most = std::max<std::int64_t>(1, blocks / E);
+  const std::int64_t most = std::max<std::int64_t>(1, device.multiprocessors * resident / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));
-  const std::int64_t tile_bytes = std::int64_t(8) * p.rows * p.H * std::max(p.hidden - 1, 1);
+  const std::int64_t tile_bytes = std::int64_t(8) * p.tile.rows * p.H * std::max(p.hidden - 1, 1);
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
   const int B = p.large ? 128 : 64;
   const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
-  const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
-  const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
+  const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.tile.rows, kStageRows);
+  const std::int64_t wanted = 2 * device.multiprocessors / per_split;  // two on each at a time
   p.splits =
       static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
-  return p;
+  plan = p;
+  return true;
 }
 
 std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {

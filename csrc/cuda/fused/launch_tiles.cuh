@@ -6,16 +6,15 @@
 
 namespace granpinn::cuda::fused {
 
-template <class I, class InteriorTask, class S, class SurfaceTask>
+template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
 cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
-  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask>;
-  const int bytes = sizeof(TileMemory<I>) +
-                    (plan.narrow() + (plan.shared_stash ? plan.stash() : 0)) * sizeof(float);
+  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs>;
+  const int bytes = plan.tile_bytes();
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
   if (error != cudaSuccess) return error;
-  kernel<<<dim3(plan.slots, a.net.members), I::H, bytes, stream>>>(a, plan, scratch, chunk);
+  kernel<<<dim3(plan.slots, a.net.members), I::threads, bytes, stream>>>(a, plan, scratch, chunk);
   return cudaGetLastError();
 }
 
@@ -23,15 +22,20 @@ template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool t
           bool large>
 cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                            Chunk chunk, cudaStream_t stream) {
-  constexpr TileShape shape = tile_shape(form, tensor_cores, large);
+  constexpr TileShape t = tile_shape(form, tensor_cores, large);
+  constexpr int outputs = form == Form::strong ? 3 : 5;
+  const auto run = [&](auto interior, auto surface) {
+    using I = decltype(interior);
+    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
+    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs>(a, plan, scratch, chunk,
+                                                                            stream);
+  };
   if constexpr (tensor_cores)
-    return launch<MmaEngine<H, C, shape.points>, InteriorTask,
-                  MmaEngine<H, 1, shape.surface_points>, SurfaceTask>(a, plan, scratch, chunk,
-                                                                      stream);
+    return run(MmaEngine<H, C, t.points, t.split, t.stages>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages>{});
   else
-    return launch<SimtEngine<H, C, shape.points / 4>, InteriorTask,
-                  SimtEngine<H, 1, shape.surface_points / 4>, SurfaceTask>(a, plan, scratch, chunk,
-                                                                           stream);
+    return run(SimtEngine<H, C, t.points, t.split, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.split, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>

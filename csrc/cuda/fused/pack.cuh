@@ -6,6 +6,44 @@
 
 namespace granpinn::cuda::fused {
 
+// Weight from input k to output n of a product: forward through a layer, or backward.
+__device__ inline float weight(const DeviceNetwork<float>& net, const float* params, int layer,
+                               bool forward, int k, int n) {
+  const int in = net.in(layer), out = net.out(layer);
+  const int row = forward ? n : k, column = forward ? k : n;
+  return row < out && column < in ? params[net.offset(layer) + row * in + column] : 0;
+}
+
+// Element `at` of a warp's stream: the slab's weights of all products, from its part of the inputs.
+template <int H, bool TensorCores>
+__device__ float packed_weight(const DeviceNetwork<float>& net, const float* params, int L,
+                               int slab, int part, int parts, int at) {
+  const int inputs = H / parts;
+  if (!TensorCores) {
+    const int product = at / (kSlab * inputs), i = at % (kSlab * inputs);
+    const bool forward = product < L - 1;
+    return weight(net, params, forward ? product + 1 : 2 * L - 2 - product, forward,
+                  part * inputs + i / kSlab, slab * kSlab + i % kSlab);
+  }
+  // [quarter of the stage][lane][register]: two halves in each, see MmaEngine::multiply
+  const int all_forward = (L - 1) * kSlab * inputs;
+  const bool forward = at < all_forward;
+  const int size = forward ? kSlab * inputs : kSlab * inputs / 2, block = forward ? 16 : 32;
+  if (!forward) at -= all_forward;
+  const int product = at / size, stage = at % size / 512, s = at % 512;
+  const int layer = forward ? product + 1 : L - 1 - product;
+  const int quarter = s / 128, lane = s % 128 / 4, pair = s % 4 / 2, row = s % 2;
+  const int m = quarter % 2, second = quarter / 2;
+  const int k = part * inputs + stage * block +
+                (forward ? 4 * (lane % 4) : 8 * (lane % 4) + 4 * second) + 2 * pair;
+  const int n = slab * kSlab + lane / 4 * 4 + 2 * m + row;
+  constexpr float scale = 1 << kWeightExponent;
+  const float w0 = scale * weight(net, params, layer, forward, k, n);
+  const float w1 = scale * weight(net, params, layer, forward, k + 1, n);
+  const unsigned halves = to_halves(w0, w1);
+  return __uint_as_float(forward && second ? rest_of_halves(halves, w0, w1) : halves);
+}
+
 // blockIdx = (share of the work, member)
 template <int H, bool TensorCores>
 __global__ void pack_kernel(const __grid_constant__ DeviceLoss<float> a,
@@ -15,28 +53,14 @@ __global__ void pack_kernel(const __grid_constant__ DeviceLoss<float> a,
   const int L = plan.hidden, first = blockIdx.x * blockDim.x + threadIdx.x;
   const int stride = gridDim.x * blockDim.x;
 
+  // [part of the inputs][slab][product][stage]: each warp's stream in one piece
+  const int count = static_cast<int>(plan.packed()),
+            stream_length = static_cast<int>(plan.stream());
   float* packed = scratch.packed + e * plan.packed();
-  for (int i = first; i < plan.products() * H * H; i += stride) {
-    // [slab][product][block][kStage]: each warp's stream in one piece
-    const int block = i / kStage, slab = block / (plan.products() * (H / kBlockK));
-    const int product = block / (H / kBlockK) % plan.products();
-    const int k0 = block % (H / kBlockK) * kBlockK, s = i % kStage;
-    const bool forward = product < L - 1;
-    const int layer = forward ? product + 1 : 2 * L - 2 - product;
-    const int in = a.net.in(layer), out = a.net.out(layer);
-    int k, n;
-    if (TensorCores) {
-      const int part = s % 4, lane = s / 4 % 32, m = s / 128;
-      k = k0 + lane % 4 + part / 2 * 4;
-      n = slab * kSlab + m * 16 + lane / 4 + part % 2 * 8;
-    } else {
-      k = k0 + s / kSlab;
-      n = slab * kSlab + s % kSlab;
-    }
-    const int row = forward ? n : k, column = forward ? k : n;
-    float w = row < out && column < in ? params[a.net.offset(layer) + row * in + column] : 0;
-    if (TensorCores && !forward) w = to_tf32(w);
-    packed[i] = w;
+  for (int i = first; i < count; i += stride) {
+    const int warp = i / stream_length, slab = warp % (H / kSlab), part = warp / (H / kSlab);
+    packed[i] = packed_weight<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split,
+                                              i % stream_length);
   }
 
   float* narrow = scratch.narrow + e * plan.narrow();

@@ -53,6 +53,14 @@ struct SimtWeights {
   }
 };
 
+__device__ inline void mma_tf32(float* d, const float (&a)[4], const float (&b)[2]) {
+  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
+      "{%0,%1,%2,%3};"
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
+      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
+        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
+}
+
 // Tensor cores, TF32: the operands are rounded already.
 template <int B>
 struct MmaWeights {
@@ -112,7 +120,7 @@ __global__ void __launch_bounds__(kWeightsThreads, 2)
     weights_kernel(const __grid_constant__ Plan plan, const Scratch scratch, const Chunk chunk) {
   extern __shared__ __align__(16) float shared[];
   const int out0 = blockIdx.x / (H / B) * B, in0 = blockIdx.x % (H / B) * B;
-  const std::int64_t rows = std::int64_t(chunk.count) * plan.rows;
+  const std::int64_t rows = std::int64_t(chunk.count) * plan.tile.rows;
   const std::int64_t stages = (rows + kStageRows - 1) / kStageRows;
   const std::int64_t begin = blockIdx.y * stages / plan.splits;
   const std::int64_t end = (blockIdx.y + 1) * stages / plan.splits;

@@ -1,0 +1,1 @@
+"""What the commands share: cli and completion of `granpinn VERB`, parser, settings as arguments."""

@@ -1,0 +1,136 @@
+"""The console command `granpinn VERB ...`: the verbs are the commands `python -m granpinn.VERB`.
+
+A verb is looked up when it is used, so that `granpinn --help` loads nothing.  Exit codes are those
+of the verb; 2 where there is no such verb.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import granpinn
+from granpinn.command import completion
+
+
+class Verb(NamedTuple):
+    """One line of the help, and a command to start from."""
+
+    does: str
+    example: str
+
+
+# In the order of an experiment.
+VERBS = {
+    "convert": Verb(
+        "turn files of a PIV, PTV or simulation program into a flow file",
+        'granpinn convert PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" ...',
+    ),
+    "inspect": Verb(
+        "before any training: what these data can tell, and what to measure better",
+        "granpinn inspect flow.h5",
+    ),
+    "train": Verb(
+        "identify the friction law mu(I) and the pressure; without arguments a demonstration",
+        "granpinn train flow.h5 --out run",
+    ),
+    "report": Verb(
+        "draw figures and page of a finished run again, or write its fields for ParaView",
+        "granpinn report run --paraview",
+    ),
+    "simulate": Verb(
+        "the collapse of a column of grains with a known friction law, as a flow file",
+        "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
+    ),
+    "tables": Verb(
+        "run the paper's tables again, beside its own figures",
+        "granpinn tables --out tables",
+    ),
+    "doctor": Verb(
+        "what is installed, which kernels run and why",
+        "granpinn doctor",
+    ),
+    "completion": Verb(
+        "print the completion script of a shell: bash or zsh",
+        'eval "$(granpinn completion bash)"',
+    ),
+}
+FIRST_STEPS = """first steps:
+  granpinn doctor                       is everything there?
+  granpinn train                        a demonstration, in a few minutes
+  granpinn convert ... --out flow.h5    your own measurement
+  granpinn train flow.h5 --out run      the result is run/report.html
+
+granpinn VERB --help explains every argument of a verb; python -m granpinn.VERB is the same."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a verb; its exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(help_text())
+        return 0
+    if words[0] in ("-V", "--version"):
+        print(f"granpinn {granpinn.__version__}")
+        return 0
+    verbs = available()
+    if words[0] not in verbs:
+        return _unknown(words[0], verbs)
+    if words[0] == "completion":
+        return completion.main(words[1:], {name: command(name) for name in _modules(verbs)})
+    return command(words[0])(words[1:])
+
+
+def available() -> list[str]:
+    """The verbs of this installation."""
+    return [name for name in VERBS if name == "completion" or _module(name) is not None]
+
+
+def command(verb: str) -> Callable[[Sequence[str]], int]:
+    """The function behind a verb, loaded when it is called: arguments -> exit code."""
+
+    def run(argv: Sequence[str]) -> int:
+        name = _module(verb)
+        assert name is not None
+        return int(importlib.import_module(name).main(argv))
+
+    return run
+
+
+def help_text() -> str:
+    """What `granpinn --help` prints."""
+    lines = ["usage: granpinn VERB [arguments]", "", granpinn_does(), "", "verbs:"]
+    for name in available():
+        lines += [f"  {name:<12}{VERBS[name].does}", f"  {'':<12}  {VERBS[name].example}"]
+    return "\n".join([*lines, "", FIRST_STEPS])
+
+
+def granpinn_does() -> str:
+    """The first sentence of the help."""
+    return (
+        "Identifies the friction law mu(I) and the pressure field of a granular flow from its "
+        "velocity."
+    )
+
+
+def _modules(verbs: Sequence[str]) -> list[str]:
+    return [name for name in verbs if name != "completion"]
+
+
+def _module(verb: str) -> str | None:
+    """The module of a verb: granpinn.VERB, or __main__ in a package of that name."""
+    spec = importlib.util.find_spec(f"granpinn.{verb}")
+    if spec is None:
+        return None
+    return f"granpinn.{verb}" + (".__main__" if spec.submodule_search_locations else "")
+
+
+def _unknown(word: str, verbs: Sequence[str]) -> int:
+    near = difflib.get_close_matches(word, verbs, n=1)
+    hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help explains them"
+    print(f"granpinn: expected one of {', '.join(verbs)}, got {word!r}: {hint}", file=sys.stderr)
+    return 2

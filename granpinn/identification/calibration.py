@@ -1,0 +1,102 @@
+"""The table behind the error bars: how far off identifications of simulated collapses are.
+
+calibration.json in this folder is measured by `python -m bench.coverage`; its provenance says on
+what. Covariances are those of z = (error of mu_s, error of mu_2) / mu_s: in this unit the scatter
+along the valley between mu_s and mu_2 is the same for every material, while the relative error of
+mu_2 grows as mu_2 / mu_s falls (docs/method.md).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.results.decoding import decode
+
+PATH = Path(__file__).with_suffix(".json")
+
+Matrix = tuple[tuple[float, float], tuple[float, float]]
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Range:
+    """What data of the law leave: rms = 10^intercept misfit^slope, rarely `limit` times that."""
+
+    intercept: float
+    slope: float
+    limit: float
+
+    def ratio(self, rms: float, misfit: float) -> float:
+        """`rms` as a multiple of what data of the law leave at this misfit of the velocity."""
+        return float(rms / (10**self.intercept * misfit**self.slope))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """
+    Attributes:
+        provenance: which trainings the numbers come from.
+        provisional: no coverage study has confirmed them.
+        scatter: covariance of z of one member over seeds.
+        scatter_weight: members of one's own that this covariance is worth.
+        mu_s: knots of the discrepancy, ascending.
+        discrepancy: second moment of z at these knots, beyond the scatter.
+        discrepancy_weight: number of truths behind each.
+        misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
+        steps: of the shortest trainings in the study; likewise for fewer steps.
+        noise_part: velocity error of the fit, as a part of the measurement noise.
+        widening: factors on the 90 % intervals of mu_s and mu_2, for what is not normal.
+        momentum, constitutive: the residuals.
+        valid_mu_s, valid_ratio: mu_s and mu_2 / mu_s of the materials in the study.
+        largest_misfit: above it the residuals say nothing about the law.
+    """
+
+    provenance: str
+    provisional: bool
+    scatter: Matrix
+    scatter_weight: float
+    mu_s: tuple[float, ...]
+    discrepancy: tuple[Matrix, ...]
+    discrepancy_weight: float
+    misfit: float
+    steps: int
+    noise_part: float
+    widening: tuple[float, float]
+    momentum: Range
+    constitutive: Range
+    valid_mu_s: tuple[float, float]
+    valid_ratio: tuple[float, float]
+    largest_misfit: float
+
+    def __post_init__(self) -> None:
+        if len(self.mu_s) != len(self.discrepancy) or not self.mu_s:
+            raise ValueError(
+                f"discrepancy must have one matrix for each of {len(self.mu_s)} knots mu_s, "
+                f"got {len(self.discrepancy)}"
+            )
+        for matrix in (self.scatter, *self.discrepancy):
+            if matrix[0][1] != matrix[1][0] or min(np.linalg.eigvalsh(matrix)) < -1e-12:
+                raise ValueError(f"a covariance must be symmetric and not negative, got {matrix}")
+
+    def discrepancy_at(self, mu_s: float) -> Array:
+        """Second moment [2, 2] of z, linear between the knots and constant beyond them."""
+        knots = np.array(self.discrepancy)
+        flat = [np.interp(mu_s, self.mu_s, knots[:, i, j]) for i in range(2) for j in range(2)]
+        return np.reshape(flat, (2, 2))
+
+
+@cache
+def load(path: Path = PATH) -> Calibration:
+    """The table; ValueError names what is wrong with one of your own."""
+    return from_dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def from_dict(content: dict[str, Any]) -> Calibration:
+    return decode(Calibration, content)

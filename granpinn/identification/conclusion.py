@@ -1,0 +1,162 @@
+"""From trained networks to a result: the center of the ensemble, its error bars, the verdict.
+
+Error bars and verdict are given for the settings that they were calibrated for: the default recipe
+at level V1 or V2. With others the result has none, and says why.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from granpinn import results
+from granpinn.config import Config, flatten
+from granpinn.identification import calibration, prediction, scoring, uncertainty
+from granpinn.identification.final_loss import final_loss
+from granpinn.recipes import build
+from granpinn.results import Covariance, Fields, Parameter, Parameters, Result
+from granpinn.results.findings import Loss
+from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
+from granpinn.training.run import Run
+
+if TYPE_CHECKING:
+    from granpinn.identification.identification import Case, Model
+
+CALIBRATED_LEVELS = ("V1", "V2")
+TOO_LITTLE = (
+    "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
+    "errors as large as the values"
+)
+DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
+STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
+
+
+def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, int]:
+    """What the members from `first` on have identified, and which of them is to be shown.
+
+    Those that diverged are left out; where all did, the first one stands with its last good state.
+    """
+    places = range(len(cases))
+    sound = [k for k in places if first + k not in run.training.lost] or [0]
+    values = [run.training.solution(first + k)[1].tolist() for k in sound]
+    members = Members(
+        seed=tuple(cases[k].member.seed for k in sound),
+        mu_s=tuple(value[0] for value in values),
+        mu_2=tuple(value[1] for value in values),
+        redrawn=tuple(cases[k].redrawn for k in sound),
+        lost=sum(first + k in run.training.lost for k in places),
+    )
+    shown = uncertainty.nearest(members, calibration.load())
+    return dataclasses.replace(members, shown=shown), sound[shown]
+
+
+def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
+    """What a trained member leaves of its data and equations, None where that is not finite."""
+    if loss is None:
+        return None
+    rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
+    measured = math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
+    noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
+    return Residuals(**rms | {"velocity": rms["velocity"] / measured, "noise": noise / measured})
+
+
+def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: Fields) -> Result:
+    """The result of an ensemble.
+
+    Args:
+        case, e: the member that is shown, and its place in the run.
+        model, maps: its network and fields.
+    """
+    flow, config, data = case.flow, case.config, case.member.data
+    loss, lost = final_loss(run.training, e), run.training.lost.get(e)
+    residuals = residuals_of(case, loss)
+    judged = judge(members, residuals, run.training.step, config, lost)
+    parameters = Parameters(*judged.free, Parameter(config.I0, fixed=True))
+    at_particles = prediction.velocity_at_particles(
+        flow, model.problem.spec, model.params, model.problem.physics, model.scales
+    )
+    scores = scoring.score(flow, maps, parameters, at_particles)
+    steps = run.training.step
+    return Result(
+        parameters=parameters,
+        level=config.level,
+        form=config.form,
+        recipe=config.recipe,
+        seed=config.seed,
+        data=results.DataSummary(
+            n_points=len(data.points),
+            n_surface=len(data.surface_points),
+            noise=config.noise,
+            n_frames=int(flow.t.size),
+        ),
+        timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
+        device=str(run.training.params.device),
+        versions=results.versions(),
+        input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
+        settings=dataclasses.asdict(config),
+        stopped=run.stopped if lost is None else "diverged",
+        failure=lost,
+        truth=flow.truth,
+        error_percent=scores.error_percent,
+        zones=scores.zones,
+        inertial_number=scores.inertial_number,
+        covariance=judged.covariance,
+        loss=loss,
+        members=members,
+        residuals=residuals,
+        error_bars=judged.bars,
+        verdict=judged.verdict,
+    )
+
+
+class Judgement(NamedTuple):
+    """Center (mu_s, mu_2) with its error bars, where there are any, and what to think of it."""
+
+    free: tuple[Parameter, Parameter]
+    covariance: Covariance | None
+    bars: ErrorBars | None
+    verdict: Verdict
+
+
+def judge(
+    members: Members, residuals: Residuals | None, steps: int, config: Config, lost: str | None
+) -> Judgement:
+    """Error bars and verdict, unless they would mean nothing: the verdict then says why."""
+    table, changed = calibration.load(), uncalibrated(config)
+    mu = uncertainty.center(members)
+
+    def without(words: str) -> Judgement:
+        mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
+        return Judgement((mu_s, mu_2), None, None, Verdict(None, words))
+
+    if lost is not None or residuals is None:
+        return without("the training diverged")
+    if changed:
+        return without(_why_not(changed))
+    found = uncertainty.estimate(members, residuals, steps, table)
+    if any(std > value for std, value in zip(found.std, mu, strict=True)):
+        return without(TOO_LITTLE)
+    mu_s, mu_2 = (
+        Parameter(value, False, std, interval)
+        for value, std, interval in zip(found.mu, found.std, found.intervals, strict=True)
+    )
+    rows = tuple(tuple(row) for row in found.covariance.tolist())
+    verdict = uncertainty.verdict(found.mu, residuals, table)
+    return Judgement((mu_s, mu_2), Covariance(("mu_s", "mu_2"), rows), found.bars, verdict)
+
+
+def uncalibrated(config: Config) -> list[str]:
+    """The settings that are others than those which the calibration table was made with."""
+    usual = flatten(build({}))
+    fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
+    changed = [key for key in fixed if flatten(config)[key] != usual[key]]
+    return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
+
+
+def _why_not(settings: Sequence[str]) -> str:
+    return (
+        "no error bars and no verdict: they are calibrated for the default recipe at level V1 or "
+        f"V2, and this run has another {', '.join(settings)}"
+    )

@@ -1,0 +1,149 @@
+"""Many identifications as one batch: cases, seeds, draws of noise, a grid of I0."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from granpinn import results
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow
+from granpinn.identification.identification import (
+    Case,
+    choose_device,
+    finish,
+    histories,
+    members,
+    pose,
+    prepare,
+    start,
+)
+from granpinn.results import Result
+from granpinn.training.parallel import gather_texts, processes
+from granpinn.training.progress import Progress
+
+FlowLike = Flow | str | os.PathLike[str]
+
+
+def identify_many(
+    flows: Sequence[FlowLike],
+    config: Config | None = None,
+    seeds: Sequence[int] | None = None,
+    *,
+    I0: Sequence[float] | None = None,
+    noise: Sequence[float] | None = None,
+    run_dir: str | os.PathLike[str] | None = None,
+    keep_fields: bool = True,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """Identify many flows side by side, each as `identify` would, in one batch.
+
+    The members share the settings and so the shape of the network and the schedule; each has its
+    own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
+    the same flow without noise share its data on the device. With `config.members` = K, each is an
+    ensemble of K networks of its own. In a group of processes
+    (granpinn/training/parallel.py) each process trains its own members, and all return all results.
+
+    Args:
+        flows: a flow or the path of a flow file for every member.
+        config: settings of all, by default the default recipe.
+        seeds: one for every member, by default that of the settings.
+        I0: likewise.
+        noise: likewise.
+        run_dir: folder for the checkpoints of the batch and, in 000, 001, ..., what `identify`
+            leaves of every member.
+        keep_fields: whether fields.h5, tens of megabytes for each member, is among that.
+        progress: a listener; it is shown the medians over the members.
+
+    Returns:
+        The results in the order of `flows`. A member that diverged has a `failure`, and the others
+        are not touched by it.
+
+    Raises:
+        As `identify`, but for NonFiniteError.
+    """
+    begin = time.monotonic()
+    config = config or Config()
+    if not flows:
+        raise ConfigError("flows must hold at least one flow, got none")
+    configs = [
+        dataclasses.replace(config, seed=seed, I0=value, noise=sd)
+        for seed, value, sd in zip(
+            _one_each("seeds", seeds, config.seed, len(flows)),
+            _one_each("I0", I0, config.I0, len(flows)),
+            _one_each("noise", noise, config.noise, len(flows)),
+            strict=True,
+        )
+    ]
+    group = processes(choose_device(config.device))
+    if run_dir is not None and group.rank == 0:
+        prepare(Path(run_dir), config)
+    group.wait()
+    own = range(group.rank, len(flows), group.size)
+    cases = _pose([flows[e] for e in own], [configs[e] for e in own])
+    folder: Path | None = None
+    parts: list[Path | None] = [None] * len(cases)
+    if run_dir is not None:
+        folder = Path(run_dir)
+        if group.size > 1:
+            folder = prepare(folder / f"process-{group.rank}", config)
+        parts = [
+            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
+            for e, case in zip(own, cases, strict=True)
+        ]
+    found: list[Result] = []
+    if cases:
+        K = config.members
+        every = [member for case in cases for member in members(case)]
+        places = [place for part in parts for place in histories(part, K)]
+        listener = progress if group.rank == 0 else None
+        run = start(every, config, folder, listener, begin, places)
+        run.train()
+        found = [
+            finish(every[e * K : (e + 1) * K], run, e * K, part, keep_fields)
+            for e, part in enumerate(parts)
+        ]
+    return found if group.size == 1 else _in_order(found, len(flows))
+
+
+def _in_order(found: Sequence[Result], count: int) -> list[Result]:
+    """The results of all processes, which have every so-many-th member each."""
+    texts = gather_texts(json.dumps([result.to_dict() for result in found]))
+    shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
+    return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+
+
+T = TypeVar("T")
+
+
+def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> Sequence[T]:
+    if values is not None and len(values) != count:
+        raise ConfigError(
+            f"{name} must have one value for each of {count} flows, got {len(values)}"
+        )
+    return [default] * count if values is None else values
+
+
+def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
+    """The cases; a flow that comes again is not read again, and without noise shares its data."""
+    read: dict[object, Flow] = {}
+    clean: dict[object, Case] = {}
+    cases = []
+    for flow, config in zip(flows, configs, strict=True):
+        key = id(flow) if isinstance(flow, Flow) else str(flow)
+        if config.noise or key not in clean:
+            case = pose(read.get(key, flow), config)
+            read[key] = case.flow
+            if not config.noise:
+                clean[key] = case
+        else:
+            first = clean[key]
+            member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
+            case = dataclasses.replace(first, config=config, member=member)
+        cases.append(case)
+    return cases

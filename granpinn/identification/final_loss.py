@@ -1,0 +1,73 @@
+"""The loss at the end of a training, over the same many points for every member with that flow.
+
+The loss of a step is that of a small batch, and its scatter hides what one law explains better than
+another.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from granpinn import ops
+from granpinn.op_rules import TERMS
+from granpinn.results.findings import Loss
+from granpinn.training.problem import velocity_relaxation
+from granpinn.training.training import Training
+
+MOST_POINTS = 131072
+CHUNK = 16384  # points per evaluation
+
+
+@torch.no_grad()
+def final_loss(training: Training, member: int) -> Loss | None:
+    """Mean terms of a member with its solution (its average where there is one).
+
+    Over every k-th point, so that at most `MOST_POINTS` are used. None where one is not finite.
+    """
+    objective, e = training.objective, member
+    spec, form = objective.spec, objective.spec.form
+    params, theta = training.solution(e)
+    first, count, first_surface, count_surface = objective.places[e].tolist()
+    inside = _every_kth(first, count)
+    surface = _every_kth(first_surface, count_surface)
+    if objective.batch.surface == 0:
+        surface = surface[:0]
+    sums = [0.0] * len(TERMS)
+    for start in range(0, max(len(inside), len(surface)), CHUNK):
+        i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
+        _, terms, _, _ = ops.residual_loss(
+            params,
+            theta,
+            objective.points[i],
+            objective.velocity[i],
+            objective.point_weights[i],
+            objective.surface_points[j],
+            objective.surface_pressure[j],
+            objective.term_weights[e],
+            spec.widths,
+            objective.input_shift[e],
+            objective.input_scale[e],
+            objective.physics[e],
+            form,
+        )
+        for k, (name, term) in enumerate(zip(TERMS, terms.tolist(), strict=True)):
+            sums[k] += term * len(j if name == "surface" else i)
+    counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in TERMS]
+    means = [total / n for total, n in zip(sums, counts, strict=True)]
+    weights = list(training.objective.members[e].problem.term_weights)
+    settings = training.config.weights
+    weights[0] *= float(velocity_relaxation(settings, weights[0], training.misfit[e], 1.0))
+    if not all(map(math.isfinite, means)):
+        return None
+    return Loss(len(inside), dict(zip(TERMS, means, strict=True)), _named(weights))
+
+
+def _named(weights: list[float]) -> dict[str, float]:
+    return dict(zip(TERMS, weights, strict=True))
+
+
+def _every_kth(first: int, count: int) -> torch.Tensor:
+    """Indices of at most `MOST_POINTS` points, spread evenly."""
+    return torch.arange(first, first + count, max(1, -(-count // MOST_POINTS)))

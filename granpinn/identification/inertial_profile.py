@@ -1,0 +1,245 @@
+r"""Which I0 the data allow: the loss over a grid of I0, each value trained on its own.
+
+Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0, and only the slope (mu_2 - mu_s)/I0 is seen:
+mu_2 and I0 then grow together, and a number for either alone would be an invention. So every value
+of the grid is held fixed in several trainings (seeds), all as one batch, and a value is
+**excluded** only if both hold:
+
+1. the loss is higher than at the best value by more than three standard errors of the mean over
+   the seeds. Differences are taken within a seed, so that what a seed does to all its losses
+   (batches, draw of synthetic noise) drops out. The standard deviation s of the rest is pooled,
+
+   $$ \Delta L > 3 s \sqrt{2/n}, \quad
+      s^2 = \sum_{v,k} (L_{vk} - \bar L_v - \bar L_k + \bar L)^2 / ((V - 1)(n - 1)); $$
+
+2. the law differs, max |mu(I) - mu_best(I)| > 0.005 (--profile.law_accuracy) for some I between the
+   5 % and 95 % quantiles of the grains: laws that agree to what an identification is worth there
+   (docs/method.md) are not told apart by optimization, however small its scatter.
+
+Both ends of the grid excluded: I0 is separable, and its estimate is the vertex of the parabola
+through the three values around the least loss, in log I0. One end: a bound. None: not separable.
+The losses are those of averaged parameters over the same many points with the same weights.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.identification.ensemble import identify_many
+from granpinn.results import Result
+from granpinn.results.findings import Profile, ProfilePoint
+from granpinn.results.summary import BAND_POINTS, friction
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.progress import Progress
+
+Array = npt.NDArray[np.float64]
+
+STANDARD_ERRORS = 3.0
+LEAST_AVERAGE = 0.2  # part of the run whose parameters are averaged, where the settings have less
+
+
+def grid_of(config: Config) -> list[float]:
+    """The values of I0, in increasing order."""
+    reach = math.log(config.profile.reach)
+    exponents = np.linspace(-reach, reach, config.profile.values)
+    return [config.I0 * math.exp(x) for x in exponents.tolist()]
+
+
+def profile_I0(
+    flow: Flow | str | os.PathLike[str],
+    config: Config,
+    *,
+    steps: int | None = None,
+    run_dir: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Profile:
+    """Train the grid of I0 as one batch, and judge it.
+
+    Args:
+        flow, run_dir, progress: as for `identify_many`.
+        config: settings of every training; `profile` is about the grid.
+        steps: of every training, by default what the settings say.
+
+    Raises:
+        As `identify_many`; NonFiniteError where too few trainings came to their end.
+    """
+    average = max(LEAST_AVERAGE, config.optimizer.average)
+    config = dataclasses.replace(
+        config,
+        members=1,  # the seeds of the profile are its ensemble
+        tensorboard=False,
+        optimizer=dataclasses.replace(config.optimizer, average=average),
+    )
+    if steps is not None:
+        config = dataclasses.replace(config, steps=steps, max_time=None)
+    grid, seeds = grid_of(config), range(config.seed, config.seed + config.profile.seeds)
+    found = identify_many(
+        [flow] * (len(grid) * len(seeds)),
+        config,
+        [seed for _ in grid for seed in seeds],
+        I0=[I0 for I0 in grid for _ in seeds],
+        run_dir=None if run_dir is None else Path(run_dir),
+        keep_fields=False,
+        progress=progress,
+    )
+    return judge(found, config.profile.law_accuracy, config.I0)
+
+
+def judge(results: Sequence[Result], law_accuracy: float, given: float) -> Profile:
+    """The profile of trainings at every pair of an I0 and a seed.
+
+    Args:
+        law_accuracy: differences of mu(I) up to this are not told apart.
+        given: I0 of the run, at which slope and d mu_2 / d I0 are taken.
+
+    Raises:
+        NonFiniteError: fewer than two seeds came to their end at every I0.
+    """
+    grid = sorted({r.parameters.I0.value for r in results})
+    ended = {(r.parameters.I0.value, r.seed): r for r in results if r.failure is None and r.loss}
+    seeds = sorted({r.seed for r in results})
+    seeds = [seed for seed in seeds if all((I0, seed) in ended for I0 in grid)]
+    if len(seeds) < 2:
+        raise NonFiniteError(
+            f"the profile of I0 needs two seeds that end at every value, got {len(seeds)}: lower "
+            f"--optimizer.learning_rate or --profile.reach, or give more --profile.seeds"
+        )
+    table = [[ended[I0, seed] for seed in seeds] for I0 in grid]
+    loss = _fair_losses(table)
+    best = int(np.argmin(loss.mean(axis=1)))
+    rises = (loss - loss[best]).mean(axis=1)
+    smallest = STANDARD_ERRORS * _pooled_sd(loss) * math.sqrt(2 / len(seeds))
+    mu_s = np.array([[r.parameters.mu_s.value for r in row] for row in table])
+    mu_2 = np.array([[r.parameters.mu_2.value for r in row] for row in table])
+    low, high = _covered(results)
+    laws = np.stack(
+        [_law(*c, low, high) for c in zip(mu_s.mean(1), mu_2.mean(1), grid, strict=True)]
+    )
+    difference = np.abs(laws - laws[best]).max(axis=1)
+    excluded = (rises > smallest) & (difference > law_accuracy)
+    points = tuple(
+        ProfilePoint(
+            I0=grid[v],
+            mu_s=float(mu_s[v].mean()),
+            mu_2=float(mu_2[v].mean()),
+            slope=float((mu_2 - mu_s)[v].mean() / grid[v]),
+            loss_rise=float(rises[v]),
+            law_difference=float(difference[v]),
+            excluded=bool(excluded[v]),
+        )
+        for v in range(len(grid))
+    )
+    at = int(np.argmin(np.abs(np.log(np.array(grid) / given))))
+    status, allowed, estimate = _status(np.array(grid), rises, excluded, best)
+    slopes = (mu_2 - mu_s)[at] / grid[at]
+    return Profile(
+        points=points,
+        n_seeds=len(seeds),
+        smallest_rise=smallest,
+        law_accuracy=law_accuracy,
+        I_low=low,
+        I_high=high,
+        best=estimate,
+        allowed=allowed,
+        slope=float(slopes.mean()),
+        slope_std=float(slopes.std(ddof=1)),
+        correlation=_correlation(np.array(grid), mu_2, excluded),
+        mu_2_by_I0=_derivative(grid, mu_2.mean(axis=1), at),
+        status=status,
+        verdict=_verdict(status, allowed, estimate, (low, high)),
+    )
+
+
+def _fair_losses(table: Sequence[Sequence[Result]]) -> Array:
+    """Losses [V, n] with the same weights for all: the medians over the trainings."""
+    losses = [[r.loss for r in row] for row in table]
+    known = [loss for row in losses for loss in row if loss is not None]
+    weights = {
+        name: float(np.median([loss.weights[name] for loss in known])) for name in known[0].weights
+    }
+    return np.array([[loss.total(weights) for loss in row if loss is not None] for row in losses])
+
+
+def _pooled_sd(loss: Array) -> float:
+    """Standard deviation of a loss [V, n] when means over values and over seeds are taken off."""
+    left = loss - loss.mean(1, keepdims=True) - loss.mean(0, keepdims=True) + loss.mean()
+    freedom = (loss.shape[0] - 1) * (loss.shape[1] - 1)
+    return math.sqrt(float((left**2).sum()) / freedom)
+
+
+def _covered(results: Sequence[Result]) -> tuple[float, float]:
+    bands = [r.inertial_number for r in results if r.inertial_number is not None]
+    low = float(np.median([band.q05 for band in bands]))
+    return low, max(float(np.median([band.q95 for band in bands])), low)
+
+
+def _law(mu_s: float, mu_2: float, I0: float, low: float, high: float) -> Array:
+    return friction(np.linspace(low, high, BAND_POINTS), mu_s, mu_2, I0)
+
+
+def _status(
+    grid: Array, rises: Array, excluded: npt.NDArray[np.bool_], best: int
+) -> tuple[str, tuple[float | None, float | None], float | None]:
+    """What is known of I0, the values that are allowed, and an estimate where there is one."""
+    kept = np.flatnonzero(~excluded)
+    open_below, open_above = not excluded[0], not excluded[-1]
+    # The bound lies between the last value that is allowed and the first that is not.
+    lower = None if open_below else float(np.sqrt(grid[kept[0] - 1] * grid[kept[0]]))
+    upper = None if open_above else float(np.sqrt(grid[kept[-1]] * grid[kept[-1] + 1]))
+    allowed = (lower, upper)
+    if open_below and open_above:
+        return "not separable", allowed, None
+    if open_above:
+        return "lower bound", allowed, None
+    if open_below:
+        return "upper bound", allowed, None
+    return "separable", allowed, _vertex(np.log(grid), rises, best)
+
+
+def _vertex(x: Array, rises: Array, best: int) -> float:
+    """exp of the vertex of the parabola through the least value, which is not at an end."""
+    around = slice(best - 1, best + 2)
+    a, b, _ = np.polyfit(x[around] - x[best], rises[around], 2)
+    shift = 0.0 if a <= 0 else -b / (2 * a)
+    return math.exp(float(x[best] + np.clip(shift, x[best - 1] - x[best], x[best + 1] - x[best])))
+
+
+def _correlation(grid: Array, mu_2: Array, excluded: npt.NDArray[np.bool_]) -> float | None:
+    """Of mu_2 with I0 over all trainings that are allowed; None for a single value of I0."""
+    I0 = np.broadcast_to(grid[:, None], mu_2.shape)[~excluded].ravel()
+    values = mu_2[~excluded].ravel()
+    if len(set(I0.tolist())) < 2 or values.std() == 0:
+        return None
+    return float(np.corrcoef(I0, values)[0, 1])
+
+
+def _derivative(grid: Sequence[float], mu_2: Array, at: int) -> float:
+    """d mu_2 / d I0 by the difference over the neighbours of a value."""
+    before, after = max(at - 1, 0), min(at + 1, len(grid) - 1)
+    return float((mu_2[after] - mu_2[before]) / (grid[after] - grid[before]))
+
+
+def _verdict(
+    status: str,
+    allowed: tuple[float | None, float | None],
+    estimate: float | None,
+    band: tuple[float, float],
+) -> str:
+    covers = f"I covers {band[0]:.2f}..{band[1]:.2f}"
+    low, high = allowed
+    if status == "separable":
+        return f"I0 = {estimate:.3g}, between {low:.3g} and {high:.3g} ({covers})"
+    if status == "lower bound":
+        return f"I0 is above {low:.3g}, and no upper end is seen in these data: {covers}"
+    if status == "upper bound":
+        return f"I0 is below {high:.3g}, and no lower end is seen in these data: {covers}"
+    return f"I0 is not separable in these data: {covers}"

@@ -1,0 +1,129 @@
+r"""Evaluate a trained network on the input grid.
+
+At every grid point inside the grains (c = 1), from the network and the identified parameters:
+
+$$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\sqrt{|p|/\rho},
+   \quad \eta = \mu(I)\,p/\dot\gamma \ \text{inside its limits,} $$
+
+the deviatoric stress tau (the network's own in the mixed form, 2 eta D in the strong form), and
+the residual of the strong momentum equation, whatever form was trained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from granpinn import ops, rheology
+from granpinn.data import Flow, test_grid
+from granpinn.network import NetworkSpec
+from granpinn.results import Fields
+from granpinn.results.fields import VARIABLES, Float32, Units
+from granpinn.scales import Quantity, Scales
+
+CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
+SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
+
+
+def predict(
+    flow: Flow,
+    spec: NetworkSpec,
+    params: Tensor,
+    theta: Tensor,
+    physics: Sequence[float],
+    scales: Scales,
+    chunk: int = CHUNK,
+) -> Fields:
+    """The fields of a trained network at all points inside the grains, in the units of `flow`.
+
+    Args:
+        flow: the file's own flow, without added noise: u, v and p become the reference values.
+        params: flat parameters [P].
+        theta: (mu_s, mu_2, I0) [3], with the dtype and device of `params`.
+        physics: [d, g_x, g_y, eta_min, eta_max, U, P, p_floor], dimensionless.
+        chunk: points per evaluation.
+    """
+    grid = test_grid(flow, scales)
+    values: dict[str, Float32] = {}
+    for start in range(0, len(grid.points), chunk):
+        points = grid.points[start : start + chunk].to(params)
+        for name, value in evaluate(points, spec, params, theta, physics).items():
+            if name not in values:
+                values[name] = np.empty(len(grid.points), np.float32)
+            kind = VARIABLES[name][0]
+            if kind in get_args(Quantity):
+                value = scales.to_physical(value, kind)  # type: ignore[arg-type]
+            values[name][start : start + chunk] = value.cpu().numpy()
+    for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
+        if known is not None:
+            values[f"{name}_reference"] = known[grid.indices]
+    return Fields(
+        t=flow.t,
+        y=flow.y,
+        x=flow.x,
+        c=flow.c,
+        values=values,
+        units=Units(flow.length_unit, flow.time_unit, flow.density_unit),
+        length=scales.length,
+        time=scales.time,
+        pressure=scales.pressure,
+    )
+
+
+@torch.no_grad()
+def velocity_at_particles(
+    flow: Flow, spec: NetworkSpec, params: Tensor, physics: Sequence[float], scales: Scales
+) -> npt.NDArray[np.float64] | None:
+    """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
+    p = flow.particles
+    if p is None:
+        return None
+    points = torch.as_tensor(scales.points_to_dimensionless(p.x, p.y, p.t))
+    network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
+    parts = [
+        ops.network_jet(part.to(params), params, *network, 1)[0][:, :2].cpu()
+        for part in torch.split(points, CHUNK)
+    ]
+    predicted = physics[5] * torch.cat(parts).double().numpy().T
+    return np.asarray(scales.to_physical(predicted, "velocity"))
+
+
+@torch.no_grad()
+def evaluate(
+    points: Tensor, spec: NetworkSpec, params: Tensor, theta: Tensor, physics: Sequence[float]
+) -> dict[str, Tensor]:
+    """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless."""
+    d, _, _, eta_min, eta_max, U, P, p_floor = physics
+    network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
+    z, z_x, z_y, _ = ops.network_jet(points, params, *network, 1)
+    u, v = U * z[:, 0], U * z[:, 1]
+    D_xx, D_yy = U * z_x[:, 0], U * z_y[:, 1]
+    D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2
+    p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
+    D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
+    gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
+    eta = ops.viscosity(gamma_dot, p, theta, d, eta_min, eta_max, p_floor)
+    if spec.form == "mixed":
+        tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
+    else:
+        tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
+    residual = ops.strong_residual(points, params, theta, *network, list(physics))
+    e_u, e_v, divergence = residual.unbind(1)
+    return {
+        "u": u,
+        "v": v,
+        "p": p,
+        "tau_xx": tau_xx,
+        "tau_xy": tau_xy,
+        "D2": torch.sqrt(D_squared),
+        "I": rheology.inertial_number(gamma_dot, p, d, p_floor),
+        "eta": eta,
+        "momentum_residual_x": e_u,
+        "momentum_residual_y": e_v,
+        "divergence": divergence,
+    }

@@ -1,0 +1,159 @@
+r"""Errors of the identified parameters and of the reconstructed fields, in %.
+
+Fields are scored by the paper's relative L2 error, eq. (errorL2), over all grid points inside the
+grains after the start,
+
+$$ \epsilon = 100 \sqrt{\sum |f_{predicted} - f_{reference}|^2 / \sum |f_{reference}|^2}. $$
+
+**Flowing and stagnant.**  Where the material does not shear, kinematics does not fix the pressure,
+so a mean over everything hides what is known.  A point flows where
+D2 >= 0.05 sqrt(|g| / H0) and is stagnant (also: moves rigidly) where it is less.  0.05 is the
+strain-rate error of a velocity field resolved to about 1 %; below it the direction of the stress
+is lost.  A quarter of the points of a column collapse are stagnant by this rule, and D2 is spread
+evenly over the decades around it: no threshold is a natural one, so results.json states it.
+
+D2 is taken from finite differences of the velocity in the file, so that the zones do not depend on
+the network, unless the file declares measurement noise (sigma_u, sigma_v): differences of noise
+never rest, and the predicted D2 is used.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data import Flow
+from granpinn.results import ErrorPercent, Fields, InertialNumber, Parameter, Parameters, Zones
+
+Array = npt.NDArray[np.floating]
+Mask = npt.NDArray[np.bool_]
+
+D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)
+
+
+class Scores(NamedTuple):
+    error_percent: ErrorPercent
+    zones: Zones | None
+    inertial_number: InertialNumber
+
+
+def relative_l2(predicted: Array, reference: Array) -> float | None:
+    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
+
+    None where there is nothing to compare with: no points, or a reference that is zero everywhere.
+    """
+    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
+    size = float(np.sum(reference**2))
+    if size == 0.0:
+        return None
+    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
+
+
+def scalar_error(parameter: Parameter, true: float | None) -> float | None:
+    """|value - true| / |true| in %; None for a fixed parameter or an unknown true value."""
+    if parameter.fixed or not true:
+        return None
+    return 100.0 * abs(parameter.value - true) / abs(true)
+
+
+def strain_rate(u: Array, v: Array, y: Array, x: Array) -> Array:
+    """D2 = sqrt(D:D) of one frame [Y, X] by differences, one-sided at the edges.
+
+    Second order inside a uniform grid, first order elsewhere; exact for a linear velocity.
+
+    NaN in u, v marks points without a value; D2 is NaN where a point lacks a neighbour along an
+    axis.
+    """
+    u_x, v_x = _difference(u, x, 1), _difference(v, x, 1)
+    u_y, v_y = _difference(u, y, 0), _difference(v, y, 0)
+    return np.asarray(np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2))
+
+
+def _difference(f: Array, coordinate: Array, axis: int) -> Array:
+    """df/dx along an axis: the mean of the forward and backward differences that exist."""
+    f = np.moveaxis(np.asarray(f, np.float64), axis, 0)
+    slope = np.diff(f, axis=0) / np.diff(coordinate)[:, None]
+    missing = np.full_like(f[:1], np.nan)
+    forward, backward = np.concatenate([slope, missing]), np.concatenate([missing, slope])
+    forward, backward = (
+        np.where(np.isnan(forward), backward, forward),
+        np.where(np.isnan(backward), forward, backward),
+    )
+    return np.moveaxis((forward + backward) / 2, 0, axis)
+
+
+def after_start(fields: Fields) -> Mask:
+    """Points [K] with t > 0: at t = 0 there is no solution to compare with."""
+    return fields.time_of_points() > 0
+
+
+def flowing(fields: Fields, d2: Array | None = None) -> Mask:
+    """Points [K] whose strain rate (the predicted one unless given, in the file's units) flows.
+
+    A point whose strain rate is not known (NaN) is not called flowing.
+    """
+    d2 = fields.values["D2"] if d2 is None else d2
+    return np.asarray(d2 * fields.time >= D2_STAGNANT)
+
+
+def score(
+    flow: Flow, fields: Fields, parameters: Parameters, at_particles: Array | None = None
+) -> Scores:
+    """All errors of one identification against what the flow file knows.
+
+    Args:
+        flow: the file's own data, without added noise.
+        fields: predicted on its grid.
+        at_particles: predicted (u, v) at its scattered vectors [2, n], where it has them.
+    """
+    counted, values = after_start(fields), fields.values
+    true_s, true_2 = (flow.truth.mu_s, flow.truth.mu_2) if flow.truth else (None, None)
+    errors = {
+        "mu_s": scalar_error(parameters.mu_s, true_s),
+        "mu_2": scalar_error(parameters.mu_2, true_2),
+        "velocity": relative_l2(*_velocities(flow, fields, at_particles)),
+    }
+    zones = None
+    if "p_reference" in values:
+        known = np.isfinite(values["p_reference"]) & counted
+        source, d2 = _zone_strain_rate(flow, fields)
+        split = known & np.isfinite(d2)
+        flows = flowing(fields, d2)
+        masks = {
+            "pressure": known,
+            "pressure_flowing": split & flows,
+            "pressure_stagnant": split & ~flows,
+        }
+        for name, mask in masks.items():
+            errors[name] = relative_l2(values["p"][mask], values["p_reference"][mask])
+        counts = (int(np.sum(masks[f"pressure_{zone}"])) for zone in ("flowing", "stagnant"))
+        zones = Zones(D2_STAGNANT, source, *counts)
+    q05, median, q95 = np.quantile(values["I"][counted], (0.05, 0.5, 0.95)).tolist()
+    return Scores(ErrorPercent(**errors), zones, InertialNumber(q05, median, q95))
+
+
+def _velocities(flow: Flow, fields: Fields, at_particles: Array | None) -> tuple[Array, Array]:
+    """Predicted and measured (u, v) [2, n] of the valid vectors after the start."""
+    if flow.particles is not None and at_particles is not None:
+        p = flow.particles
+        after = p.t > 0
+        return at_particles[:, after], np.stack([p.u, p.v])[:, after]
+    values = fields.values
+    known = np.stack([values["u_reference"], values["v_reference"]])
+    moving = np.isfinite(known.sum(axis=0)) & after_start(fields)
+    return np.stack([values["u"], values["v"]])[:, moving], known[:, moving]
+
+
+def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Array]:
+    """Where the zones come from, and D2 [K]."""
+    sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
+    if any(np.any(np.asarray(sigma) > 0) for sigma in sigmas):
+        return "predicted velocity", fields.values["D2"]
+    frames = []
+    for k in range(fields.t.size):
+        u, v = fields.frame("u_reference", k), fields.frame("v_reference", k)
+        inside = np.equal(fields.c[k], 1.0)
+        frames.append(strain_rate(u, v, fields.y, fields.x)[inside])
+    return "velocity in the flow file", np.concatenate(frames)

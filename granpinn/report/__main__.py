@@ -1,0 +1,50 @@
+"""The report of a run: `python -m granpinn.report DIR`.
+
+Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there) and
+writes results.csv, figures/*.png and report.html, one page that needs no other file and no network.
+What is missing is said on the page.  With --paraview also fields.vtkhdf.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from granpinn.report.page import build, for_paraview
+from granpinn.results import FieldsFileError, ResultsFileError
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; 0 done, 2 the folder holds no valid run, 1 it cannot be written to."""
+    parser = argparse.ArgumentParser(
+        prog="python -m granpinn.report",
+        description="Draw the figures of a finished run and write its report.html.",
+    )
+    parser.add_argument("folder", help="the run folder, --out of granpinn.train")
+    parser.add_argument(
+        "--time",
+        type=float,
+        help="time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
+    )
+    parser.add_argument(
+        "--paraview",
+        action="store_true",
+        help="write fields.vtkhdf too, the fields over time for ParaView",
+    )
+    arguments = parser.parse_args(argv)
+    try:
+        print(build(arguments.folder, arguments.time))
+        if arguments.paraview:
+            print(for_paraview(arguments.folder))
+    except (ResultsFileError, FieldsFileError) as error:
+        print(f"granpinn.report: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"granpinn.report: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

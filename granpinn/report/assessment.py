@@ -1,0 +1,89 @@
+"""The verdict at the top of a report: may these numbers be used, and what speaks against it.
+
+It weighs what results.json and history.csv say.  It is no test of the friction law itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from granpinn.results import Result
+from granpinn.results.summary import Summary
+
+SYMBOLS = {"mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀"}
+# Parameters that still change by more over the last tenth of the steps are not final.
+DRIFT_CARE, DRIFT_BAD = 0.01, 0.05
+# Misfit of the velocity in %; measurement noise counts, so that only a gross one is final.
+MISFIT_CARE, MISFIT_BAD = 5.0, 50.0
+WIDE = 0.1  # half-width of a 90 % interval, relative to the value
+# At I = I0/2 the law has gone a third of the way from mu_s to mu_2.
+REACH = 0.5
+HEADLINES = {
+    "good": "the friction law is identified.",
+    "care": "to be used with care.",
+    "bad": "not to be used.",
+}
+
+
+class Assessment(NamedTuple):
+    """`grade` is "good", "care" or "bad"; `reasons` are whole sentences, the worst first."""
+
+    grade: str
+    headline: str
+    reasons: tuple[str, ...]
+
+
+def assess(result: Result, summary: Summary) -> Assessment:
+    """The verdict on a result."""
+    bad, care, good = _training(result, summary)
+    for name in ("mu_s", "mu_2", "I0"):
+        wide, sentence = _interval(result, name)
+        if sentence:
+            (care if wide else good).append(sentence)
+    if summary.reaches is not None and summary.reaches < REACH:
+        care.append(
+            f"The flow reaches only {summary.reaches:.2g} of I₀, so that μ₂ is an extrapolation: "
+            "use μ(I) over the inertial numbers of the figure."
+        )
+    law = result.verdict
+    if law is not None and law.follows is False:
+        bad.append(f"The data contradict the friction law: {law.words}.")
+    grade = "bad" if bad else "care" if care else "good"
+    return Assessment(grade, HEADLINES[grade], (*bad, *care, *good))
+
+
+def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], list[str]]:
+    """What the course of the training says against the result, gravely or not, and for it."""
+    bad: list[str] = []
+    care: list[str] = []
+    good: list[str] = []
+    if result.stopped == "diverged" or result.failure is not None:
+        bad.append(f"The training diverged: {result.failure or 'its last good state is shown'}.")
+    if summary.drift is not None:
+        drift = max(summary.drift)
+        words = f"μₛ and μ₂ changed by up to {100 * drift:.2g} % over the last tenth of the steps"
+        if drift > DRIFT_CARE:
+            (bad if drift > DRIFT_BAD else care).append(f"{words}: train with more steps.")
+        else:
+            good.append(f"{words}.")
+    misfit = result.error_percent.velocity
+    if misfit is not None and misfit > MISFIT_CARE:
+        (bad if misfit > MISFIT_BAD else care).append(
+            f"The velocity of the file is missed by {misfit:.2g} %: is that its noise? "
+            "If not, train longer or doubt the model."
+        )
+    return bad, care, good
+
+
+def _interval(result: Result, name: str) -> tuple[bool, str]:
+    """Whether a parameter is less certain than wished, and the sentence; "" for a fixed one."""
+    parameter = getattr(result.parameters, name)
+    symbol = SYMBOLS[name]
+    if parameter.fixed:
+        return False, ""
+    if parameter.interval_90 is None:
+        return True, f"{symbol} has no interval: its digits are not its accuracy."
+    low, high = parameter.interval_90
+    half = (high - low) / 2 / abs(parameter.value) if parameter.value else float("inf")
+    text = f"{symbol} lies between {low:.3f} and {high:.3f} (90 % interval, ± {100 * half:.2g} %)"
+    return half > WIDE, f"{text}: a wide one." if half > WIDE else f"{text}."

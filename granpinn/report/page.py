@@ -1,0 +1,194 @@
+"""From a run folder to report.html, one page that needs no other file and no network.
+
+Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there).
+What is missing is said on the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import csv
+import hashlib
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from granpinn.atomic import atomic_path
+from granpinn.identification.comparison import FILE, Comparison, read_comparison
+from granpinn.plots import album, maps
+from granpinn.plots.style import NothingToDraw
+from granpinn.report import film as films
+from granpinn.report.assessment import assess
+from granpinn.report.vtkhdf import write_vtkhdf
+from granpinn.results import (
+    Fields,
+    FieldsFileError,
+    Result,
+    number,
+    read_fields,
+    read_results,
+    write_csv,
+)
+from granpinn.results.summary import summarize
+from granpinn.training.history import COLUMNS
+
+TEMPLATES = Path(__file__).parent / "templates"
+PAGE = 2_900_000  # bytes that figures and film may make of the page
+OWN_PLACE = ("flow", "out")  # settings that name folders of one machine: no matter for readers
+
+
+class HistoryFileError(ValueError):
+    """history.csv is missing or not a table of numbers."""
+
+
+def build(run_dir: str | Path, time: float | None = None) -> Path:
+    """Draw the figures of a run and write its page; the path of report.html.
+
+    Args:
+        run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
+        time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
+
+    Raises:
+        ResultsFileError: there is no valid results.json.
+    """
+    folder = Path(run_dir)
+    result = read_results(folder / "results.json")
+    problems = []
+    fields: Fields | None = None
+    history: album.History | None = None
+    try:
+        fields = read_fields(folder / "fields.h5")
+    except FieldsFileError as error:
+        problems.append(str(error))
+    try:
+        history = read_history(folder / "history.csv")
+    except HistoryFileError as error:
+        problems.append(str(error))
+    compared: Comparison | None = None
+    if result.resimulation is not None and result.resimulation.objection is None:
+        try:
+            compared = read_comparison(folder / FILE)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            problems.append(f"{FILE} could not be read: {error}")
+    frame = maps.frame_at(fields, time) if fields else 0
+    source = album.Source(result, fields, history, frame, compared)
+    pictures, missing = album.draw_all(source, folder / "figures")
+    film: films.Film | None = None
+    try:
+        figures = sum(4 * picture.path.stat().st_size // 3 for picture in pictures)
+        budget = min(films.BUDGET, PAGE - figures)
+        film = films.shoot(album.fields_of(source), frame, budget)
+    except NothingToDraw as reason:
+        missing = [album.Missing("Fields over time", str(reason)), *missing]
+    write_csv(result, folder / "results.csv")
+    page = folder / "report.html"
+    with atomic_path(page) as temporary:
+        text = render(result, history, pictures, missing, problems, film)
+        # The name of a file may hold bytes that are no text.
+        temporary.write_text(text, encoding="utf-8", errors="replace")
+    return page
+
+
+def for_paraview(run_dir: str | Path) -> Path:
+    """Write fields.vtkhdf of a run; FieldsFileError if there is no valid fields.h5."""
+    path = Path(run_dir) / "fields.vtkhdf"
+    if write_vtkhdf(read_fields(Path(run_dir) / "fields.h5"), path):
+        print(
+            f"{path.name}: the grid is uneven; its values were moved to the nearest even points",
+            file=sys.stderr,
+        )
+    return path
+
+
+def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+    """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
+    except FileNotFoundError:
+        raise HistoryFileError(f"{path.name} does not exist") from None
+    except (OSError, ValueError, csv.Error) as error:
+        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
+    if not rows or tuple(rows[0]) != COLUMNS:
+        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(COLUMNS)}")
+    for row in rows[1:]:
+        if len(row) != len(COLUMNS):
+            raise HistoryFileError(f"{path.name} must have {len(COLUMNS)} cells a line, got {row}")
+    try:
+        table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
+    except ValueError as error:
+        raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
+    table = table.reshape(-1, len(COLUMNS))
+    if not np.isfinite(table[:, 0]).all():
+        raise HistoryFileError(f"{path.name} must have a step in every line")
+    return dict(zip(COLUMNS, table.T, strict=True))
+
+
+def render(
+    result: Result,
+    history: album.History | None,
+    pictures: Sequence[album.Picture],
+    missing: Sequence[album.Missing],
+    problems: Sequence[str],
+    film: films.Film | None = None,
+) -> str:
+    """The page, with every figure inside; a script is on it only where there is a film."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "duration": duration, "base64": encoded}
+    settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
+    summary = summarize(result, history)
+    script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
+    digest = hashlib.sha256(script.encode()).digest()
+    return environment.get_template("report.html").render(
+        r=result,
+        s=summary,
+        a=assess(result, summary),
+        film=film,
+        script=Markup(script),
+        script_hash=f"sha256-{base64.b64encode(digest).decode('ascii')}",
+        pictures=pictures,
+        missing=missing,
+        problems=problems,
+        settings=settings,
+    )
+
+
+def encoded(path: Path) -> str:
+    """The bytes of a file in base64."""
+    return base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def duration(seconds: float) -> str:
+    """35 s, 4 min 10 s, 2 h 5 min."""
+    whole = math.floor(seconds + 0.5)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def flatten(settings: dict[str, Any], prefix: str = "") -> dict[str, str]:
+    """{"network.widths": "128, 128", ...}: nested settings as text under dotted names."""
+    flat: dict[str, str] = {}
+    for key, value in settings.items():
+        if isinstance(value, dict):
+            flat |= flatten(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            flat[prefix + key] = ", ".join(map(str, value))
+        else:
+            flat[prefix + key] = "none" if value is None else str(value)
+    return flat

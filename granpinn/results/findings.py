@@ -1,0 +1,140 @@
+"""What a result may hold besides the identified values: final loss, profile of I0, re-simulation.
+
+Each field is None (null in results.json) where it was not asked for or means nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Loss:
+    """The loss at the end of a training, over many points (identification/final_loss.py).
+
+    Attributes:
+        n_points: points inside the grains.
+        terms: half the mean square of every residual, dimensionless.
+        weights: 1/sigma^2 of every term at the end of the training.
+    """
+
+    n_points: int
+    terms: dict[str, float]
+    weights: dict[str, float]
+
+    def total(self, weights: dict[str, float] | None = None) -> float:
+        """The sum of the weighted terms, by default with the weights of the training."""
+        chosen = weights or self.weights
+        return sum(chosen[name] * term for name, term in self.terms.items())
+
+
+@dataclass(frozen=True)
+class ProfilePoint:
+    """One value of I0: the law that was identified there, and what speaks against it.
+
+    Attributes:
+        mu_s, mu_2, slope: means over the seeds; slope = (mu_2 - mu_s) / I0.
+        loss_rise: mean over the seeds of the loss less that at the best I0, with the same seed.
+        law_difference: largest |mu(I) - mu(I) at the best I0| over the I that the data cover.
+        excluded: whether the data exclude this I0.
+    """
+
+    I0: float
+    mu_s: float
+    mu_2: float
+    slope: float
+    loss_rise: float
+    law_difference: float
+    excluded: bool
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile of the loss over I0 and what it says (identification/inertial_profile.py).
+
+    Attributes:
+        points: in increasing I0.
+        n_seeds: trainings at each value that came to their end.
+        smallest_rise: a rise of the loss up to this is scatter of the training.
+        law_accuracy: a difference of the laws up to this is not told apart.
+        I_low, I_high: the inertial numbers that the data cover (5 % and 95 % quantiles).
+        best: I0 of the least loss where the data separate it, else None.
+        allowed: the I0 that are not excluded; None at a side where the grid ends before.
+        slope, slope_std: (mu_2 - mu_s) / I0 at the I0 of the run, and its scatter over the seeds.
+        correlation: of mu_2 with I0 over all trainings at values that are not excluded.
+        mu_2_by_I0: d mu_2 / d I0 at the I0 of the run.
+        status: "separable", "lower bound", "upper bound", "not separable".
+        verdict: the same in a sentence.
+    """
+
+    points: tuple[ProfilePoint, ...]
+    n_seeds: int
+    smallest_rise: float
+    law_accuracy: float
+    I_low: float
+    I_high: float
+    best: float | None
+    allowed: tuple[float | None, float | None]
+    slope: float
+    slope_std: float
+    correlation: float | None
+    mu_2_by_I0: float
+    status: str
+    verdict: str
+
+    def __post_init__(self) -> None:
+        if not self.points:
+            raise ValueError("points must hold at least one value of I0, got none")
+
+    def __str__(self) -> str:
+        """The lines for the terminal."""
+        lines = [f"{'I0':>9s}{'mu_s':>9s}{'mu_2':>9s}{'slope':>9s}{'loss':>11s}{'law':>9s}"]
+        for p in self.points:
+            numbers = f"{p.I0:9.4f}{p.mu_s:9.4f}{p.mu_2:9.4f}{p.slope:9.3f}"
+            lines.append(
+                f"{numbers}{p.loss_rise:+11.2e}{p.law_difference:9.4f}"
+                f"{'  excluded' if p.excluded else ''}"
+            )
+        correlation = "-" if self.correlation is None else f"{self.correlation:+.2f}"
+        lines.append(
+            f"slope (mu_2 - mu_s)/I0 {self.slope:.3f} +- {self.slope_std:.3f}, d mu_2/d I0 "
+            f"{self.mu_2_by_I0:+.2f}, correlation of mu_2 with I0 {correlation}"
+        )
+        return "\n".join([*lines, self.verdict])
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """The data against a simulation with the identified law (identification/resimulation.py).
+
+    `objection` says why there is no simulation, and all numbers are then None.
+
+    Attributes:
+        cells: across the box.
+        column: width and height of the column at the start, in the units of the file.
+        velocity_percent: relative L2 error of the velocity over the common points, eq. (errorL2).
+        common_percent: share of the points of the data that the simulation has too.
+        front_percent, front_worst_percent: rms and largest difference of the fronts, of the initial
+            height.
+        profile_percent: rms difference of the surface profiles, of the initial height.
+    """
+
+    objection: str | None
+    cells: int | None = None
+    column: tuple[float, float] | None = None
+    seconds: float | None = None
+    velocity_percent: float | None = None
+    common_percent: float | None = None
+    front_percent: float | None = None
+    front_worst_percent: float | None = None
+    profile_percent: float | None = None
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        if self.objection is not None:
+            return f"not simulated again: {self.objection}"
+        return (
+            f"simulated again with this law: velocity off by {self.velocity_percent:.2f} % on "
+            f"{self.common_percent:.0f} % of the points, front by {self.front_percent:.2f} % and "
+            f"surface by {self.profile_percent:.2f} % of the initial height (rms)"
+        )

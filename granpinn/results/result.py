@@ -1,0 +1,297 @@
+"""The result of an identification: what it holds, and results.json.
+
+A number that means nothing is None here and null in the file, never 0: an error without a
+reference, a standard deviation without a covariance.  The file is strict JSON (no NaN, no
+Infinity), written atomically, and validated when it is read back.
+
+Format version 1.  A field may be added with a default; any other change needs a new version.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from granpinn.atomic import atomic_path
+from granpinn.data import Truth
+from granpinn.results.decoding import decode
+from granpinn.results.findings import Loss, Profile, Resimulation
+from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
+
+FORMAT_NAME = "granpinn-results"
+FORMAT_VERSION = 1
+LEVELS = ("V0", "V1", "V2")
+FORMS = ("mixed", "strong")
+
+
+class ResultsFileError(ValueError):
+    """results.json is missing, is not JSON, or breaks a rule of the format."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of mu(I), dimensionless.
+
+    `fixed` marks a value that was given, not identified; it then has no uncertainty.
+    """
+
+    value: float
+    fixed: bool
+    std: float | None = None
+    interval_90: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.fixed and (self.std is not None or self.interval_90 is not None):
+            raise ValueError(
+                "a fixed parameter was not identified: expected std and interval_90 null, "
+                f"got std {self.std} and interval_90 {self.interval_90}"
+            )
+        if self.std is not None and self.std < 0:
+            raise ValueError(f"std must not be negative, got {self.std}")
+        if self.interval_90 is not None and self.interval_90[0] > self.interval_90[1]:
+            raise ValueError(f"interval_90 must be (lower, upper), got {self.interval_90}")
+
+
+@dataclass(frozen=True)
+class Parameters:
+    mu_s: Parameter
+    mu_2: Parameter
+    I0: Parameter
+
+    def __post_init__(self) -> None:
+        if self.I0.value <= 0:
+            raise ValueError(f"I0 must be positive, got {self.I0.value}")
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance matrix of the identified parameters, in the order of `names`."""
+
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        unknown = set(self.names) - {"mu_s", "mu_2", "I0"}
+        if unknown:
+            raise ValueError(f"names must be mu_s, mu_2 or I0, got {', '.join(sorted(unknown))}")
+        n = len(self.names)
+        if len(self.matrix) != n or any(len(row) != n for row in self.matrix):
+            shape = [len(row) for row in self.matrix]
+            raise ValueError(f"matrix must be {n} x {n} like names, got rows of length {shape}")
+        for i in range(n):
+            if self.matrix[i][i] < 0:
+                raise ValueError(f"the variance of {self.names[i]} is negative")
+            for j in range(i):
+                a, b = self.matrix[i][j], self.matrix[j][i]
+                if not math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-30):
+                    raise ValueError(f"matrix must be symmetric, got {a} and {b}")
+
+
+@dataclass(frozen=True)
+class ErrorPercent:
+    """Relative errors in %: of a scalar |value - true| / |true|, of a field eq. (errorL2)."""
+
+    mu_s: float | None = None
+    mu_2: float | None = None
+    velocity: float | None = None
+    pressure: float | None = None
+    pressure_flowing: float | None = None
+    pressure_stagnant: float | None = None
+
+
+@dataclass(frozen=True)
+class Zones:
+    """How the test points were split into flowing and stagnant (identification/scoring.py)."""
+
+    d2_threshold: float
+    source: str
+    n_flowing: int
+    n_stagnant: int
+
+
+@dataclass(frozen=True)
+class InertialNumber:
+    """Quantiles of I over the grains: mu(I) is known only over this band."""
+
+    q05: float
+    median: float
+    q95: float
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """What the training saw; `noise` is the added sd relative to the maximum speed."""
+
+    n_points: int
+    n_surface: int
+    noise: float
+    n_frames: int
+
+
+@dataclass(frozen=True)
+class Timing:
+    wall_s: float
+    steps: int
+    steps_per_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Input:
+    """The flow file: its name without a folder, and the SHA-256 of its bytes."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """Everything about one identification.
+
+    `failure` says why the training of a member of a batch ended before the others; its numbers are
+    then those of its last good state, and `stopped` is "diverged".
+    """
+
+    parameters: Parameters
+    level: str
+    form: str
+    recipe: str
+    seed: int
+    data: DataSummary
+    timing: Timing
+    device: str
+    versions: dict[str, str]
+    input: Input
+    settings: dict[str, Any] = field(default_factory=dict)
+    stopped: str = "steps"
+    failure: str | None = None
+    truth: Truth | None = None
+    error_percent: ErrorPercent = field(default_factory=ErrorPercent)
+    zones: Zones | None = None
+    inertial_number: InertialNumber | None = None
+    covariance: Covariance | None = None
+    loss: Loss | None = None
+    profile: Profile | None = None
+    resimulation: Resimulation | None = None
+    members: Members | None = None
+    residuals: Residuals | None = None
+    error_bars: ErrorBars | None = None
+    verdict: Verdict | None = None
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {self.level!r}")
+        if self.form not in FORMS:
+            raise ValueError(f"form must be one of {', '.join(FORMS)}, got {self.form!r}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values; non-finite numbers in it are None."""
+        header = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
+        content: dict[str, Any] = plain(dataclasses.asdict(self))
+        return header | content
+
+    def __str__(self) -> str:
+        """The lines that a terminal shows at the end of a run."""
+        lines = [
+            f"{'':6s}{'value':>9s}{'std':>10s}{'90 % interval':>19s}{'true':>9s}{'error %':>10s}"
+        ]
+        for name in ("mu_s", "mu_2", "I0"):
+            p: Parameter = getattr(self.parameters, name)
+            std = "fixed" if p.fixed else number(p.std, ".4f")
+            interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
+            true = number(getattr(self.truth, name, None), ".4f")
+            error = number(getattr(self.error_percent, name, None), ".2f")
+            lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
+        for name in ("velocity", "pressure", "pressure_flowing", "pressure_stagnant"):
+            error = number(getattr(self.error_percent, name), ".2f")
+            lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
+        if self.verdict is not None:
+            lines.append(self.verdict.words)
+        lines += [str(part) for part in (self.profile, self.resimulation) if part is not None]
+        return "\n".join(lines)
+
+
+def number(value: float | None, spec: str) -> str:
+    """`value` formatted, a dash where there is none."""
+    return "-" if value is None else format(value, spec)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that the numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in ("granpinn", "torch", "numpy", "h5py"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def plain(value: Any) -> Any:
+    """JSON values only: NumPy and torch scalars and arrays, paths and tuples are converted."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, os.PathLike):
+        return plain(os.fspath(value))
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8, JSON may not
+        return value.encode(errors="backslashreplace").decode()
+    if value is None or isinstance(value, (bool, int)):
+        return value
+    raise TypeError(f"results.json holds plain values only, got {type(value).__name__}: {value!r}")
+
+
+def write_results(result: Result, path: str | Path) -> None:
+    """Write results.json.  The result is decoded first: what cannot be read is not written."""
+    content = result.to_dict()
+    from_dict(content)
+    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def read_results(path: str | Path) -> Result:
+    """Read and validate results.json; ResultsFileError says in one sentence what is wrong."""
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    except FileNotFoundError:
+        raise ResultsFileError(
+            f"{path} does not exist: give the folder of a finished run of granpinn.train"
+        ) from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ResultsFileError(f"{path} could not be read as strict JSON: {error}") from None
+    return from_dict(content, path.name)
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is not a JSON number, expected null")
+
+
+def from_dict(content: Any, where: str = "the result") -> Result:
+    """The inverse of `Result.to_dict`; ResultsFileError says in one sentence what is wrong."""
+    if not isinstance(content, dict):
+        raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
+    content = dict(content)
+    found = (content.pop("format_name", None), content.pop("format_version", None))
+    if found != (FORMAT_NAME, FORMAT_VERSION):
+        raise ResultsFileError(
+            f"{where} must have format_name {FORMAT_NAME!r} and format_version {FORMAT_VERSION}, "
+            f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
+        )
+    try:
+        return decode(Result, content)
+    except ValueError as error:
+        raise ResultsFileError(f"{where}: {error}") from None

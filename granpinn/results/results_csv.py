@@ -1,0 +1,71 @@
+"""results.csv: one run as one row, for spreadsheets and for tables of many runs.
+
+Every value has its unit in a column of its own ("1": dimensionless, "%", "s").  An empty cell means
+not known; a fixed parameter has neither standard deviation nor interval.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+from granpinn.atomic import atomic_path
+from granpinn.results.result import Result, plain
+
+Cell = str | int | float | bool | None
+
+
+def row(result: Result) -> dict[str, Cell]:
+    """Column -> value, in the order of the file."""
+    cells: dict[str, Cell] = {
+        "input": result.input.name,
+        "sha256": result.input.sha256,
+        "level": result.level,
+        "form": result.form,
+        "recipe": result.recipe,
+        "seed": result.seed,
+        "stopped": result.stopped,
+    }
+    for name in ("mu_s", "mu_2", "I0"):
+        parameter = getattr(result.parameters, name)
+        low, high = parameter.interval_90 or (None, None)
+        cells |= {
+            name: parameter.value,
+            f"{name}_std": parameter.std,
+            f"{name}_low_90": low,
+            f"{name}_high_90": high,
+            f"{name}_unit": "1",
+            f"{name}_fixed": parameter.fixed,
+            f"{name}_true": getattr(result.truth, name, None),
+        }
+    for name, value in dataclasses.asdict(result.error_percent).items():
+        cells[f"error_{name}"] = value
+    cells["error_unit"] = "%"
+    band = result.inertial_number
+    cells |= {
+        "I_q05": band.q05 if band else None,
+        "I_median": band.median if band else None,
+        "I_q95": band.q95 if band else None,
+        "I_unit": "1",
+        "n_points": result.data.n_points,
+        "n_frames": result.data.n_frames,
+        "noise": result.data.noise,
+        "steps": result.timing.steps,
+        "wall": result.timing.wall_s,
+        "wall_unit": "s",
+        "granpinn": result.versions.get("granpinn"),
+    }
+    return {name: plain(value) for name, value in cells.items()}
+
+
+def write_csv(result: Result, path: str | Path) -> None:
+    """Write results.csv: a header and one row; numbers with all their digits."""
+    cells = row(result)
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        writer = csv.DictWriter(file, list(cells))
+        writer.writeheader()
+        writer.writerow(cells)

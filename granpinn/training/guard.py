@@ -1,0 +1,79 @@
+"""Notice what must stop a run: a number that is not finite, or a signal.
+
+Loss and gradients are tested before the update that would use them, the parameters after it, so
+that a NaN is seen in the step that makes it (csrc/step.h; training/control.py reads what was
+found). The training loop then goes back to its last good state once, at half the learning rate: a
+run that diverged because its steps were too long recovers. When it happens again, the run stops
+and names the tensor; of several members, those that it happened to stop.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from types import FrameType
+
+import torch
+from torch import Tensor
+
+
+class NonFiniteError(ArithmeticError):
+    """A tensor of the training state holds a NaN or an infinity; the message names it.
+
+    Attributes:
+        members: the members of the run that it happened to, each with its own sentence.
+    """
+
+    def __init__(self, message: str, members: Mapping[int, str] | None = None) -> None:
+        super().__init__(message)
+        self.members = dict(members or {})
+
+
+class Interrupted(KeyboardInterrupt):
+    """SIGINT or SIGTERM arrived; the state has been saved where there is a run folder."""
+
+    def __init__(self, signum: int, message: str) -> None:
+        super().__init__(message)
+        self.signum = signum
+
+
+def require_finite(tensors: Mapping[str, Tensor]) -> None:
+    """Refuse data with a NaN or an infinity in it."""
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            bad = int((~torch.isfinite(tensor)).sum())
+            raise NonFiniteError(
+                f"the {name} of the training set hold {bad} values that are NaN or infinite: "
+                f"points without a valid vector must be left out of the flow file (NaN there)"
+            )
+
+
+class Signals:
+    """Remembers the first SIGINT or SIGTERM; a second one ends the process at once."""
+
+    def __init__(self) -> None:
+        self.received: int | None = None
+
+    def handle(self, signum: int, frame: FrameType | None) -> None:
+        if self.received is not None:
+            os._exit(128 + signum)
+        self.received = signum
+
+
+@contextmanager
+def signals() -> Iterator[Signals]:
+    """Catch SIGINT and SIGTERM inside the block; outside the main thread nothing is caught."""
+    caught = Signals()
+    if threading.current_thread() is not threading.main_thread():
+        yield caught
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = [signal.signal(number, caught.handle) for number in numbers]
+    try:
+        yield caught
+    finally:
+        for number, handler in zip(numbers, previous, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,201 @@
+"""The loss of one step: a batch of every member's data through the fused residual loss.
+
+A training run has E >= 1 members: networks of one shape that are trained side by side, each with
+its own seed and its own problem. The data of all lie one after another on the device.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from granpinn import ops
+from granpinn.config import Batch, ConfigError
+from granpinn.data import TrainingSet
+from granpinn.training import step_ops  # noqa: F401
+from granpinn.training.control import Control
+from granpinn.training.problem import Problem
+from granpinn.training.sampling import MISFIT, draw
+
+MISFIT_POINTS = 32768
+
+_ops = torch.ops.granpinn
+
+
+@dataclass(frozen=True)
+class Member:
+    """One network to be trained: its problem, its data (that members may share) and its seed."""
+
+    problem: Problem
+    data: TrainingSet
+    seed: int
+    I0: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Loss [E], terms [E, 5] and gradients [E, P], [E, 3] of one step.
+
+    After a step on the velocity alone the other terms and the gradient by the rheology are 0.
+    """
+
+    loss: Tensor
+    terms: Tensor
+    grad_params: Tensor
+    grad_theta: Tensor
+
+
+class Objective:
+    """The data on their device, and the two losses that a run minimizes in turn.
+
+    Attributes:
+        share: which of the equal parts of every batch this process draws, and how many there are.
+        precision: of the products on a GPU, "fp32" or "fast" (granpinn.ops.residual_loss).
+    """
+
+    def __init__(
+        self,
+        members: Sequence[Member],
+        batch: Batch,
+        device: torch.device,
+        share: tuple[int, int] = (0, 1),
+        precision: str = "fp32",
+    ) -> None:
+        self.members = list(members)
+        self.precision = precision
+        self.spec = members[0].problem.spec
+        if any(m.problem.spec.widths != self.spec.widths for m in members):
+            raise ValueError("members of one run must have networks of the same widths")
+        self.sets, self.set_of = _distinct(members)
+        self.share, parts = share
+        has_surface = all(len(s.surface_points) for s in self.sets)
+        if batch.interior % parts or (has_surface and batch.surface % parts):
+            raise ConfigError(
+                f"--batch.interior and --batch.surface must be multiples of the number of "
+                f"processes, {parts}, got {batch.interior} and {batch.surface}"
+            )
+        self.batch = replace(
+            batch,
+            interior=batch.interior // parts,
+            surface=batch.surface // parts if has_surface else 0,
+        )
+
+        def together(name: str) -> Tensor:
+            return torch.cat([getattr(s, name) for s in self.sets]).to(device).contiguous()
+
+        self.points = together("points")
+        self.velocity = together("velocity")
+        self.point_weights = together("point_weights")
+        self.surface_points = together("surface_points")
+        self.surface_pressure = together("surface_pressure")
+        self.seeds = torch.tensor([m.seed for m in members], device=device)
+        self.places = torch.tensor(self._places(), device=device)
+        like = self.points
+        self.term_weights = like.new_tensor([m.problem.term_weights for m in members])
+        self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
+        self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
+        self.physics = like.new_tensor([m.problem.physics for m in members])
+
+    def _places(self) -> list[list[int]]:
+        """First point, number of points, and the same of the surface, for every member."""
+        places, point, surface = [], 0, 0
+        for s in self.sets:
+            places.append([point, len(s.points), surface, len(s.surface_points)])
+            point, surface = point + len(s.points), surface + len(s.surface_points)
+        return [places[i] for i in self.set_of]
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The data by name, for the check that they are finite."""
+        return {
+            "points": self.points,
+            "velocities": self.velocity,
+            "weights": self.point_weights,
+            "surface points": self.surface_points,
+            "surface pressures": self.surface_pressure,
+        }
+
+    def evaluate(
+        self, control: Control, params: Tensor, theta: Tensor, velocity_alone: bool
+    ) -> Evaluation:
+        """The loss of the step that `control` is at, and its gradients.
+
+        Args:
+            params: [E, P].
+            theta: (mu_s, mu_2, I0) of every member [E, 3].
+            velocity_alone: leave out the equations and the surface: the derivatives of the network
+                are not needed then.
+        """
+        points, velocity, weights, surface_points, surface_pressure, terms = _ops.draw_batch(
+            control.counter,
+            control.table,
+            self.seeds,
+            self.places,
+            self.points,
+            self.velocity,
+            self.point_weights,
+            self.surface_points,
+            self.surface_pressure,
+            self.term_weights,
+            self.batch.interior,
+            0 if velocity_alone else self.batch.surface,
+            self.share,
+        )
+        return Evaluation(
+            *ops.residual_loss(
+                params,
+                theta,
+                points,
+                velocity,
+                weights,
+                surface_points,
+                surface_pressure,
+                terms,
+                self.spec.widths,
+                self.input_shift,
+                self.input_scale,
+                self.physics,
+                "data" if velocity_alone else self.spec.form,
+                self.precision,
+            )
+        )
+
+    def misfit(self, step: int, params: Tensor, theta: Tensor) -> list[float]:
+        """For every member, by how much one velocity component is off: rms over many points."""
+        squares = []
+        for e, member in enumerate(self.members):
+            start, population, _, _ = self.places[e].tolist()
+            own = slice(start, start + population)
+            i = draw(member.seed, step, MISFIT, min(MISFIT_POINTS, population), self.points[own])
+            _, terms, _, _ = ops.residual_loss(
+                params[e],
+                theta[e],
+                self.points[own][i],
+                self.velocity[own][i],
+                self.point_weights[own][i],
+                self.surface_points[:0],
+                self.surface_pressure[:0],
+                self.term_weights[e],
+                self.spec.widths,
+                self.input_shift[e],
+                self.input_scale[e],
+                self.physics[e],
+                "data",
+            )
+            squares.append(terms[0])
+        return [math.sqrt(square) for square in torch.stack(squares).tolist()]
+
+
+def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:
+    """The training sets without repetition, and which one each member has."""
+    sets: list[TrainingSet] = []
+    which = []
+    for member in members:
+        found = next((i for i, s in enumerate(sets) if s is member.data), len(sets))
+        if found == len(sets):
+            sets.append(member.data)
+        which.append(found)
+    return sets, which

@@ -1,0 +1,157 @@
+"""One update of E networks and friction laws: Adam, or Muon on the hidden matrices with Adam else.
+
+The state lives in a few tensors with a leading axis of members, which is all that a checkpoint
+needs. The arithmetic is in csrc/step.h; here is only which parameters are matrices.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granpinn.config import Optimizer
+from granpinn.network import layer_offsets
+from granpinn.training import step_ops  # noqa: F401  (registers the shapes of the operators)
+from granpinn.training.control import Control
+from granpinn.training.scalars import Scalars
+
+BETA_1 = 0.9
+
+_ops = torch.ops.granpinn
+
+
+@dataclass(frozen=True)
+class Group:
+    """`count` successive hidden matrices [m, n] in a parameter vector, from `offset` on.
+
+    They lie a bias apart from each other: matrix l begins at offset + l (m n + m).
+    """
+
+    offset: int
+    count: int
+    m: int
+    n: int
+
+    @property
+    def apart(self) -> int:
+        return self.m * self.n + self.m
+
+    def of(self, flat: Tensor) -> Tensor:
+        """The matrices [E, count, m, n] in flat [E, P], as a view."""
+        shape = (flat.shape[0], self.count, self.m, self.n)
+        strides = (flat.stride(0), self.apart, self.n, 1)
+        return flat.as_strided(shape, strides, flat.storage_offset() + self.offset)
+
+
+class BatchOptimizer:
+    """Updates params [E, P] and the rheology scalars q [E, 2] in place, and their averages.
+
+    Attributes:
+        average_params, average_q: means over the steps that the control table gives a weight.
+    """
+
+    def __init__(
+        self,
+        params: Tensor,
+        scalars: Scalars,
+        widths: Sequence[int],
+        settings: Optimizer,
+        control: Control,
+    ) -> None:
+        self.params, self.scalars, self.control, self.settings = params, scalars, control, settings
+        self.groups = hidden_groups(widths) if settings.method == "muon" else []
+        self.matrices = [
+            number
+            for g in self.groups
+            for i in range(g.count)
+            for number in (g.offset + i * g.apart, g.m * g.n)
+        ]
+        q = scalars.values
+        self.counts = torch.zeros(len(params), 2, dtype=torch.int64, device=params.device)
+        self.first, self.second = torch.zeros_like(params), torch.zeros_like(params)
+        self.first_q, self.second_q = torch.zeros_like(q), torch.zeros_like(q)
+        self.direction = torch.zeros_like(params)
+        self.average_params, self.average_q = params.clone(), q.clone()
+
+    def step(
+        self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor, law_moves: bool = True
+    ) -> None:
+        """One update, if all is finite; `control` says at which learning rates and of which step.
+
+        Args:
+            loss: [E].
+            grad_params: d loss / d params [E, P].
+            grad_theta: d loss / d theta [E, 3].
+            law_moves: False while the friction law is not trained.
+        """
+        s, c, Q = self.settings, self.control, self.scalars
+        state = (c.counter, c.table, c.slower, c.fault, self.counts)
+        rest = [BETA_1, s.beta_2, s.epsilon]
+        _ops.check_step(*state, loss, grad_params, grad_theta)
+        _ops.update_params(
+            *state,
+            grad_params,
+            self.params,
+            self.first,
+            self.second,
+            self.direction,
+            self.matrices,
+            [s.learning_rate, *rest],
+            s.momentum,
+        )
+        for g in self.groups:
+            U = _ops.orthogonalize(g.of(self.direction))
+            rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
+            _ops.descend(*state, U, self.params, g.offset, g.apart, rate)
+        _ops.finish_step(
+            *state,
+            grad_theta,
+            Q.values,
+            self.first_q,
+            self.second_q,
+            Q.theta,
+            self.params,
+            self.average_params,
+            self.average_q,
+            [s.scalars_learning_rate, *rest],
+            Q.variables,
+            law_moves,
+        )
+
+    def reset(self) -> None:
+        """Forget all momenta: the loss is another one from here on."""
+        for tensor in self.momenta().values():
+            tensor.zero_()
+
+    def momenta(self) -> dict[str, Tensor]:
+        """What an update depends on besides the parameters, by name, live; [E, ...] each."""
+        return {
+            "optimizer.counts": self.counts,
+            "optimizer.first": self.first,
+            "optimizer.second": self.second,
+            "optimizer.scalars.first": self.first_q,
+            "optimizer.scalars.second": self.second_q,
+        }
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every tensor of the state by name, live: copying into them restores it."""
+        averages = {"average.params": self.average_params, "average.scalars": self.average_q}
+        return averages | self.momenta()
+
+
+def hidden_groups(widths: Sequence[int]) -> list[Group]:
+    """The matrices between hidden layers; neighbours of one square shape make a group."""
+    groups: list[Group] = []
+    offsets = layer_offsets(widths)
+    for layer in range(1, len(widths) - 2):
+        n, m = widths[layer], widths[layer + 1]
+        last = groups[-1] if groups else None
+        if last and (last.m, last.n) == (m, n):
+            groups[-1] = Group(last.offset, last.count + 1, m, n)
+        else:
+            groups.append(Group(offsets[layer], 1, m, n))
+    return groups

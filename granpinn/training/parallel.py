@@ -1,0 +1,130 @@
+"""Several processes for one run, started by torchrun: who is who, and what they agree on.
+
+Each process draws an equal share of every batch, and the shares together are the batch that one
+process would draw. One all-reduce in a step averages losses and gradients; the update then has the
+same bits everywhere, so parameters never travel. What depends on the clock or on a signal is
+decided by all together, or by the first process alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol
+
+import torch
+from torch import Tensor, distributed
+
+from granpinn.training.objective import Evaluation
+
+
+class Processes(Protocol):
+    """Attributes:
+    rank, size: number of this process, and how many there are.
+    """
+
+    rank: int
+    size: int
+
+    def mean(self, e: Evaluation) -> Evaluation:
+        """The evaluation of the whole batch, from that of every share."""
+
+    def first(self, values: Sequence[float]) -> list[float]:
+        """The values that the first process has."""
+
+    def stopping(self, asked: bool) -> bool:
+        """Whether the run is to stop; all processes are told so after the same step."""
+
+    def wait(self) -> None:
+        """Go on when all have come here."""
+
+
+class Alone:
+    """The one process of a run."""
+
+    rank, size = 0, 1
+
+    def mean(self, e: Evaluation) -> Evaluation:
+        return e
+
+    def first(self, values: Sequence[float]) -> list[float]:
+        return list(values)
+
+    def stopping(self, asked: bool) -> bool:
+        return asked
+
+    def wait(self) -> None: ...
+
+
+class Group:
+    """The processes of torch.distributed's default group."""
+
+    def __init__(self, device: torch.device) -> None:
+        self.rank, self.size = distributed.get_rank(), distributed.get_world_size()
+        self.asked = torch.zeros(1, device=device)
+        self.told = torch.zeros(1, device=device)
+
+    def mean(self, e: Evaluation) -> Evaluation:
+        parts = (e.loss, e.terms, e.grad_params, e.grad_theta)
+        flat = torch.cat([*(part.flatten() for part in parts), self.asked.to(e.loss)])
+        distributed.all_reduce(flat)
+        self.told.copy_(flat[-1:])
+        flat /= self.size
+        pieces = torch.split(flat[:-1], [part.numel() for part in parts])
+        return Evaluation(*(p.view_as(part) for p, part in zip(pieces, parts, strict=True)))
+
+    def first(self, values: Sequence[float]) -> list[float]:
+        shared = torch.tensor(values, dtype=torch.float64)
+        distributed.broadcast(shared, 0)
+        return shared.tolist()
+
+    def stopping(self, asked: bool) -> bool:
+        if asked:
+            self.asked.fill_(1)
+        return bool(self.told.item() > 0)
+
+    def wait(self) -> None:
+        distributed.all_reduce(torch.zeros(1))  # on the CPU: a barrier would take the GPU's way
+
+
+def processes(device: torch.device) -> Processes:
+    """The group that was joined, or this process alone."""
+    grouped = distributed.is_available() and distributed.is_initialized()
+    return Group(device) if grouped and distributed.get_world_size() > 1 else Alone()
+
+
+@contextmanager
+def joined() -> Iterator[int]:
+    """Join the group that torchrun has made, if any, and leave it at the end; gives the rank.
+
+    Tensors of GPUs travel by NCCL, others by gloo; each process has the GPU of its local rank.
+    """
+    if int(os.environ.get("WORLD_SIZE", "1")) < 2:
+        yield 0
+        return
+    if torch.cuda.is_available():
+        torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
+    distributed.init_process_group("cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo")
+    try:
+        yield distributed.get_rank()
+    finally:
+        distributed.destroy_process_group()
+
+
+def gather_texts(text: str) -> list[str]:
+    """One text of every process, in the order of their ranks."""
+    if not distributed.is_initialized():
+        return [text]
+    content = text.encode()
+    size = distributed.get_world_size()
+    lengths = [torch.zeros(1, dtype=torch.int64) for _ in range(size)]
+    distributed.all_gather(lengths, torch.tensor([len(content)]))
+    longest = max(int(n) for n in lengths)
+    own = torch.zeros(longest, dtype=torch.uint8)
+    own[: len(content)] = torch.frombuffer(bytearray(content), dtype=torch.uint8)
+    padded: list[Tensor] = [torch.empty_like(own) for _ in range(size)]
+    distributed.all_gather(padded, own)
+    return [
+        bytes(text[: int(n)].tolist()).decode() for text, n in zip(padded, lengths, strict=True)
+    ]

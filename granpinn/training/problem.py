@@ -1,0 +1,91 @@
+"""What training needs besides the data: the scaling of the network and the weights of the terms.
+
+This is the one place that decides how inputs and outputs are scaled. All numbers that leave it are
+dimensionless (granpinn/scales.py).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.config import Config, Weights
+from granpinn.data import Flow, TrainingSet
+from granpinn.network import OUTPUTS, NetworkSpec
+from granpinn.op_rules import TERMS
+from granpinn.scales import Scales
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The network and the constants of the residuals, as granpinn.ops takes them.
+
+    Attributes:
+        spec: widths, input map and form of the network.
+        physics: [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor].
+        term_weights: 1/sigma^2 of the five `TERMS`.
+    """
+
+    spec: NetworkSpec
+    physics: list[float]
+    term_weights: list[float]
+
+
+def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
+    """The problem that `config` poses on the data of a flow."""
+    if config.network.units == "file":
+        shift = [0.0, 0.0, 0.0]
+        scale = [scales.length, scales.length, scales.time]
+        U_out, P_out = 1 / scales.velocity, 1 / scales.pressure
+    else:
+        bounds = list(zip(data.lower.tolist(), data.upper.tolist(), strict=True))
+        shift = [(low + high) / 2 for low, high in bounds]
+        scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
+        U_out = float(data.velocity.square().mean().sqrt()) or 1.0
+        P_out = config.network.pressure_scale
+    material = scales.material(flow)
+    physics = [
+        material.grain_diameter,
+        *material.gravity,
+        material.eta_min or 0.0,
+        math.inf if material.eta_max is None else material.eta_max,
+        U_out,
+        P_out,
+        config.rheology.p_floor,
+    ]
+    widths = (3, *config.network.widths, OUTPUTS[config.form])
+    spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
+    return Problem(spec, physics, _term_weights(config, scales))
+
+
+def _term_weights(config: Config, scales: Scales) -> list[float]:
+    """1/sigma^2 of every term, dimensionless."""
+    sigmas = [getattr(config.weights, f"sigma_{name}") for name in TERMS]
+    if config.weights.units == "file":
+        force = scales.pressure / scales.length
+        units = (scales.velocity, scales.pressure, force, 1 / scales.time, 1 / scales.time)
+        sigmas = [sigma / unit for sigma, unit in zip(sigmas, units, strict=True)]
+    return [sigma**-2 for sigma in sigmas]
+
+
+def velocity_relaxation(
+    settings: Weights, weight: npt.ArrayLike, misfit: npt.ArrayLike, done: float
+) -> npt.NDArray[np.float64]:
+    """Factor on the weight of the velocity term of noisy data, 1 for clean data.
+
+    sigma_velocity is what the network cannot resolve, and it is too strict for noisy data: the
+    network then bends its strain rate to the noise. It rises geometrically, over the first part
+    `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself would be far
+    too much: the friction law would bend the velocity instead (docs/method.md).
+
+    Args:
+        weight: 1/sigma_velocity^2, of one or of many members.
+        misfit: rms misfit of one velocity component after the pre-fit, dimensionless; likewise.
+        done: how much of the stage after the pre-fit is over, in [0, 1].
+    """
+    ratio = settings.noise_part * np.asarray(misfit) * np.sqrt(weight)
+    relaxation = np.maximum(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise))
+    return np.asarray(relaxation, dtype=np.float64)

@@ -1,0 +1,179 @@
+"""What a run shows while it goes on: a bar in a terminal, plain lines elsewhere, TensorBoard.
+
+Everything here only listens: `start`, then `show` for every row of the history, then `stop`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any, Protocol, TextIO
+
+from granpinn.config import ConfigError
+from granpinn.training.history import Row
+
+LINE_EVERY = 10.0  # seconds between plain lines
+
+
+class Progress(Protocol):
+    """A listener of a run; subclass `Silent` and override what is of interest."""
+
+    def start(self, total: int, done: int) -> None:
+        """A run of `total` steps begins, `done` of which a checkpoint has."""
+
+    def total(self, steps: int) -> None:
+        """The plan changed: the run will have this many steps."""
+
+    def show(self, row: Row) -> None:
+        """A row was added to the history."""
+
+    def message(self, text: str) -> None:
+        """Something worth a sentence happened."""
+
+    def stop(self) -> None:
+        """The run ended, in whatever way."""
+
+
+class Silent:
+    """Shows nothing."""
+
+    def start(self, total: int, done: int) -> None: ...
+
+    def total(self, steps: int) -> None: ...
+
+    def show(self, row: Row) -> None: ...
+
+    def message(self, text: str) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+class Lines(Silent):
+    """One line every ten seconds, for log files."""
+
+    def __init__(self, stream: TextIO | None = None, every: float = LINE_EVERY) -> None:
+        self.stream = stream or sys.stderr
+        self.every = every
+        self.last = -math.inf
+
+    def start(self, total: int, done: int) -> None:
+        self.steps, self.done = total, done
+        self.begin = time.monotonic()
+
+    def total(self, steps: int) -> None:
+        self.steps = steps
+
+    def show(self, row: Row) -> None:
+        now = time.monotonic()
+        if now - self.last < self.every and row.step < self.steps:
+            return
+        self.last = now
+        left = (now - self.begin) / max(1, row.step - self.done) * (self.steps - row.step)
+        self.message(f"step {row.step}/{self.steps}  {describe(row)}  {duration(left)} left")
+
+    def message(self, text: str) -> None:
+        print(text, file=self.stream, flush=True)
+
+
+class Bar(Silent):
+    """A bar with the time left; below it the identified values and the loss terms. By rich."""
+
+    def __init__(self) -> None:
+        from rich import progress
+        from rich.console import Console
+        from rich.live import Live
+
+        columns = (
+            progress.TextColumn("step"),
+            progress.MofNCompleteColumn(),
+            progress.BarColumn(),
+            progress.TimeRemainingColumn(),
+            progress.TextColumn("left"),
+        )
+        self.bar = progress.Progress(*columns)
+        self.live = Live(self.bar, console=Console(stderr=True))
+
+    def start(self, total: int, done: int) -> None:
+        self.task = self.bar.add_task("", total=total, completed=done)
+        self.live.start()
+
+    def total(self, steps: int) -> None:
+        self.bar.update(self.task, total=steps)
+
+    def show(self, row: Row) -> None:
+        from rich.console import Group
+        from rich.text import Text
+
+        self.bar.update(self.task, completed=row.step)
+        self.live.update(Group(self.bar, Text(describe(row))))
+
+    def message(self, text: str) -> None:
+        self.live.console.print(text, markup=False, highlight=False)
+
+    def stop(self) -> None:
+        self.live.stop()
+
+
+class TensorBoard(Silent):
+    """Events for TensorBoard, if it is installed, besides what `inner` shows."""
+
+    def __init__(self, folder: Path, inner: Progress) -> None:
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError:
+            raise ConfigError(
+                "--tensorboard needs the package tensorboard: pip install granpinn[tensorboard]"
+            ) from None
+        self.make_writer: Any = SummaryWriter
+        self.writer: Any = None
+        self.folder = folder / "tensorboard"
+        self.inner = inner
+
+    def start(self, total: int, done: int) -> None:
+        self.writer = self.make_writer(str(self.folder))
+        self.inner.start(total, done)
+
+    def total(self, steps: int) -> None:
+        self.inner.total(steps)
+
+    def show(self, row: Row) -> None:
+        for name, value in vars(row).items():
+            if name != "step" and math.isfinite(value):
+                self.writer.add_scalar(name, value, row.step)
+        self.inner.show(row)
+
+    def message(self, text: str) -> None:
+        self.inner.message(text)
+
+    def stop(self) -> None:
+        if self.writer is not None:
+            self.writer.close()
+        self.inner.stop()
+
+
+def automatic() -> Progress:
+    """A bar where a person looks on, lines otherwise."""
+    return Bar() if sys.stderr.isatty() else Lines()
+
+
+def describe(row: Row) -> str:
+    """mu_s, mu_2 and the terms of the loss in one line; terms that are not used are left out."""
+    terms = {
+        "vel": row.velocity,
+        "surf": row.surface,
+        "mom": row.momentum,
+        "div": row.continuity,
+        "law": row.constitutive,
+    }
+    parts = [f"mu_s {row.mu_s:.4f}", f"mu_2 {row.mu_2:.4f}", f"loss {row.loss:.3g}"]
+    parts += [f"{name} {value:.1e}" for name, value in terms.items() if math.isfinite(value)]
+    return "  ".join(parts)
+
+
+def duration(seconds: float) -> str:
+    """3723 s as 1:02:03, 65 s as 1:05."""
+    minutes, s = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{s:02d}" if hours else f"{minutes}:{s:02d}"

@@ -1,0 +1,234 @@
+"""A training run from its first step, or its newest checkpoint, to its end.
+
+`Run` adds to `Training` what happens between the steps: rows of the history, checkpoints, signals,
+the rollback after a number that is not finite, and the plan of a run with a time limit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from granpinn.config import Config, ConfigError, identity
+from granpinn.training import checkpoint, clock
+from granpinn.training.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
+from granpinn.training.history import History, median
+from granpinn.training.objective import Objective
+from granpinn.training.parallel import Alone, Processes
+from granpinn.training.progress import Progress
+from granpinn.training.schedule import Schedule
+from granpinn.training.training import Training
+
+UNLIMITED = 2**53  # steps
+CORRECT_EVERY = 0.05  # of the time limit, between corrections of the plan
+
+
+class Run:
+    """One run; `folder` is None for a run that leaves nothing on disk.
+
+    `members` are the folders of the histories of several members; a run without it has one, whose
+    history is in the run folder. Of several `processes` the first writes.
+
+    Attributes:
+        deadline: value of time.monotonic() when training has to end, None without a time limit.
+        wall_s: time spent in training, over all resumptions.
+        stopped: what set the number of steps, "steps" or "max_time".
+    """
+
+    def __init__(
+        self,
+        objective: Objective,
+        config: Config,
+        folder: Path | None,
+        progress: Progress,
+        deadline: float | None,
+        members: Sequence[Path | None] | None = None,
+        processes: Processes | None = None,
+    ) -> None:
+        require_finite(objective.tensors())
+        self.config = config
+        self.processes = processes or Alone()
+        self.single = members is None
+        self.progress = progress
+        self.deadline = deadline
+        self.stopped = "steps"
+        self.checkpoints = None if folder is None else folder / "checkpoint"
+        parts = [folder] if members is None else members
+        writes = self.processes.rank == 0
+        self.histories = [
+            History(part / "history.csv" if part and writes else None) for part in parts
+        ]
+        self.data_sha256 = _digest(objective)
+        self.at_most = _steps(config, max(len(s.points) for s in objective.sets))
+        schedule = Schedule(self.at_most, config.optimizer)
+        self.training = Training(objective, schedule, config, self.processes)
+        self.wall_s = 0.0
+
+    def train(self) -> None:
+        """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
+        training = self.training
+        try:
+            resumed = self.config.resume and self._resume()
+            self.processes.wait()  # what the first writes now is not for the others to find
+            if not resumed:
+                self._begin()
+            self.progress.start(training.schedule.total, training.step)
+            with signals() as caught:
+                self._loop(caught)
+        finally:
+            self.progress.stop()
+            for history in self.histories:
+                history.close()
+
+    def _begin(self) -> None:
+        if self.deadline is not None:
+            plan = clock.plan(self.training, self.deadline, self.at_most)
+            self.training.schedule = plan
+            self.stopped = "steps" if plan.total == self.at_most else "max_time"
+        self._open([0] * len(self.histories))
+        self._mark()
+        self._save()
+
+    def _resume(self) -> bool:
+        """Restore the newest checkpoint, False where there is none."""
+        if self.checkpoints is None:
+            raise ConfigError("resume needs a run folder: give run_dir, or --out")
+        found = checkpoint.newest(self.checkpoints)
+        if found is None:
+            self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
+            return False
+        checkpoint.require_same(found, identity(self.config), self.data_sha256)
+        checkpoint.restore(found, self.training.tensors())
+        self.training.set_plain_state(found.state["training"])
+        self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
+        self.deadline = None  # the plan of the checkpoint stands
+        self._open(found.state["history_bytes"])
+        self._mark()
+        return True
+
+    def _open(self, offsets: Sequence[int]) -> None:
+        for history, offset in zip(self.histories, offsets, strict=True):
+            history.open(offset)
+
+    def _mark(self) -> None:
+        """Start the clocks of this process."""
+        self.started = self.saved = self.corrected = time.monotonic()
+        self.corrected_step = self.training.step
+        self.before = self.wall_s
+
+    def _loop(self, caught: Signals) -> None:
+        training, config = self.training, self.config
+        while not training.finished and not self._stopping(caught):
+            before = training.step
+            try:
+                training.advance()
+            except NonFiniteError as error:
+                self._recover(error)
+            if training.step <= before:
+                continue
+            if training.step % config.log_every == 0 or training.finished:
+                self._log()
+            if time.monotonic() - self.saved >= config.checkpoint_every:
+                self._save()
+        self._save()
+        if self._stopping(caught):
+            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
+            signum = caught.received or signal.SIGTERM  # another process was told
+            raise Interrupted(signum, f"stopped at step {training.step}{where}")
+
+    def _stopping(self, caught: Signals) -> bool:
+        return self.processes.stopping(caught.received is not None)
+
+    def _log(self) -> None:
+        now = time.monotonic()
+        self.wall_s = self.before + now - self.started
+        training = self.training
+        rows = training.rows(self.wall_s)
+        for history, row in zip(self.histories, rows, strict=True):
+            history.append(row)
+        training.remember()
+        self.progress.show(median([row for e, row in enumerate(rows) if e not in training.lost]))
+        if self.deadline is not None:
+            self._correct_plan(now, self.deadline)
+
+    def _correct_plan(self, now: float, deadline: float) -> None:
+        training = self.training
+        if training.schedule.velocity_alone(training.step):
+            self.corrected, self.corrected_step = now, training.step
+            return
+        plan = training.schedule
+        if now - self.corrected > CORRECT_EVERY * (deadline - self.started):
+            since = (self.corrected_step, self.corrected)
+            plan = clock.corrected(training, since, deadline, self.at_most)
+            self.corrected, self.corrected_step = now, training.step
+        total, step, progress = self.processes.first(
+            [plan.total, plan.from_step, plan.from_progress]
+        )
+        plan = Schedule(int(total), plan.settings, int(step), progress)
+        if plan != training.schedule:
+            training.schedule = plan
+            training.remember()
+            self.progress.total(plan.total)
+
+    def _recover(self, error: NonFiniteError) -> None:
+        """One rollback for each member, then its end: with an error if it is the only one."""
+        training, many = self.training, not self.single
+        where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
+        again = {
+            e: f"{text} again, after a rollback at half the learning rate: lower "
+            f"--optimizer.learning_rate or look at the data{'' if many else where}"
+            for e, text in error.members.items()
+            if training.slower[e] < 1
+        }
+        fresh = error.members.keys() - again.keys()
+        training.give_up(again)
+        if self.single and again:
+            raise NonFiniteError(again[0]) from error
+        for e, text in again.items():
+            self.progress.message(f"member {e} is given up: {text}")
+        if fresh:
+            copied = training.copied
+            training.roll_back(fresh)
+            if training.step == copied:
+                for history in self.histories:
+                    history.forget_after(copied)
+            who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
+            self.progress.message(
+                f"{error}: {who}back to step {copied}, on at half the learning rate"
+            )
+
+    def _save(self) -> None:
+        if self.checkpoints is None or self.processes.rank > 0:
+            return
+        self.wall_s = self.before + time.monotonic() - self.started
+        settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
+        state = {
+            "training": self.training.plain_state(),
+            "history_bytes": [history.flush() for history in self.histories],
+            "wall_s": self.wall_s,
+            "stopped": self.stopped,
+            "settings": settings,
+            "input_sha256": self.data_sha256,
+        }
+        checkpoint.save(self.checkpoints, self.training.step, self.training.tensors(), state)
+        self.saved = time.monotonic()
+
+
+def _steps(config: Config, n_points: int) -> int:
+    """Steps that the settings ask for, by themselves or as epochs."""
+    if config.steps is not None:
+        return config.steps
+    if config.epochs is not None:
+        return config.epochs * -(-n_points // config.batch.interior)
+    return UNLIMITED
+
+
+def _digest(objective: Objective) -> str:
+    """SHA-256 of all that the network is fitted to."""
+    sha = hashlib.sha256()
+    for tensor in (*objective.tensors().values(), objective.places, objective.seeds):
+        sha.update(tensor.cpu().numpy().tobytes())
+    return sha.hexdigest()

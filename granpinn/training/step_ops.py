@@ -1,0 +1,33 @@
+"""The operators of one optimization step, for E members at a time: csrc/step.h says what each does.
+
+In an optimization step nothing crosses to the host: `counter` int64 [3] says which step it is and
+`table` [rows, 2 + E] float64 what the schedule has for it (granpinn/training/control.py). All but
+`draw_batch` and `orthogonalize` change tensors in place.
+"""
+
+from __future__ import annotations
+
+from torch import library
+
+from granpinn import op_rules  # noqa: F401  (loads the operators)
+
+
+@library.register_fake("granpinn::draw_batch")
+def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-def]
+    interior, surface, _ = rest[-3:]
+    E = seeds.shape[0]
+    shapes = ((interior, 3), (interior, 2), (interior, 2), (surface, 3), (surface,), (5,))
+    return tuple(points.new_empty([E, *shape]) for shape in shapes)
+
+
+@library.register_fake("granpinn::orthogonalize")
+def _(G):  # type: ignore[no-untyped-def]
+    return G.new_empty(G.shape)
+
+
+def _nothing(*arguments: object) -> None:
+    """The shapes of what an operator changes in place."""
+
+
+for _name in ("check_step", "update_params", "descend", "finish_step"):
+    library.register_fake(f"granpinn::{_name}")(_nothing)
