@@ -102,8 +102,7 @@ struct Part {
 #pragma unroll
     for (int i = 0; i < 2; ++i) t.left[i] = half_square::load(own + (warp / 2 * 2 + i) * rows);
 #pragma unroll
-    for (int j = 0; j < 4; ++j)
-      t.right[j] = load_flipped(down ^ ((warp % 2 * 4 + j) * 32));
+    for (int j = 0; j < 4; ++j) t.right[j] = load_flipped(down ^ ((warp % 2 * 4 + j) * 32));
   }
   // a X + P X
   __device__ void advance(unsigned P, unsigned rounded, int steps) {
@@ -128,8 +127,8 @@ struct Part {
 #pragma unroll
     for (int v = 0; v < 32; ++v) {
       const int i = v / 16, j = v / 2 % 8, h = v % 2;
-      f(X[i][j] + 2 * h, place(warp / 2 * 32 + 16 * i + 8 * h + lane / 4,
-                               warp % 2 * 64 + 8 * j + lane % 4 * 2));
+      f(X[i][j] + 2 * h,
+        place(warp / 2 * 32 + 16 * i + 8 * h + lane / 4, warp % 2 * 64 + 8 * j + lane % 4 * 2));
     }
   }
 };
@@ -152,7 +151,8 @@ __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<flo
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   const std::int64_t e = matrix / a.count, l = matrix % a.count;
   const int column = threadIdx.x % kSide, first = threadIdx.x / kSide;
-  const auto rate = static_cast<float>(d.learning_rate * d.control.row(step)[0] * d.members.slower[e]);
+  const auto rate =
+      static_cast<float>(d.learning_rate * d.control.row(step)[0] * d.members.slower[e]);
   float* W = d.params + e * d.P + d.offset + l * d.apart + column;
   bool good = true;
 #pragma unroll 1
@@ -209,9 +209,8 @@ __global__ void __launch_bounds__(kThreads)
     X = made;
   }
   __syncthreads();
-  part.each_pair([&](float* x, int at) {
-    *reinterpret_cast<float2*>(exact + at) = make_float2(x[0], x[1]);
-  });
+  part.each_pair(
+      [&](float* x, int at) { *reinterpret_cast<float2*>(exact + at) = make_float2(x[0], x[1]); });
   __syncthreads();
   if (Descends)
     descend(a, d, matrix, step, exact);

@@ -1,8 +1,7 @@
 // The kernels of an optimization step (csrc/step.h): a row of blocks for every member.
 //
-// A fault is the minimum of what the threads find, an integer, so the order in which they find it
-// changes nothing. A kernel that may note a fault of one kind tests for faults before that kind:
-// what its own blocks note meanwhile changes nothing either.
+// A kernel that may note a fault of one kind tests for faults before that kind: what its own blocks
+// note meanwhile changes nothing.
 #include "launch_after.cuh"
 #include "step_launch.h"
 #include "step_note.cuh"
@@ -87,11 +86,10 @@ __global__ void __launch_bounds__(kThreads) update_kernel(const UpdateArguments<
     if (!known) {  // two warps make the rates while values are on their way
       const auto t = static_cast<double>(a.members.counts[2 * e] + 1);
       if (threadIdx.x == 0)
-        step_size =
-            adam_step_size<T>(a.adam, a.control.row(step)[0] * a.members.slower[e], t);
+        step_size = adam_step_size<T>(a.adam, a.control.row(step)[0] * a.members.slower[e], t);
       if (threadIdx.x == 32) root_scale = adam_root_scale<T>(a.adam, t);
       __syncthreads();
-      rates = adam_rates(a.adam, step_size, root_scale);
+      rates = adam_rates_from(a.adam, step_size, root_scale);
       known = true;
     }
     if (matrix) {
@@ -160,7 +158,8 @@ cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream) {
 template <class T>
 cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0 || a.count * a.size == 0) return cudaSuccess;
-  return launch_after(descend_kernel<T>, grid_of(a.count * a.size, a.control.members), kThreads, 0, stream, a);
+  return launch_after(descend_kernel<T>, grid_of(a.count * a.size, a.control.members), kThreads, 0,
+                      stream, a);
 }
 
 template <class T>

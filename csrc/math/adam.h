@@ -42,7 +42,7 @@ GRANPINN_HD T adam_root_scale(const AdamSettings& s, double t) {
   return static_cast<T>(sqrt(1 - pow(s.beta_2, t)));
 }
 template <class T>
-GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, T step_size, T root_scale) {
+GRANPINN_HD AdamRates<T> adam_rates_from(const AdamSettings& s, T step_size, T root_scale) {
   return {step_size,
           root_scale,
           static_cast<T>(1 - s.beta_1),
@@ -52,7 +52,7 @@ GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, T step_size, T root_s
 }
 template <class T>
 GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, double t) {
-  return adam_rates(s, adam_step_size<T>(s, factor, t), adam_root_scale<T>(s, t));
+  return adam_rates_from(s, adam_step_size<T>(s, factor, t), adam_root_scale<T>(s, t));
 }
 
 // One element; false where something would not be finite: it then keeps its value.
