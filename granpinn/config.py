@@ -151,7 +151,7 @@ class Config:
     device: Literal["auto", "cpu", "cuda"] = setting("auto", "where to compute")
     dtype: Literal["float32", "float64"] = setting("float32", "type of every number")
     precision: Literal["fp32", "fast"] = setting(
-        "fast", "products on a GPU: plain float32 (fp32), or compensated on tensor cores (fast)"
+        "fast", "products on a GPU: plain float32 (fp32), or on tensor cores (fast)"
     )
     max_time: float | None = setting(
         None, "seconds that the command may take; the run is planned to end within them"
