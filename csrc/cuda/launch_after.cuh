@@ -19,8 +19,8 @@ __device__ inline void wait_for_earlier() {
 }
 
 template <class... Parameters, class... Arguments>
-cudaError_t launch_after(void (*kernel)(Parameters...), dim3 grid, unsigned threads,
-                         std::size_t bytes, cudaStream_t stream, const Arguments&... arguments) {
+cudaError_t launch_after(void (*kernel)(Parameters...), dim3 grid, dim3 block, std::size_t bytes,
+                         cudaStream_t stream, const Arguments&... arguments) {
   cudaFuncAttributes code{};
   if (const cudaError_t error = cudaFuncGetAttributes(&code, kernel)) return error;
   cudaLaunchAttribute early{};
@@ -28,7 +28,7 @@ cudaError_t launch_after(void (*kernel)(Parameters...), dim3 grid, unsigned thre
   early.val.programmaticStreamSerializationAllowed = 1;
   cudaLaunchConfig_t launch{};
   launch.gridDim = grid;
-  launch.blockDim = dim3(threads);
+  launch.blockDim = block;
   launch.dynamicSmemBytes = bytes;
   launch.stream = stream;
   launch.attrs = &early;

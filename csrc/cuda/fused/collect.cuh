@@ -1,6 +1,7 @@
 // Adds up what the blocks left: gradients, the loss and its terms. Fixed order, in double.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "layout.h"
 
 namespace granpinn::cuda::fused {
@@ -76,6 +77,7 @@ template <int H>
 __global__ void __launch_bounds__(32 * kShares)
     collect_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                    const Scratch scratch) {
+  wait_for_earlier();
   const std::int64_t e = blockIdx.y;
   const int L = plan.hidden, hidden_blocks = (L - 1) * H * H / (32 * kShares);
   const int block = blockIdx.x;

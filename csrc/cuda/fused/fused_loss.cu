@@ -43,10 +43,8 @@ cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
   const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
   const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
-    pack_kernel<H, true><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
-  else
-    pack_kernel<H, false><<<grid, kPackThreads, 0, stream>>>(a, plan, s);
-  return cudaGetLastError();
+    return launch_after(pack_kernel<H, true>, grid, kPackThreads, 0, stream, a, plan, s);
+  return launch_after(pack_kernel<H, false>, grid, kPackThreads, 0, stream, a, plan, s);
 }
 
 template <int H>
@@ -60,8 +58,7 @@ cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch&
         cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
     if (error != cudaSuccess) return error;
     const dim3 grid((H / P::M) * (H / P::N), plan.splits, a.net.members * (plan.hidden - 1));
-    kernel<<<grid, P::threads, bytes, stream>>>(plan, s, chunk);
-    return cudaGetLastError();
+    return launch_after(kernel, grid, P::threads, bytes, stream, plan, s, chunk);
   });
 }
 
@@ -91,8 +88,7 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
   }
   const dim3 grid((plan.hidden - 1) * H * H / (32 * kShares) + ceil_div(plan.narrow(), 32) + 1,
                   a.net.members);
-  collect_kernel<H><<<grid, dim3(32, kShares), 0, stream>>>(a, plan, s);
-  return cudaGetLastError();
+  return launch_after(collect_kernel<H>, grid, dim3(32, kShares), 0, stream, a, plan, s);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // From a plan to the instance of the tile kernel that it names; included once per form.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "tile_kernel.cuh"
 #include "variants.h"
 
@@ -14,8 +15,8 @@ cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& 
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
   if (error != cudaSuccess) return error;
-  kernel<<<dim3(plan.slots, a.net.members), I::threads, bytes, stream>>>(a, plan, scratch, chunk);
-  return cudaGetLastError();
+  return launch_after(kernel, dim3(plan.slots, a.net.members), I::threads, bytes, stream, a, plan,
+                      scratch, chunk);
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool tensor_cores,

@@ -1,12 +1,12 @@
 // Products of a tile on tensor cores: float32-grade forward, ten-bit mantissas backward.
 //
 // z^T = W a^T with mma.m16n8k16 on halves: neurons are the rows of the tensor cores' tile, so a
-// weight fragment is used by one warp alone and comes straight from its stream, and a thread ends up
-// with all channels of its points. Forward, each operand is split into two halves of 11 bits each;
-// of the four products the smallest is left out, and the tensor cores' sums over 16 terms are added
-// in float32 registers: added up inside, they would be truncated. Halves have the mantissa of TF32 at
-// twice its rate but a short range, hence scales, all powers of two: each channel of a tile is
-// scaled by its largest value, weights by 2^8.
+// weight fragment is used by one warp alone and comes straight from its stream, and a thread ends
+// up with all channels of its points. Forward, each operand is split into two halves of 11 bits
+// each; of the four products the smallest is left out, and the tensor cores' sums over 16 terms are
+// added in float32 registers: added up inside, they would be truncated. Halves have the mantissa of
+// TF32 at twice its rate but a short range, hence scales, all powers of two: each channel of a tile
+// is scaled by its largest value, weights by 2^8 (beyond +-255 a weight makes the loss infinite).
 #pragma once
 
 #include <cuda_fp16.h>
@@ -99,8 +99,8 @@ struct MmaEngine : Lanes<Width, Split> {
   }
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `v` becomes what the weights kernel gets, `rest` what is left then. With two pieces, a row holds
-  // for every four inputs these inputs and then what rounding took from them.
+  // `v` becomes what the weights kernel gets, `rest` what is left then. With two pieces, a row
+  // holds for every four inputs these inputs and then what rounding took from them.
   template <bool Forward>
   static __device__ void put(float* panel, int c, int q, const unsigned* peaks, float (&v)[neurons],
                              [[maybe_unused]] float (&rest)[neurons]) {

@@ -1,6 +1,7 @@
 // Weights in the order of their use, padded with zeros.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "mma_engine.cuh"
 #include "simt_engine.cuh"
 
@@ -89,6 +90,7 @@ template <int H, bool TensorCores>
 __global__ void __launch_bounds__(kPackThreads)
     pack_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                 const Scratch scratch) {
+  wait_for_earlier();
   const std::int64_t e = blockIdx.z;
   const float* params = a.net.params + e * a.net.count;
   const int L = plan.hidden, i = blockIdx.x * kPackThreads + threadIdx.x;

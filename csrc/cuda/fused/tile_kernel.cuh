@@ -1,6 +1,7 @@
 // The kernel that takes all tiles of a chunk through the network and back.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "tasks.cuh"
 
 namespace granpinn::cuda::fused {
@@ -34,6 +35,7 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
                 const Scratch scratch, const Chunk chunk) {
   static_assert(I::R >= S::R && I::threads == S::threads, "tiles share their memory");
   extern __shared__ __align__(16) unsigned char memory[];
+  wait_for_earlier();
   auto& m = *reinterpret_cast<TileMemory<I>*>(memory);
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
 

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cuda_pipeline_primitives.h>
+#include "../launch_after.cuh"
 
 #include <type_traits>
 
@@ -195,6 +196,7 @@ template <class P, int H>
 __global__ void __launch_bounds__(P::threads, 1)
     weights_kernel(const __grid_constant__ Plan plan, const Scratch scratch, const Chunk chunk) {
   extern __shared__ __align__(16) float shared[];
+  wait_for_earlier();
   constexpr int steps = P::stage_rows / (P::groups * P::step_rows);
   static_assert(steps % 2 == 0, "operands of a stage's last step are in the second buffer");
   const int out0 = blockIdx.x / (H / P::N) * P::M, in0 = blockIdx.x % (H / P::N) * P::N;
