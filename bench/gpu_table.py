@@ -64,6 +64,9 @@ def text(rows: list[Row]) -> str:
         for name in dict.fromkeys(row["name"] for row in mine):
             lines.append(_line(name, [row for row in mine if row["name"] == name], sizes))
         parts.append("\n".join(lines))
+    parts.append(
+        "Adam: granpinn's own in its rows, in the others torch's (on a GPU fused) or JAX's."
+    )
     ours = [row for row in rows if row["name"] in OURS.values() and "ms" in row]
     parts.append("\n".join(_comparison(row) for row in ours))
     failed = [row for row in rows if "error" in row]

@@ -74,6 +74,7 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
     steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
     task = make_task(form, points).to(device)
     row |= {"flop": task.flop, "traffic": task.traffic, "steps_per_graph": steps * use_graph}
+    row["adam"] = "granpinn" if rival in GRANPINN else "torch"
     try:
         torch.compiler.reset()  # a limit on recompilations would count all rows together
         with PeakMemory(device) as memory:

@@ -1,8 +1,7 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
 // write. Everything lives on the device; the step finds its row of the control table by itself.
 //
-// Order of a step: draw_batch, residual_loss, check_step, update_params, orthogonalize and
-// descend, finish_step. The first fault of a member freezes it: it is not updated any more.
+// Order of a step: draw_batch, residual_loss, check_step, update_params, descend, finish_step. The first fault of a member freezes it: it is not updated any more.
 #pragma once
 
 #include <cstdint>
@@ -86,14 +85,15 @@ GRANPINN_HD bool accumulate(T momentum, T gradient, T* first, T* direction) {
   return good;
 }
 
-// W -= rate U for `count` matrices of a member, `apart` values from one to the next.
+// W -= rate U for `count` matrices of a member, `apart` values from one to the next; U is the
+// orthogonal factor of a matrix of Nesterov's gradient (cpu/orthogonalize.h).
 template <class T>
 struct DescendArguments {
   Control control;
   Members members;
   std::int64_t P, offset, count, size, apart;
   double learning_rate;
-  const T* U;  // [E, count, size]
+  const T* U;  // [E, count, size], unless the kernel makes it
   T* params;   // [E, P]
 };
 

@@ -1,7 +1,8 @@
 // The operators of one optimization step, from tensors to plain structs: the same for all devices.
 //
 // `Backend` runs the kernels: static functions draw, check, update, descend and finish, each taking
-// its arguments struct. In-place on the tensors that the schemas mark; nothing is synchronised.
+// its arguments struct; descend also takes the matrices that it has to orthogonalize, and how.
+// In-place on the tensors that the schemas mark; nothing is synchronised.
 #pragma once
 
 #include <c10/core/DeviceGuard.h>
@@ -173,27 +174,32 @@ struct StepOps {
   }
 
   static void descend(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
-                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& U,
+                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& G,
                       const at::Tensor& params, std::int64_t offset, std::int64_t apart,
-                      double learning_rate) {
+                      double learning_rate, c10::string_view precision) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
-    GRANPINN_CHECK_VALUE(U.dim() == 4, "U must be [E, L, m, n], got ", shape_of(U));
-    const std::int64_t L = U.size(1), size = U.size(2) * U.size(3);
+    GRANPINN_CHECK_TYPE(G.scalar_type() == type && G.device() == params.device(),
+                        "G must have the type and device of params, ", shape_of(params), ", got ",
+                        shape_of(G));
+    GRANPINN_CHECK_VALUE(G.dim() == 4 && G.size(0) == E, "G must be [", E, ", L, m, n], got ",
+                         shape_of(G));
+    const std::int64_t L = G.size(1), size = G.size(2) * G.size(3);
     expect("params", params, type, params, {E, P});
-    expect("U", U, type, params, {E, L, U.size(2), U.size(3)});
     GRANPINN_CHECK_VALUE(
         offset >= 0 && (L == 0 || (apart >= size && offset + (L - 1) * apart + size <= P)),
         "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
-        apart, " and U ", shape_of(U));
+        apart, " and G ", shape_of(G));
     const Control control = control_of(counter, table, E);
     const Members members = members_of(slower, fault, counts, params, E);
+    fast_precision(precision);
+    if (G.numel() == 0) return;
     AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {
       using T = scalar_t;
       Backend::descend(DescendArguments<T>{control, members, P, offset, L, size, apart,
-                                           learning_rate, U.const_data_ptr<T>(),
-                                           params.mutable_data_ptr<T>()});
+                                           learning_rate, nullptr, params.mutable_data_ptr<T>()},
+                       G, precision);
     });
   }
 

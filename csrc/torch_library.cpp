@@ -31,7 +31,7 @@ TORCH_LIBRARY(granpinn, m) {
       "float eta_min, float eta_max, float p_floor) -> (Tensor, Tensor, Tensor)");
   m.def("pointwise_residuals(Tensor raw_jets, Tensor theta, float[] physics, str form) -> Tensor");
   m.def("sample_indices(Tensor step, int seed, int stream, int count, int population) -> Tensor");
-  m.def("orthogonalize(Tensor G) -> Tensor");
+  m.def("orthogonalize(Tensor G, str precision='fp32') -> Tensor");
   m.def(
       "draw_batch(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
       "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
@@ -46,7 +46,8 @@ TORCH_LIBRARY(granpinn, m) {
       "Tensor(e!) direction, int[] matrices, float[] adam, float momentum) -> ()");
   m.def(
       "descend(Tensor counter, Tensor table, Tensor slower, Tensor(a!) fault, Tensor counts, "
-      "Tensor U, Tensor(b!) params, int offset, int apart, float learning_rate) -> ()");
+      "Tensor G, Tensor(b!) params, int offset, int apart, float learning_rate, str precision) "
+      "-> ()");
   m.def(
       "finish_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
       "Tensor(c!) counts, Tensor grad_theta, Tensor(d!) q, Tensor(e!) first, Tensor(f!) second, "

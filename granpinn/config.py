@@ -128,7 +128,8 @@ class Config:
     out: str | None = setting(None, "folder of the run: results, fields, figures, checkpoints")
     level: Literal["V0", "V1", "V2"] = setting(
         "V1",
-        "what is measured: V0 velocity; V1 and the line of the free surface, where p = 0; "
+        "what is measured: V0 velocity, with p = 0 where its vectors end upwards; V1 and the line "
+        "of the free surface, where p = 0; "
         "V2 and pressure at surface points",
     )
     form: Literal["mixed", "strong"] = setting(
@@ -150,7 +151,7 @@ class Config:
     device: Literal["auto", "cpu", "cuda"] = setting("auto", "where to compute")
     dtype: Literal["float32", "float64"] = setting("float32", "type of every number")
     precision: Literal["fp32", "fast"] = setting(
-        "fast", "products on a GPU: plain float32 (fp32), or compensated on tensor cores (fast)"
+        "fast", "products on a GPU: plain float32 (fp32), or on tensor cores (fast)"
     )
     max_time: float | None = setting(
         None, "seconds that the command may take; the run is planned to end within them"

@@ -33,6 +33,6 @@ at::Tensor pointwise_residuals_cpu(const at::Tensor& raw_jets, const at::Tensor&
 at::Tensor sample_indices_cpu(const at::Tensor& step, std::int64_t seed, std::int64_t stream,
                               std::int64_t count, std::int64_t population);
 
-at::Tensor orthogonalize_cpu(const at::Tensor& G);
+at::Tensor orthogonalize_cpu(const at::Tensor& G, c10::string_view precision);
 
 }  // namespace granpinn

@@ -4,8 +4,9 @@
 
 namespace granpinn {
 
-at::Tensor orthogonalize_cpu(const at::Tensor& G) {
+at::Tensor orthogonalize_cpu(const at::Tensor& G, c10::string_view precision) {
   check_matrices(G);
+  fast_precision(precision);  // known, but without meaning here
   const at::Tensor from = G.contiguous();
   at::Tensor out = at::empty_like(from);
   const std::int64_t m = G.size(-2), n = G.size(-1);

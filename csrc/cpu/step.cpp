@@ -5,6 +5,8 @@
 
 #include <ATen/Parallel.h>
 
+#include "ops.h"
+
 namespace granpinn {
 
 namespace {
@@ -77,7 +79,9 @@ struct CpuStep {
   }
 
   template <class T>
-  static void descend(const DescendArguments<T>& a) {
+  static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
+    const at::Tensor factors = orthogonalize_cpu(G, precision);
+    a.U = factors.const_data_ptr<T>();
     const std::int64_t step = a.control.counter[0];
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       if (a.members.frozen(e, step, kParams)) continue;

@@ -11,6 +11,8 @@ struct Place {
 
   // row of the matrix where tile t, counted from the block's own, begins
   __device__ int tile(int t) const { return ((rank + t) & (blocks - 1)) * kRows; }
+  // whether A has the lane's four columns of a row
+  __device__ bool fetches() const { return 4 * lane < blocks * kRows; }
 };
 
 // A lane's outputs of a product after add_warps: made[d][4 h + j] is in the block's row

@@ -114,18 +114,19 @@ __device__ void gram(const Place& at, Memory& s, float* A) {
 
 // Rows 4 w .. 4 w + 3 of tile t of A, which are the warp's terms of A^2.
 __device__ void fetch_terms(const Place& at, const float* A, int t, Memory& s) {
-  if (t < at.blocks)
+  if (t < at.blocks && at.fetches())
     for (int e = 0; e < 4; ++e)
       fetch(s.A.ring[at.warp][t % kAhead] + e * kPitch + 4 * at.lane,
             A + (at.tile(t) + 4 * at.warp + e) * kSide + 4 * at.lane);
   commit();
 }
 
-// P = b A + c A^2, the block's rows, from A in global memory. Columns beyond those of a small A
-// hold anything; no term of P X uses them.
+// P = b A + c A^2, the block's rows, from A in global memory. Columns beyond those of a small A are
+// neither written nor fetched: in shared memory they hold anything, and no term of P X uses them.
 __device__ void polynomial(const Place& at, const float* A, Memory& s, float b, float c) {
-  for (int e = at.warp; e < kRows; e += kWarps)
-    fetch(s.A.own + e * kPitch + 4 * at.lane, A + (at.tile(0) + e) * kSide + 4 * at.lane);
+  if (at.fetches())
+    for (int e = at.warp; e < kRows; e += kWarps)
+      fetch(s.A.own + e * kPitch + 4 * at.lane, A + (at.tile(0) + e) * kSide + 4 * at.lane);
   commit();
   for (int t = 1; t <= kAhead; ++t) fetch_terms(at, A, t, s);
   float sum[8][8] = {};

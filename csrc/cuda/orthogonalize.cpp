@@ -1,13 +1,13 @@
 // granpinn::orthogonalize on the GPU: small matrices by own kernels, large ones by batched products
 // of torch. Nothing is synchronised: it can be captured in a CUDA graph.
-#include <c10/core/DeviceGuard.h>
-#include <c10/cuda/CUDAStream.h>
+#include "orthogonalize.h"
+
 #include <torch/library.h>
 
 #include <algorithm>
+#include <type_traits>
 
-#include "arguments.h"
-#include "newton_schulz.h"
+#include "ops.h"
 
 namespace granpinn::cuda {
 
@@ -16,28 +16,23 @@ namespace {
 constexpr std::int64_t kSmall = 256;   // largest smaller side
 constexpr std::int64_t kMost = 65535;  // matrices of a launch
 
-at::Tensor small(const at::Tensor& G) {
-  const std::int64_t m = G.size(-2), n = G.size(-1);
-  // matrices without gaps that lie apart in one or two regular ways are taken where they are
-  const bool regular = G.dim() <= 4 && G.stride(-1) == 1 && G.stride(-2) == n;
-  const at::Tensor from = regular ? G : G.contiguous().view({-1, m, n});
-  const std::int64_t rank = from.dim();
+template <class T>
+cudaError_t launch(NewtonSchulz<T>& a, bool fast, const at::Tensor& like) {
+  const auto stream = c10::cuda::getCurrentCUDAStream();
+  if constexpr (std::is_same_v<T, float>)
+    if (fast && newton_schulz_fits_half(a.m, a.n)) return newton_schulz_in_half(a, stream);
+  const at::Tensor scratch = at::empty({newton_schulz_scratch(a)}, like.options());
+  a.scratch = scratch.mutable_data_ptr<T>();
+  return newton_schulz(a, stream);
+}
+
+at::Tensor small(const at::Tensor& G, bool fast) {
+  const at::Tensor from = spread(G);
   at::Tensor out = at::empty(G.sizes(), G.options());
   AT_DISPATCH_FLOATING_TYPES(G.scalar_type(), "orthogonalize", [&] {
-    NewtonSchulz<scalar_t> a{};
-    a.G = from.const_data_ptr<scalar_t>();
-    a.groups = rank > 3 ? from.size(0) : 1;
-    a.group_stride = rank > 3 ? from.stride(0) : 0;
-    a.count = rank > 2 ? from.size(-3) : 1;
-    a.stride = rank > 2 ? from.stride(-3) : 0;
-    a.m = m;
-    a.n = n;
+    NewtonSchulz<scalar_t> a = matrices<scalar_t>(from);
     a.out = out.mutable_data_ptr<scalar_t>();
-    const at::Tensor scratch = at::empty({newton_schulz_scratch(a)}, G.options());
-    a.scratch = scratch.mutable_data_ptr<scalar_t>();
-    const cudaError_t status = newton_schulz(a, c10::cuda::getCurrentCUDAStream());
-    TORCH_CHECK(status == cudaSuccess, "granpinn::orthogonalize could not be launched on the GPU: ",
-                cudaGetErrorString(status), "; see python -m granpinn.doctor");
+    check(launch(a, fast, G), "orthogonalize");
   });
   return out;
 }
@@ -59,12 +54,13 @@ at::Tensor large(const at::Tensor& G) {
 
 }  // namespace
 
-at::Tensor orthogonalize(const at::Tensor& G) {
+at::Tensor orthogonalize(const at::Tensor& G, c10::string_view precision) {
   check_matrices(G);
+  const bool fast = fast_precision(precision);
   const c10::DeviceGuard guard(G.device());
   const std::int64_t m = G.size(-2), n = G.size(-1);
   if (G.numel() == 0) return at::empty(G.sizes(), G.options());
-  return std::min(m, n) <= kSmall && G.numel() / (m * n) <= kMost ? small(G) : large(G);
+  return std::min(m, n) <= kSmall && G.numel() / (m * n) <= kMost ? small(G, fast) : large(G);
 }
 
 TORCH_LIBRARY_IMPL(granpinn, CUDA, m) { m.impl("orthogonalize", &orthogonalize); }

@@ -36,9 +36,13 @@ template <class T>
 cudaError_t evaluate(const DeviceLoss<T>& a, bool fast, const at::Tensor& params) {
   const auto stream = c10::cuda::getCurrentCUDAStream();
   if constexpr (std::is_same_v<T, float>) {
-    if (fused::supports(a)) {
-      const auto plan =
-          fused::make_plan(a, fast, at::cuda::getCurrentDeviceProperties()->multiProcessorCount);
+    const cudaDeviceProp& device = *at::cuda::getCurrentDeviceProperties();
+    fused::Plan plan;
+    if (fused::make_plan(
+            a, fast,
+            {device.multiProcessorCount, static_cast<int>(device.sharedMemPerBlockOptin),
+             static_cast<int>(device.sharedMemPerMultiprocessor)},
+            plan)) {
       const at::Tensor memory = scratch(fused::scratch_size(a, plan), params);
       return fused::loss(a, plan, memory.mutable_data_ptr(), stream);
     }

@@ -1,6 +1,9 @@
 // The operators of an optimization step on the GPU.
 #include <c10/cuda/CUDAStream.h>
 
+#include <type_traits>
+
+#include "orthogonalize.h"
 #include "step_launch.h"
 #include "step_ops.h"
 
@@ -28,8 +31,16 @@ struct CudaStep {
     launched(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
   }
   template <class T>
-  static void descend(const DescendArguments<T>& a) {
-    launched(descend_matrices(a, c10::cuda::getCurrentCUDAStream()), "descend");
+  static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
+    const auto stream = c10::cuda::getCurrentCUDAStream();
+    if constexpr (std::is_same_v<T, float>)
+      if (fast_precision(precision) && newton_schulz_fits_half(G.size(2), G.size(3))) {
+        const at::Tensor from = spread(G);
+        return launched(descend_in_half(matrices<T>(from), a, stream), "descend");
+      }
+    const at::Tensor factors = orthogonalize(G, precision);
+    a.U = factors.const_data_ptr<T>();
+    launched(descend_matrices(a, stream), "descend");
   }
   template <class T>
   static void finish(const FinishArguments<T>& a) {

@@ -34,13 +34,25 @@ struct AdamRates {
 
 // `t` counts from 1; `factor` scales the learning rate.
 template <class T>
-GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, double t) {
-  return {static_cast<T>(factor * s.learning_rate / (1 - pow(s.beta_1, t))),
-          static_cast<T>(sqrt(1 - pow(s.beta_2, t))),
+GRANPINN_HD T adam_step_size(const AdamSettings& s, double factor, double t) {
+  return static_cast<T>(factor * s.learning_rate / (1 - pow(s.beta_1, t)));
+}
+template <class T>
+GRANPINN_HD T adam_root_scale(const AdamSettings& s, double t) {
+  return static_cast<T>(sqrt(1 - pow(s.beta_2, t)));
+}
+template <class T>
+GRANPINN_HD AdamRates<T> adam_rates_from(const AdamSettings& s, T step_size, T root_scale) {
+  return {step_size,
+          root_scale,
           static_cast<T>(1 - s.beta_1),
           static_cast<T>(s.beta_2),
           static_cast<T>(1 - s.beta_2),
           static_cast<T>(s.epsilon)};
+}
+template <class T>
+GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, double t) {
+  return adam_rates_from(s, adam_step_size<T>(s, factor, t), adam_root_scale<T>(s, t));
 }
 
 // One element; false where something would not be finite: it then keeps its value.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import torch
 
 from granpinn.axes import Axes
-from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles
+from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
 
 if TYPE_CHECKING:
     from granpinn.scales import Scales
@@ -36,8 +36,9 @@ class TrainingSet:
         points: (x, y, t) of the data, [N, 3].
         velocity: measured (u, v), [N, 2].
         point_weights: weights of the velocity and of the physics at each point, [N, 2].
-        surface_points: (x, y, t) of the free surface, [M, 3]; M = 0 at level V0.
-        surface_pressure: [M]; 0 at level V1, measured at V2.
+        surface_points: (x, y, t) of the free surface, [M, 3]; at level V0 of the upper outline of
+            the data.
+        surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
     """
 
@@ -67,8 +68,8 @@ def training_set(
     """The data points (t > 0, valid vector; on a grid: c = 1) and the surface points of a level.
 
     Args:
-        level: "V0" velocity only; "V1" and the line of the free surface, where p = 0;
-            "V2" and the pressure measured there.
+        level: "V0" velocity only, p = 0 on the upper `outline` of its points; "V1" and the line of
+            the free surface, where p = 0; "V2" and the pressure measured there.
         dtype: of all tensors.
 
     Raises:
@@ -176,9 +177,7 @@ def _surface(
     flow: Flow, scales: Scales, level: str
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
-    if level == "V0":
-        return np.empty((0, 3)), np.empty(0)
-    surface = flow.surface
+    surface = outline(flow) if level == "V0" else flow.surface
     if surface is None:
         raise FlowFileError(
             f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
@@ -190,17 +189,38 @@ def _surface(
             "level V1"
         )
     kept = surface.t > 0
-    if level == "V1":
+    if level != "V2" and surface.t.size:
         h = flow.height(surface.x, surface.y)
         kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
-    if not kept.any():
+    if not kept.any() and level != "V0":
         raise FlowFileError(
             f"level {level} needs points of the free surface at t > 0 and more than "
             f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
             "the surface or use level V0"
         )
     points = scales.points_to_dimensionless(surface.x[kept], surface.y[kept], surface.t[kept])
-    if level == "V1" or surface.p is None:
+    if level != "V2" or surface.p is None:
         return points, np.zeros(len(points))
     pressure = surface.p[kept].astype(np.float64)
     return points, scales.to_dimensionless(pressure, "pressure")
+
+
+def outline(flow: Flow) -> Surface:
+    """Where the grains end upwards: half way between the highest grains and what is above them.
+
+    One point for every time and place along the ground, known from the points that hold grains and
+    no better than their spacing. Grains at the edge of the grid are left out: what is above them
+    was not seen.
+    """
+    g_x, g_y = flow.gravity
+    grains, up, along, falls = flow.material, flow.y, flow.x, g_y
+    if abs(g_x) > abs(g_y):
+        grains, up, along, falls = grains.swapaxes(1, 2), flow.x, flow.y, g_x
+    if falls > 0:
+        grains, up = grains[:, ::-1], up[::-1]
+    highest = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
+    frame, place = np.nonzero(grains.any(axis=1) & (highest < up.size - 1))
+    k = highest[frame, place]
+    height, position = (up[k] + up[k + 1]) / 2, along[place]
+    x, y = (height, position) if abs(g_x) > abs(g_y) else (position, height)
+    return Surface(flow.t[frame], x, y)

@@ -6,7 +6,8 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
@@ -104,10 +105,11 @@ def identify_many(
         listener = progress if group.rank == 0 else None
         run = start(every, config, folder, listener, begin, places)
         run.train()
-        found = [
-            finish(every[e * K : (e + 1) * K], run, e * K, part, keep_fields)
-            for e, part in enumerate(parts)
-        ]
+
+        def finished(e: int) -> Result:
+            return finish(every[e * K : (e + 1) * K], run, e * K, parts[e], keep_fields)
+
+        found = _side_by_side(finished, range(len(cases)), config.device)
     return found if group.size == 1 else _in_order(found, len(flows))
 
 
@@ -118,7 +120,15 @@ def _in_order(found: Sequence[Result], count: int) -> list[Result]:
     return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
 
 
+S = TypeVar("S")
 T = TypeVar("T")
+
+
+def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
+    """`work` on every item: with a GPU on all cores, on a CPU one by one, as torch takes them."""
+    cores = len(os.sched_getaffinity(0)) if choose_device(device).type == "cuda" else 1
+    with ThreadPoolExecutor(cores) as pool:
+        return list(pool.map(work, items))
 
 
 def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> Sequence[T]:
@@ -131,19 +141,19 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     """The cases; a flow that comes again is not read again, and without noise shares its data."""
-    read: dict[object, Flow] = {}
+    keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
     clean: dict[object, Case] = {}
-    cases = []
-    for flow, config in zip(flows, configs, strict=True):
-        key = id(flow) if isinstance(flow, Flow) else str(flow)
-        if config.noise or key not in clean:
-            case = pose(read.get(key, flow), config)
-            read[key] = case.flow
-            if not config.noise:
-                clean[key] = case
-        else:
-            first = clean[key]
-            member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
-            case = dataclasses.replace(first, config=config, member=member)
-        cases.append(case)
-    return cases
+    for key, flow, config in zip(keys, flows, configs, strict=True):
+        if key not in clean:
+            clean[key] = pose(flow, dataclasses.replace(config, noise=0.0))
+
+    def posed(key: object, config: Config) -> Case:
+        first = clean[key]
+        if config.noise:
+            return pose(first.flow, config)
+        member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
+        return dataclasses.replace(first, config=config, member=member)
+
+    pairs = zip(keys, configs, strict=True)
+    device = configs[0].device if configs else "cpu"
+    return _side_by_side(lambda pair: posed(*pair), pairs, device)

@@ -114,7 +114,7 @@ def judge(results: Sequence[Result], law_accuracy: float, given: float) -> Profi
             f"--optimizer.learning_rate or --profile.reach, or give more --profile.seeds"
         )
     table = [[ended[I0, seed] for seed in seeds] for I0 in grid]
-    loss = _fair_losses(table)
+    loss = fair_losses(table)
     best = int(np.argmin(loss.mean(axis=1)))
     rises = (loss - loss[best]).mean(axis=1)
     smallest = STANDARD_ERRORS * _pooled_sd(loss) * math.sqrt(2 / len(seeds))
@@ -159,7 +159,7 @@ def judge(results: Sequence[Result], law_accuracy: float, given: float) -> Profi
     )
 
 
-def _fair_losses(table: Sequence[Sequence[Result]]) -> Array:
+def fair_losses(table: Sequence[Sequence[Result]]) -> Array:
     """Losses [V, n] with the same weights for all: the medians over the trainings."""
     losses = [[r.loss for r in row] for row in table]
     known = [loss for row in losses for loss in row if loss is not None]
@@ -202,10 +202,10 @@ def _status(
         return "lower bound", allowed, None
     if open_below:
         return "upper bound", allowed, None
-    return "separable", allowed, _vertex(np.log(grid), rises, best)
+    return "separable", allowed, vertex(np.log(grid), rises, best)
 
 
-def _vertex(x: Array, rises: Array, best: int) -> float:
+def vertex(x: Array, rises: Array, best: int) -> float:
     """exp of the vertex of the parabola through the least value, which is not at an end."""
     around = slice(best - 1, best + 2)
     a, b, _ = np.polyfit(x[around] - x[best], rises[around], 2)

@@ -6,6 +6,7 @@ Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import sys
 from collections.abc import Sequence
@@ -28,15 +29,14 @@ PAPER_NOISE = (0.0, 0.2, 0.8)
 EXAMPLES = """examples:
   python -m granpinn.tables --out tables
       tables 1 and 2 of the paper: six collapses are simulated, then everything is trained at once
-  python -m granpinn.tables --out tables-V2 --level V2 --seeds 3
-      with measured surface pressure, as in the paper
+  python -m granpinn.tables --out tables --level V0 V1 V2 --noise 0
+      from the velocity alone, with the surface line, and with its pressure, as in the paper
   python -m granpinn.tables --out paper --recipe paper --steps 33000
       the paper's own method, with fewer steps
   python -m granpinn.tables cases --out own --noise 0 0.02 --seeds 20
       any folder of flow files"""
 # Settings of granpinn.train that are here too, and what converts them.
 PASSED = {
-    "level": str,
     "recipe": str,
     "device": str,
     "steps": int,
@@ -55,6 +55,7 @@ class Request:
     out: Path
     noise: list[float]
     noise_on: str
+    levels: list[str]
     seeds: int
     cells: int
     stride: int | None
@@ -90,6 +91,8 @@ def parse(argv: Sequence[str]) -> Request:
         "largest speed (default 0 0.2 0.8 for the six regimes, 0 for flow files)")  # fmt: skip
     add("--noise-on", choices=("reference", "all"), default="reference", help="noise on the "
         "paper's case (0.6, 0.84) alone, if there, or on all (default reference)")  # fmt: skip
+    add("--level", nargs="+", metavar="LEVEL", help="V0, V1, V2: what is measured, a batch for "
+        "each (default V1; V2 with --recipe paper)")  # fmt: skip
     add("--seeds", type=int, default=5, metavar="N", help="trainings of each case (default 5)")
     add("--cells", type=int, default=512, metavar="N", help="cells across the box of a simulation "
         "(default 512, as in the paper)")  # fmt: skip
@@ -110,7 +113,12 @@ def _request(given: argparse.Namespace) -> Request:
     values |= {name: value for name, value in passed.items() if value is not None}
     I0 = values.get("I0") if given.I0 is None else given.I0
     values |= {"resume": given.resume, "noise": 0.0}
+    if given.level is not None:
+        values["level"] = given.level[0]
     config = build(values)
+    levels = [dataclasses.replace(config, level=name).level for name in given.level or ()]
+    if len(set(levels)) < len(levels):
+        raise ConfigError(f"--level must be levels that differ, got {' '.join(levels)}")
     noise = given.noise or ([0.0] if given.paths else list(PAPER_NOISE))
     if not all(math.isfinite(sd) and 0 <= sd <= 100 for sd in noise):
         raise ConfigError(f"--noise must be numbers from 0 to 100, got {_listed(noise)}")
@@ -131,6 +139,7 @@ def _request(given: argparse.Namespace) -> Request:
         given.out,
         sorted(noise),
         given.noise_on,
+        sorted(levels) or [config.level],
         given.seeds,
         given.cells,
         given.stride,
@@ -147,10 +156,16 @@ def _run(request: Request, rank: int) -> int:
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
     choose_device(request.config.device)
     found = _flows(request, rank)
-    cases = study.cases_of([Case(flow, 0.0) for flow in found], request.noise, request.noise_on)
+    cases = [
+        case
+        for level in request.levels
+        for case in study.cases_of(
+            [Case(flow, 0.0, level) for flow in found], request.noise, request.noise_on
+        )
+    ]
     if rank == 0:
-        members = len(cases) * request.seeds
-        _say(f"{len(cases)} cases x {request.seeds} seeds = {members} trainings as one batch")
+        members, batches = len(cases) * request.seeds, study.batches(len(request.levels))
+        _say(f"{len(cases)} cases x {request.seeds} seeds = {members} trainings as {batches}")
     done = study.run(
         cases, request.config, request.seeds, request.I0, request.out / "runs", listener
     )

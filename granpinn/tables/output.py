@@ -16,9 +16,9 @@ from granpinn.atomic import atomic_path
 from granpinn.config import flatten
 from granpinn.report.page import TEMPLATES, duration
 from granpinn.results import number, plain
-from granpinn.tables.paper import SOURCE_1, SOURCE_2, PaperRow
+from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import Row, Spread
-from granpinn.tables.study import Study
+from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
 FORMAT_VERSION = 1
@@ -35,16 +35,23 @@ class Table(NamedTuple):
 
 
 def tables_of(rows: Sequence[Row]) -> list[Table]:
-    """Table 1: without noise. Table 2: flows that are there with noise, at all levels."""
+    """For each level of information, table 1: without noise; table 2: flows with noise, without
+    it too where they are.
+    """
     clean = [(row, row.paper_1) for row in rows if row.noise == 0]
     with_noise = {row.name for row in rows if row.noise > 0}
     noisy = [(row, row.paper_2) for row in rows if row.name in with_noise]
     noisy.sort(key=lambda pair: (pair[0].name, pair[0].noise))
-    tables = [
-        Table("Table 1: identification without noise", SOURCE_1, clean),
-        Table("Table 2: identification with noise", SOURCE_2, noisy),
-    ]
-    return [table for table in tables if table.rows]
+    tables = []
+    for title, source, found in (
+        ("Table 1: identification without noise", SOURCE_1, clean),
+        ("Table 2: identification with noise", SOURCE_2, noisy),
+    ):
+        for level in sorted({row.level for row, _ in found}):
+            own = [pair for pair in found if pair[0].level == level]
+            note = f"{source}; {VELOCITY_ALONE}" if level == "V0" else source
+            tables.append(Table(f"{title}, level {level}", note, own))
+    return tables
 
 
 def case_name(row: Row) -> str:
@@ -59,10 +66,11 @@ def text(study: Study) -> str:
     """The tables for a terminal: median (worst) of the errors in %, the paper's beside them."""
     lines = []
     for table in tables_of(study.rows):
-        lines += ["", f"{table.title}, level {study.config.level}, {study.seeds} seeds"]
+        lines += ["", f"{table.title}, {study.config.recipe} recipe, {study.seeds} seeds"]
         lines.append(
             f"{'case':<16}{'noise':>6}{'mu_s':>8}{'mu_2':>8}{'mu_s %':>16}{'paper':>6}"
-            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}{'scatter %':>14}"
+            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}{'flowing':>8}{'at rest':>8}"
+            f"{'scatter %':>14}"
         )
         lines += [_line(row, paper) for row, paper in table.rows]
     return "\n".join([*lines, "", summary(study)])
@@ -73,9 +81,11 @@ def summary(study: Study) -> str:
     members = sum(len(group) for group in study.results)
     failed = sum(row.failed for row in study.rows)
     first = study.results[0][0]
+    training_s = sum(study.training_s.values())
     return (
-        f"{members} trainings of {first.timing.steps} steps as one batch on {first.device}: "
-        f"{duration(study.training_s)} of training, {duration(study.total_s)} in all"
+        f"{members} trainings of {first.timing.steps} steps as {batches(len(study.levels))} on "
+        f"{first.device}: {duration(training_s)} of training, {training_s / members:.1f} s each, "
+        f"{duration(study.total_s)} in all"
         f"{f'; {failed} diverged' if failed else ''}"
     )
 
@@ -86,6 +96,8 @@ def _line(row: Row, paper: PaperRow | None) -> str:
     for name, theirs in PAPER_ERRORS.items():
         known = None if paper is None else getattr(paper, theirs)
         cells.append(f"{_median_worst(row.errors[name]):>16}{number(known, '.2f'):>6}")
+    for name in ("pressure_flowing", "pressure_stagnant"):
+        cells.append(f"{number(row.errors[name].median, '.2f'):>8}")
     scatter = [number(row.errors[name].scatter, ".2f") for name in ("mu_s", "mu_2")]
     cells.append(f"{'/'.join(scatter):>14}")
     return "".join(cells) + (f"  {row.failed} diverged" if row.failed else "")
@@ -101,6 +113,7 @@ def content(study: Study) -> dict[str, Any]:
         {
             "case": row.name,
             "noise": row.noise,
+            "level": row.level,
             "seed": r.seed,
             "parameters": {n: getattr(r.parameters, n).value for n in ("mu_s", "mu_2", "I0")},
             "interval_90": {n: getattr(r.parameters, n).interval_90 for n in ("mu_s", "mu_2")},
@@ -116,13 +129,14 @@ def content(study: Study) -> dict[str, Any]:
         {
             "format_name": FORMAT_NAME,
             "format_version": FORMAT_VERSION,
-            "level": study.config.level,
+            "levels": study.levels,
             "recipe": study.config.recipe,
             "seeds": study.seeds,
             "device": first.device,
             "versions": first.versions,
             "steps": first.timing.steps,
             "training_s": study.training_s,
+            "mean_training_s": sum(study.training_s.values()) / len(members),
             "total_s": study.total_s,
             "settings": flatten(study.config),
             "sources": {"paper_1": SOURCE_1, "paper_2": SOURCE_2},
@@ -144,15 +158,25 @@ def csv_text(study: Study) -> str:
     """One line per case and table, every error with median, worst and scatter."""
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
-    statistics = ("median", "worst", "scatter", "rmse", "signed_median")
-    header = ["table", "case", "noise", "true_mu_s", "true_mu_2", "I0", "n_points", "members"]
+    statistics = ("median", "worst", "scatter", "rmse", "bias", "signed_median")
+    header = [
+        "table",
+        "case",
+        "noise",
+        "level",
+        "true_mu_s",
+        "true_mu_2",
+        "I0",
+        "n_points",
+        "members",
+    ]
     header += ["failed", "mu_s", "mu_2"]
     header += [f"{name}_{what}" for name in MEASURES for what in statistics]
     writer.writerow([*header, *(f"paper_{name}" for name in PaperRow._fields)])
     for table in tables_of(study.rows):
         for row, paper in table.rows:
             truth = (getattr(row.truth, "mu_s", None), getattr(row.truth, "mu_2", None))
-            cells = [table.title.partition(":")[0], row.name, row.noise, *truth, row.I0]
+            cells = [table.title.partition(":")[0], row.name, row.noise, row.level, *truth, row.I0]
             cells += [row.n_points, row.members, row.failed, row.mu_s, row.mu_2]
             cells += [getattr(row.errors[name], what) for name in MEASURES for what in statistics]
             writer.writerow([*cells, *(paper or (None,) * len(PaperRow._fields))])

@@ -9,6 +9,9 @@ from granpinn.data import Truth
 SOURCE_1 = "the paper, table 1 (label tab:id): one training each, pressure measured at the surface"
 SOURCE_2 = "the paper, table 2 (label tab:bruit): one draw of the noise each, likewise"
 
+# Section "Identification of mu_s and mu_2", where the paper gives no more than these two numbers.
+VELOCITY_ALONE = "from the velocity alone the paper reports 53 % in mu_s and up to 100 % in mu_2"
+
 
 class PaperRow(NamedTuple):
     """A row of the paper: identified values and relative errors in %."""

@@ -2,8 +2,9 @@
 
 A signed error is 100 (value - true)/true, an absolute one its size. **Scatter** is the standard
 deviation of the identified value over the seeds relative to the true one, **worst** the largest
-absolute error. RMSE is the root of the mean squared signed error. Trainings that diverged are
-counted, and are in no other number.
+absolute error. RMSE is the root of the mean squared signed error, **bias** the mean signed error:
+rmse^2 = bias^2 + scatter^2 (n - 1)/n. Trainings that diverged are counted, and are in no other
+number.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ FIELDS = ("pressure", "pressure_flowing", "pressure_stagnant", "velocity")
 
 
 class Case(NamedTuple):
-    """A flow with a level of noise."""
+    """A flow with a level of noise and a level of information, "V0" to "V2"."""
 
     flow: Flow
     noise: float
+    level: str = "V1"
 
     @property
     def name(self) -> str:
@@ -40,6 +42,7 @@ class Spread:
     worst: float | None
     scatter: float | None = None
     rmse: float | None = None
+    bias: float | None = None
     signed_median: float | None = None
 
 
@@ -55,6 +58,7 @@ class Row:
 
     name: str
     noise: float
+    level: str
     truth: Truth | None
     I0: float
     n_points: int
@@ -83,6 +87,7 @@ def row_of(case: Case, results: Sequence[Result]) -> Row:
     return Row(
         name=case.name,
         noise=case.noise,
+        level=case.level,
         truth=truth,
         I0=results[0].parameters.I0.value,
         n_points=results[0].data.n_points,
@@ -107,6 +112,7 @@ def _spread(values: Sequence[float], true: float | None) -> Spread:
         worst=max(sizes),
         scatter=statistics.stdev(signed) if len(signed) > 1 else None,
         rmse=math.sqrt(statistics.fmean(error**2 for error in signed)),
+        bias=statistics.fmean(signed),
         signed_median=statistics.median(signed),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,23 +21,27 @@ I0_UNKNOWN = 0.3  # that of the paper
 
 @dataclass(frozen=True)
 class Study:
-    """Rows in the order of the cases, the result of every training, and the time of the batch.
+    """Rows in the order of the cases, the result of every training, and the time of the batches.
 
     Attributes:
         results: of every case, its seeds in order.
-        training_s: training alone; total_s: with reading, scoring and writing.
+        training_s: training alone, by level; total_s: with reading, scoring and writing.
     """
 
     config: Config
     seeds: int
     rows: list[Row]
     results: list[list[Result]]
-    training_s: float
+    training_s: dict[str, float]
     total_s: float
 
+    @property
+    def levels(self) -> list[str]:
+        return list(self.training_s)
 
-def cases_of(cases: Sequence[Case], levels: Sequence[float], on: str) -> list[Case]:
-    """Every flow without noise if 0 is a level, and the noisy cases at the other levels.
+
+def cases_of(cases: Sequence[Case], noise: Sequence[float], on: str) -> list[Case]:
+    """Every case without noise if 0 is among its levels, and the noisy cases at the others.
 
     Args:
         cases: one of each flow.
@@ -45,8 +50,8 @@ def cases_of(cases: Sequence[Case], levels: Sequence[float], on: str) -> list[Ca
     noisy = [case for case in cases if case_of(case.flow.truth) == NOISY_CASE]
     if on == "all" or not noisy:
         noisy = list(cases)
-    clean = [Case(case.flow, 0.0) for case in cases] if 0 in levels else []
-    return clean + [Case(case.flow, sd) for case in noisy for sd in levels if sd > 0]
+    clean = list(cases) if 0 in noise else []
+    return clean + [case._replace(noise=sd) for case in noisy for sd in noise if sd > 0]
 
 
 def run(
@@ -57,15 +62,44 @@ def run(
     folder: Path,
     progress: Progress | None = None,
 ) -> Study:
-    """Train everything side by side.
+    """Train everything side by side, one batch for each level of information.
 
     Args:
+        cases: those of one level one after another.
         I0: for all; None for that of each flow file.
         folder: for the checkpoints and the results of the members; `config.resume` goes on there.
     """
     begin = time.monotonic()
+    many = len({case.level for case in cases}) > 1
+    groups: list[list[Result]] = []
+    training_s = {}
+    for level, these in itertools.groupby(cases, lambda case: case.level):
+        own = dataclasses.replace(config, level=level)
+        place = folder / level if many else folder
+        found = _train(list(these), own, seeds, I0, place, progress)
+        groups += [found[k : k + seeds] for k in range(0, len(found), seeds)]
+        training_s[level] = max(r.timing.wall_s for r in found)
+    rows = [row_of(case, group) for case, group in zip(cases, groups, strict=True)]
+    config = dataclasses.replace(config, out=None, flow=None)
+    return Study(config, seeds, rows, groups, training_s, time.monotonic() - begin)
+
+
+def batches(count: int) -> str:
+    """How many batches, in words."""
+    return "one batch" if count == 1 else f"{count} batches"
+
+
+def _train(
+    cases: Sequence[Case],
+    config: Config,
+    seeds: int,
+    I0: float | None,
+    folder: Path,
+    progress: Progress | None,
+) -> list[Result]:
+    """One batch: of every case its seeds."""
     many = [case for case in cases for _ in range(seeds)]
-    found = identify_many(
+    return identify_many(
         [case.flow for case in many],
         config,
         [config.seed + k for _ in cases for k in range(seeds)],
@@ -75,8 +109,3 @@ def run(
         keep_fields=False,
         progress=progress,
     )
-    groups = [found[k : k + seeds] for k in range(0, len(found), seeds)]
-    rows = [row_of(case, group) for case, group in zip(cases, groups, strict=True)]
-    training_s = max(r.timing.wall_s for r in found)
-    config = dataclasses.replace(config, out=None, flow=None)
-    return Study(config, seeds, rows, groups, training_s, time.monotonic() - begin)

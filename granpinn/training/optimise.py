@@ -50,6 +50,9 @@ class Group:
 class BatchOptimizer:
     """Updates params [E, P] and the rheology scalars q [E, 2] in place, and their averages.
 
+    Args:
+        precision: of Muon's products on a GPU, "fp32" or "fast" (granpinn/training/step_ops.py).
+
     Attributes:
         average_params, average_q: means over the steps that the control table gives a weight.
     """
@@ -61,8 +64,10 @@ class BatchOptimizer:
         widths: Sequence[int],
         settings: Optimizer,
         control: Control,
+        precision: str = "fp32",
     ) -> None:
         self.params, self.scalars, self.control, self.settings = params, scalars, control, settings
+        self.precision = precision
         self.groups = hidden_groups(widths) if settings.method == "muon" else []
         self.matrices = [
             number
@@ -104,9 +109,9 @@ class BatchOptimizer:
             s.momentum,
         )
         for g in self.groups:
-            U = _ops.orthogonalize(g.of(self.direction))
             rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
-            _ops.descend(*state, U, self.params, g.offset, g.apart, rate)
+            G = g.of(self.direction)
+            _ops.descend(*state, G, self.params, g.offset, g.apart, rate, self.precision)
         _ops.finish_step(
             *state,
             grad_theta,

@@ -62,7 +62,12 @@ class Training:
         )
         self.control = Control(len(members), device)
         self.optimizer = BatchOptimizer(
-            self.params, self.scalars, objective.spec.widths, config.optimizer, self.control
+            self.params,
+            self.scalars,
+            objective.spec.widths,
+            config.optimizer,
+            self.control,
+            objective.precision,
         )
         self.step = 0
         self.averaged = 0

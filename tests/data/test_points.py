@@ -11,6 +11,7 @@ from flows import make_flow
 
 from granpinn import data
 from granpinn.data import Flow, FlowFileError, training_set
+from granpinn.data.points import outline
 from granpinn.scales import Scales
 
 FLOW = make_flow()
@@ -65,8 +66,7 @@ def test_no_time_zero() -> None:
 
 def test_levels() -> None:
     v0, v1, v2 = (training_set(FLOW, SCALES, level) for level in ("V0", "V1", "V2"))
-    assert v0.surface_points.shape == (0, 3)
-    assert v0.surface_pressure.shape == (0,)
+    assert torch.equal(v0.surface_pressure, torch.zeros(len(v0.surface_points)))
     above_toe = SURFACE.y > SURFACE.y.min() + 2 * FLOW.grain_diameter
     assert 0 < above_toe.sum() < len(SURFACE.y)
     assert len(v1.surface_points) == above_toe.sum()
@@ -77,6 +77,30 @@ def test_levels() -> None:
     )
     assert torch.equal(v1.surface_pressure, torch.zeros(len(v1.surface_points)))
     assert len(v2.surface_points) == len(SURFACE.y)
+
+
+@pytest.mark.parametrize("down", [(0.0, -9.81), (0.1, 9.81), (-9.81, 0.1), (9.81, 0.0)])
+def test_the_outline_is_the_surface_to_a_spacing(down: tuple[float, float]) -> None:
+    """The same heap, turned so that gravity pulls along -y, y, -x and x."""
+    turned = replace(FLOW, c=FLOW.c.copy())
+    turned.c[3, -1, 4] = 1  # grains up to the edge of what was seen
+    if max(down) > 1:
+        turned = replace(turned, y=-FLOW.y[::-1], c=turned.c[:, ::-1])
+    if abs(down[0]) > 1:
+        turned = replace(turned, x=turned.y, y=turned.x, c=turned.c.swapaxes(1, 2))
+    found = outline(replace(turned, gravity=down))
+    x, y = (found.y, found.x) if abs(down[0]) > 1 else (found.x, found.y)
+    y = -y if max(down) > 1 else y
+    frame = np.searchsorted(FLOW.t, found.t)
+    assert len(frame) == FLOW.material.any(axis=1).sum() - 1
+    radius = 0.6 * (1 + 2 * FLOW.t[frame] ** 2)
+    height = np.sqrt(1 - (x / radius) ** 2) / (radius / 0.6)
+    assert np.abs(y - height).max() <= (FLOW.y[1] - FLOW.y[0]) * (1 + 1e-9)
+
+
+def test_without_an_outline_v0_has_no_surface() -> None:
+    full = replace(FLOW, c=np.ones_like(FLOW.c))  # the grains go on beyond the picture
+    assert training_set(full, SCALES, "V0").surface_points.shape == (0, 3)
 
 
 def test_pressure_at_v2_only_and_dimensionless() -> None:

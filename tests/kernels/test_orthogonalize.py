@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import ModuleType
+
 import pytest
 import torch
 from torch import Tensor
@@ -14,21 +17,42 @@ SHAPES = [(128, 128), (33, 31), (20, 50), (50, 20), (1, 5), (7, 7), (250, 130)]
 EDGES = [(1, 1), (32, 32), (40, 128), (64, 64), (65, 64), (127, 90), (127, 127), (128, 127)]
 EDGES += [(128, 40), (128, 129), (250, 250), (256, 256), (300, 257)]
 
+# Shapes that "fast" takes in half precision, by their size k = 1, 2, ... 128.
+FAMILIES: dict[str, Callable[[int], tuple[int, int]]] = {
+    "wide": lambda k: (k, 128),
+    "tall": lambda k: (128, k),
+    "square": lambda k: (k, k),
+    "row": lambda k: (1, k),
+    "narrow": lambda k: (k, 7),
+}
+WIDEST = 5e-3  # relative error of "fast" for sides of 64 and more
+BFLOAT16 = 2e-2  # what bfloat16, in which Muon is published, costs at least
 
-def newton_schulz(G: Tensor) -> Tensor:
-    """Jordan et al. (2024), as they write it."""
+
+def same(X: Tensor) -> Tensor:
+    return X
+
+
+def rounded_to_half(X: Tensor) -> Tensor:
+    return X.half().to(X.dtype)
+
+
+def newton_schulz(G: Tensor, operand: Callable[[Tensor], Tensor] = same) -> Tensor:
+    """Jordan et al. (2024), as they write it, with operands of products that may be rounded."""
     a, b, c = 3.4445, -4.7750, 2.0315
     X = G / torch.linalg.matrix_norm(G, keepdim=True)
     if tall := G.shape[-2] > G.shape[-1]:
         X = X.mT
     for _ in range(5):
-        A = X @ X.mT
-        X = a * X + (b * A + c * A @ A) @ X
+        right = operand(X)
+        A = right @ right.mT
+        P = b * A + c * operand(A) @ operand(A)
+        X = a * X + operand(P) @ right
     return X.mT if tall else X
 
 
-def orthogonalize(G: Tensor, device: str | torch.device = "cpu") -> Tensor:
-    result: Tensor = torch.ops.granpinn.orthogonalize(G.to(device))
+def orthogonalize(G: Tensor, device: str | torch.device = "cpu", precision: str = "fp32") -> Tensor:
+    result: Tensor = torch.ops.granpinn.orthogonalize(G.to(device), precision)
     return result.cpu()
 
 
@@ -49,12 +73,63 @@ def test_many_matrices(count: int, device: torch.device) -> None:
     assert (orthogonalize(G, device) - truth).norm() <= 2 * rival + 1e-7 * truth.norm()
 
 
+def relative(found: Tensor, truth: Tensor) -> float:
+    return float((found - truth).norm() / truth.norm())
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_fast_errs_like_half_precision(family: str, cuda_ops: ModuleType) -> None:
+    """A family is one vector: a small matrix has few rounding errors, small or large by luck."""
+    truths, found, rivals = [], [], []
+    for k in range(1, 129):
+        G = torch.randn(3, *FAMILIES[family](k))
+        truth, fast = newton_schulz(G.double()), orthogonalize(G, "cuda", "fast")
+        assert relative(fast, truth) <= (WIDEST if min(G.shape[1:]) >= 64 else BFLOAT16), k
+        truths.append(truth.flatten())
+        found.append(fast.flatten())
+        rivals.append(newton_schulz(G, rounded_to_half).flatten())
+    truth, fast, rival = (torch.cat(parts) for parts in (truths, found, rivals))
+    assert relative(fast, truth) <= 2 * relative(rival, truth)
+
+
+@pytest.mark.parametrize("decay", [2, 4, 8])
+def test_fast_with_small_singular_values(decay: int, cuda_ops: ModuleType) -> None:
+    """They are amplified most, and must not drown in what the large ones round to."""
+    U, V = (torch.linalg.qr(torch.randn(3, 128, 128))[0] for _ in range(2))
+    G = (U * torch.logspace(0, -decay, 128)) @ V
+    truth = newton_schulz(G.double())
+    rival = relative(newton_schulz(G, rounded_to_half), truth)
+    assert relative(orthogonalize(G, "cuda", "fast"), truth) <= min(2 * rival, WIDEST)
+
+
+@pytest.mark.parametrize("shape", [(128, 128), (20, 24), (90, 33)])
+def test_fast_at_any_scale(shape: tuple[int, int], device: torch.device) -> None:
+    G = torch.randn(61, *shape) * torch.logspace(-30, 30, 61)[:, None, None]
+    truth = newton_schulz(G.double())
+    for one, exact in zip(orthogonalize(G, device, "fast"), truth, strict=True):
+        assert relative(one, exact) <= BFLOAT16
+    zero = torch.zeros(2, *shape)
+    assert not orthogonalize(zero, device, "fast").any()
+
+
+@pytest.mark.parametrize("shape", [(20, 24), (128, 129), (250, 130)])
+def test_fast_is_for_small_float32_matrices_on_a_gpu(
+    shape: tuple[int, int], device: torch.device
+) -> None:
+    halved = device.type == "cuda" and max(shape) <= 128
+    for dtype in (torch.float32, torch.float64):
+        G = torch.randn(2, *shape, dtype=dtype)
+        plain, fast = (orthogonalize(G, device, precision) for precision in ("fp32", "fast"))
+        assert torch.equal(plain, fast) is not (halved and dtype == torch.float32)
+
+
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
 @pytest.mark.parametrize("shape", [(128, 128), (40, 100), (20, 16)])
-def test_it_repeats_itself(shape: tuple[int, int], device: torch.device) -> None:
+def test_it_repeats_itself(shape: tuple[int, int], precision: str, device: torch.device) -> None:
     G = torch.randn(30, *shape)
-    first = orthogonalize(G, device)
-    assert torch.equal(first, orthogonalize(G, device))
-    assert torch.equal(first[7], orthogonalize(G[7], device))
+    first = orthogonalize(G, device, precision)
+    assert torch.equal(first, orthogonalize(G, device, precision))
+    assert torch.equal(first[7], orthogonalize(G[7], device, precision))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -81,17 +156,20 @@ def test_zero_stays_zero_and_nothing_stays_nothing(device: torch.device) -> None
     assert orthogonalize(torch.zeros(2, 0, 4), device).shape == (2, 0, 4)
 
 
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
 @pytest.mark.parametrize("kind", ["columns", "parameters"])
-def test_matrices_of_a_batch_do_not_touch_each_other(kind: str, device: torch.device) -> None:
+def test_matrices_of_a_batch_do_not_touch_each_other(
+    kind: str, precision: str, device: torch.device
+) -> None:
     if kind == "columns":
         G = torch.randn(2, 3, 40, 50).to(device)[..., :33]
     else:  # of two members, each matrix followed by other parameters: aligned to 4 bytes only
         params = torch.randn(2, 5003).to(device)
         G = params.as_strided((2, 3, 40, 33), (5003, 1321, 33, 1), 1)
-    together = orthogonalize(G, device)
+    together = orthogonalize(G, device, precision)
     for e in range(2):
         for k in range(3):
-            assert torch.equal(together[e, k], orthogonalize(G[e, k], device))
+            assert torch.equal(together[e, k], orthogonalize(G[e, k], device, precision))
 
 
 def test_the_number_of_threads_changes_no_bit(threads: None) -> None:

@@ -17,6 +17,7 @@ from granpinn.data import training_set
 from granpinn.scales import Scales
 from granpinn.training.control import HEALTHY
 from granpinn.training.objective import Member, Objective
+from granpinn.training.optimise import Group
 from granpinn.training.problem import build
 from granpinn.training.schedule import Schedule
 from granpinn.training.training import Training
@@ -26,7 +27,7 @@ from .accuracy import EPSILON, GROSS_FACTOR
 from .configurations import problem, small
 from .devices import moved
 
-TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast"
+TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast", and of half precision
 
 # Points that make the tiles large (csrc/cuda/fused/fused_loss.cu, on 132 multiprocessors).
 MANY = {"mixed": 2203, "strong": 1103, "data": 8501}
@@ -114,6 +115,26 @@ def test_newton_schulz(shape: tuple[int, ...], cuda_ops: ModuleType) -> None:
         found = orthogonalize(moved(G.to(dtype), "cuda")).cpu().double()
         unit = torch.finfo(dtype).eps
         assert relative(found, orthogonalize(G)) <= GROSS_FACTOR * shape[-1] * unit
+    fast = orthogonalize(moved(G.float(), "cuda"), "fast").cpu()
+    assert relative(fast, orthogonalize(G)) <= GROSS_FACTOR * TF32
+
+
+@pytest.mark.parametrize("shape", [(2, 33, 31), (1, 128, 128)], ids=str)
+def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType) -> None:
+    """Two members, one of them frozen."""
+    group = Group(3, *shape)
+    params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
+    counter, counts = torch.zeros(3, dtype=torch.int64), torch.zeros(2, 2, dtype=torch.int64)
+    table, slower = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    state = (counter, table, slower, torch.tensor([HEALTHY, 0]), counts)
+    moves = {}
+    for device in ("cpu", "cuda"):
+        G, now = group.of(direction.to(device)), params.to(device, copy=True)
+        there = (tensor.to(device) for tensor in state)
+        torch.ops.granpinn.descend(*there, G, now, group.offset, group.apart, 1.0, "fast")
+        moves[device] = now.cpu() - params
+    assert not moves["cuda"][1].any()
+    assert relative(moves["cuda"][0], moves["cpu"][0].double()) <= GROSS_FACTOR * TF32
 
 
 @pytest.mark.parametrize("method", ["muon", "adam"])

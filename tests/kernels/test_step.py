@@ -11,6 +11,7 @@ from torch import Tensor
 from granpinn import ops
 from granpinn.training import step_ops  # noqa: F401
 from granpinn.training.control import HEALTHY
+from granpinn.training.optimise import Group
 from granpinn.training.sampling import INTERIOR, SURFACE
 
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
@@ -91,8 +92,9 @@ def check_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    U, params = torch.rand(E, 2, 2, 3, dtype=dtype), torch.rand(E, P + 14, dtype=dtype)
-    return [*state(E), U, params, 3, 8, 0.1]
+    direction, params = (torch.rand(E, P + 14, dtype=dtype) for _ in range(2))
+    group = Group(3, 2, 2, 3)
+    return [*state(E), group.of(direction), params, group.offset, group.apart, 0.1, "fast"]
 
 
 CALLS = {
@@ -101,7 +103,7 @@ CALLS = {
     "update_params": update_arguments,
     "descend": descend_arguments,
     "finish_step": finish_arguments,
-    "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype)],
+    "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype), "fast"],
 }
 
 
@@ -126,6 +128,10 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "rates": ("finish_step", 13, [0.1], r"adam must be \[learning_rate, beta_1"),
     "variables": ("finish_step", 14, "exp", "variables must be 'log' or 'sigmoid', got 'exp'"),
     "apart": ("descend", 8, 5, "the matrices must lie apart"),
+    "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
+    "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
+    "precision": ("descend", 10, "half", "precision must be 'fp32' or 'fast', got 'half'"),
+    "its precision": ("orthogonalize", 1, "tf32", "precision must be 'fp32' or 'fast', got 'tf32'"),
     "stack": ("orthogonalize", 0, torch.rand(3), r"G must be \[..., m, n\], got \[3\]"),
     "no points": ("draw_batch", 4, torch.rand(0, 3), r"velocity must be \[0, 2\]"),
     "integers": ("draw_batch", 2, torch.zeros(3), "seeds must be Long on cpu, got"),
@@ -148,3 +154,42 @@ def test_there_is_no_batch_without_points() -> None:
     with pytest.raises(ValueError, match="points to draw from, got 70 and 0 for batches of 4 and"):
         torch.ops.granpinn.draw_batch(*arguments, 4, 1, 0)
     assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)
+
+
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("shape", [(2, 20, 30), (1, 128, 128), (3, 90, 33), (2, 40, 129)], ids=str)
+def test_descend_subtracts_the_orthogonal_factor(
+    shape: tuple[int, int, int], dtype: torch.dtype, precision: str, device: torch.device
+) -> None:
+    """Of sound members, from the matrices alone, at each one's own rate; and bit for bit again."""
+    group, E = Group(5, *shape), 3
+    P = group.offset + group.count * group.apart + 7
+    direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
+    counter, table, slower, fault, counts = state(E, str(device))
+    table[:, 0], slower[0], fault[1] = 0.5, 0.25, 0
+    expected = params.to(torch.float64, copy=True)
+    U = torch.ops.granpinn.orthogonalize(group.of(direction), precision).double()
+    rates = 0.1 * 0.5 * torch.tensor([0.25, 0.0, 1.0], dtype=torch.float64, device=device)
+    group.of(expected).sub_(rates[:, None, None, None] * U)
+
+    def descend(start: Tensor) -> Tensor:
+        now = start.clone()
+        places = (group.offset, group.apart, 0.1, precision)
+        G = group.of(direction)
+        torch.ops.granpinn.descend(counter, table, slower, fault, counts, G, now, *places)
+        return now
+
+    found = descend(params)
+    atol = 4 * torch.finfo(dtype).eps * float(params.abs().max())
+    torch.testing.assert_close(found.double(), expected, rtol=0, atol=atol)
+    assert torch.equal(found[1], params[1])
+    still = torch.ones_like(params)
+    group.of(still).zero_()
+    assert torch.equal(found * still, params * still)
+    assert torch.equal(found, descend(params))
+    assert fault.tolist() == [HEALTHY, 0, HEALTHY]
+    params[2, group.offset] = torch.inf
+    counter[0] = 4
+    assert torch.equal(descend(params)[:2], found[:2])
+    assert fault.tolist() == [HEALTHY, 0, 4 * 8 + 3]

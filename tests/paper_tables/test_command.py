@@ -119,6 +119,7 @@ def test_the_terminal_shows_both(
         (["--out", "o", "--seeds", "0"], "--seeds must be a number of trainings, 1 to 1000, got 0"),
         (["--out", "o", "--seeds", "two"], "invalid int value: 'two'"),
         (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
+        (["--out", "o", "--level", "V1", "V1"], "--level must be levels that differ, got V1 V1"),
         (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, paper"),
         (["--out", "o", "--I0", "0"], "--I0 must be positive, got 0"),
         (["flow.h5", "--out", "o", "--stride", "2"], "--stride is for simulated flows"),
@@ -148,6 +149,25 @@ def test_folders_without_flows_and_equal_names_are_refused(folder: Path, tmp_pat
         flows.given([tmp_path])
     with pytest.raises(ConfigError, match="names of their own, got a twice"):
         flows.given([folder, folder / "a.h5"])
+
+
+def test_every_level_is_a_batch_and_a_table(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = [str(folder / "a.h5"), "--out", str(tmp_path), "--level", "V2", "V0", "--seeds", "2"]
+    assert main([*argv, "--steps", "20", "--config", str(folder / "settings.toml")]) == 0
+    content = json.loads((tmp_path / "tables.json").read_text())
+    assert content["levels"] == ["V0", "V2"] == list(content["training_s"])
+    assert [row["level"] for row in content["rows"]] == ["V0", "V2"]
+    assert [m["level"] for m in content["members"]] == ["V0", "V0", "V2", "V2"]
+    assert content["rows"][0]["mu_s"] != content["rows"][1]["mu_s"]
+    assert content["mean_training_s"] * 4 == pytest.approx(sum(content["training_s"].values()))
+    assert (tmp_path / "runs" / "V2" / "001" / "results.json").exists()
+    shown = capsys.readouterr().out
+    assert "Table 1: identification without noise, level V2" in shown
+    assert "4 trainings of 20 steps as 2 batches" in shown
+    page = Page((tmp_path / "tables.html").read_text(encoding="utf-8"))
+    assert page.text.count("53 % in mu_s") == 1
 
 
 def test_the_paper_recipe_brings_its_level_and_form() -> None:

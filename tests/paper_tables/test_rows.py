@@ -39,6 +39,7 @@ def test_median_worst_scatter_and_rmse() -> None:
     assert errors.rmse == pytest.approx(math.sqrt(1.25 / 3))
     assert errors.scatter == pytest.approx(math.sqrt((1 + 0.25 - 0.25 / 3) / 2))
     assert errors.signed_median == pytest.approx(0.0, abs=1e-9)
+    assert errors.bias == pytest.approx(0.5 / 3)
     assert (row.errors["pressure"].median, row.errors["pressure"].worst) == (3, 4)
     assert (row.members, row.failed) == (3, 0)
 

@@ -39,7 +39,7 @@ def make_objective(config: Config, flow: Flow) -> Objective:
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
     member = Member(posed, data, config.seed, config.I0)
-    return Objective([member], config.batch, torch.device("cpu"))
+    return Objective([member], config.batch, torch.device("cpu"), precision=config.precision)
 
 
 def make_training(config: Config, flow: Flow) -> Training:

@@ -23,8 +23,9 @@ from granpinn.data import Flow
 from granpinn.training.engine import Eager, Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
+from granpinn.training.schedule import Schedule
 from granpinn.training.training import Training
-from tests.training.conftest import make_training, tiny
+from tests.training.conftest import make_objective, make_training, tiny
 
 WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}
 
@@ -152,6 +153,20 @@ def test_all_steps_of_a_kind_are_the_same_calls(flow: Flow) -> None:
             assert len(first) < 30
 
 
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
+def test_the_precision_reaches_all_products_of_a_step(precision: str, flow: Flow) -> None:
+    training = make_training(tiny(precision=precision), flow)
+    training.plan.ready(training._place(), 1, [1.0], ())
+    with torch.no_grad(), Recording() as recording:
+        training.one_step(False)
+    found = {
+        func.name().removeprefix("granpinn::"): args[names.index("precision")]
+        for func, args, _, _ in recording.calls
+        if "precision" in (names := [argument.name for argument in func._schema.arguments])
+    }
+    assert found == {"residual_loss": precision, "descend": precision}
+
+
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 @pytest.mark.parametrize("name", CONFIGS)
 def test_cuda_graphs_make_the_steps_of_the_cpu(name: str, flow: Flow) -> None:
@@ -170,3 +185,19 @@ def test_cuda_graphs_make_the_steps_of_the_cpu(name: str, flow: Flow) -> None:
     for key, tensor in cuda.tensors().items():
         assert torch.equal(tensor, called.tensors()[key]), key
         torch.testing.assert_close(tensor.cpu(), cpu.tensors()[key], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+@pytest.mark.parametrize("precision", ["fp32", "fast"])
+def test_cuda_graphs_have_the_bits_of_called_steps(precision: str, flow: Flow) -> None:
+    """In float32, where kernels start early and Muon's descent takes one launch."""
+    config = tiny(precision=precision, **CONFIGS["muon"])
+    members, schedule = make_objective(config, flow).members, Schedule(60, config.optimizer)
+    objective = Objective(members, config.batch, torch.device("cuda"), precision=precision)
+    called, *graphs = (Training(objective, schedule, config) for _ in range(3))
+    called.engine = Eager(called.one_step)
+    for training in (called, *graphs):
+        while not training.finished:
+            training.advance()
+    for training in graphs:
+        assert_same(called, training)

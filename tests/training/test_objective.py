@@ -34,10 +34,8 @@ def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, fl
     found = evaluation(training, 9)
 
     i = ops.sample_indices(4, 9, INTERIOR, config.batch.interior, len(objective.points))
-    j = torch.empty(0, dtype=torch.int64)
-    if level != "V0":
-        n_surface = len(objective.surface_points)
-        j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
+    n_surface = len(objective.surface_points)
+    j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
     p = objective.members[0].problem
     expected = reference.residual_loss(
         training.params[0],

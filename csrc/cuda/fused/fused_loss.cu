@@ -6,16 +6,14 @@
 #include "collect.cuh"
 #include "pack.cuh"
 #include "variants.h"
-#include "weights_kernel.cuh"
+#include "weights_plan.cuh"
 
 namespace granpinn::cuda::fused {
 
 namespace {
 
 constexpr int kDeepest = 8;                              // hidden layers
-constexpr std::int64_t kPanels = std::int64_t(1) << 28;  // bytes of activations and adjoints
-
-constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
+constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
@@ -29,7 +27,7 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
   Scratch s{};
   s.packed = floats(E * plan.packed());
   s.narrow = floats(E * plan.narrow());
-  s.stash = floats(plan.shared_stash ? 0 : E * plan.slots * plan.stash());
+  s.stash = floats(E * plan.slots * plan.stash());
   s.activations = floats(E * hidden * plan.panel());
   s.adjoints = floats(E * hidden * plan.panel());
   s.gradients = floats(E * hidden * plan.splits * plan.H * plan.H);
@@ -42,36 +40,26 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 template <int H>
 cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
                  cudaStream_t stream) {
-  const dim3 grid(ceil_div(std::max<std::int64_t>(plan.packed(), plan.narrow()), 1024),
-                  a.net.members);
+  const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
+  const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
-    pack_kernel<H, true><<<grid, 256, 0, stream>>>(a, plan, s);
-  else
-    pack_kernel<H, false><<<grid, 256, 0, stream>>>(a, plan, s);
-  return cudaGetLastError();
-}
-
-template <class P, int H, int B>
-cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
-                    cudaStream_t stream) {
-  const auto kernel = weights_kernel<P, H, B>;
-  constexpr int bytes = weights_memory<P, B>();
-  const cudaError_t error =
-      cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
-  if (error != cudaSuccess) return error;
-  const dim3 grid((H / B) * (H / B), plan.splits, a.net.members * (plan.hidden - 1));
-  kernel<<<grid, kWeightsThreads, bytes, stream>>>(plan, s, chunk);
-  return cudaGetLastError();
+    return launch_after(pack_kernel<H, true>, grid, kPackThreads, 0, stream, a, plan, s);
+  return launch_after(pack_kernel<H, false>, grid, kPackThreads, 0, stream, a, plan, s);
 }
 
 template <int H>
 cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
                     cudaStream_t stream) {
-  if (plan.large)
-    return plan.tensor_cores ? weights<MmaWeights<128>, H, 128>(a, plan, s, chunk, stream)
-                             : weights<SimtWeights<128>, H, 128>(a, plan, s, chunk, stream);
-  return plan.tensor_cores ? weights<MmaWeights<64>, H, 64>(a, plan, s, chunk, stream)
-                           : weights<SimtWeights<64>, H, 64>(a, plan, s, chunk, stream);
+  return visit_weights<H>(plan, [&](auto policy) {
+    using P = decltype(policy);
+    const auto kernel = weights_kernel<P, H>;
+    const int bytes = P::memory(plan.weights_stages);
+    const cudaError_t error =
+        cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+    if (error != cudaSuccess) return error;
+    const dim3 grid((H / P::M) * (H / P::N), plan.splits, a.net.members * (plan.hidden - 1));
+    return launch_after(kernel, grid, P::threads, bytes, stream, plan, s, chunk);
+  });
 }
 
 cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
@@ -100,59 +88,60 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
   }
   const dim3 grid((plan.hidden - 1) * H * H / (32 * kShares) + ceil_div(plan.narrow(), 32) + 1,
                   a.net.members);
-  collect_kernel<H><<<grid, dim3(32, kShares), 0, stream>>>(a, plan, s);
-  return cudaGetLastError();
+  return launch_after(collect_kernel<H>, grid, dim3(32, kShares), 0, stream, a, plan, s);
 }
 
 }  // namespace
 
-bool supports(const DeviceLoss<float>& a) {
+bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+               Plan& plan) {
   const int L = a.net.layers - 1;
-  if (L < 1 || L > kDeepest || a.net.members > 65535 / kDeepest) return false;
-  return *std::max_element(a.net.widths + 1, a.net.widths + 1 + L) <= kWidest;
-}
-
-Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessors) {
   const std::int64_t E = a.net.members;
+  if (L < 1 || L > kDeepest || E > 65535 / kDeepest) return false;
+  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
+  if (widest > kWidest) return false;
   Plan p{};
-  p.hidden = a.net.layers - 1;
+  p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
-  const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + p.hidden);
   p.H = widest <= 128 ? 128 : 256;
-  p.tensor_cores = tensor_cores;
 
-  // large tiles need fewer weights per point; small ones keep every multiprocessor busy
-  const int blocks = multiprocessors * (256 / p.H);
-  const TileShape small = tile_shape(a.form, tensor_cores, false);
-  p.large = E * ceil_div(a.n, small.points) > 2 * blocks;
-  const TileShape shape = p.large ? tile_shape(a.form, tensor_cores, true) : small;
-  p.points = shape.points;
-  p.surface_points = shape.surface_points;
-  p.rows = shape.rows;
-  p.interior_tiles = static_cast<int>(ceil_div(a.n, p.points));
-  p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.surface_points));
-  if (p.tiles == 0) return p;
-
-  // panel, ring and the small arrays of a tile take less than the rest of a multiprocessor's
-  const int panels = tensor_cores ? 2 : 1, ring = 4 * 4 * kStage * p.H / 32;
-  const int rest = 227 * 1024 * p.H / 256 - ring - 4 * (p.rows * 32 + p.narrow());
-  p.shared_stash = 4 * (panels * p.rows * (p.H + 8) + p.stash()) <= rest;
+  // blocks that a multiprocessor holds, by registers and by shared memory
+  int resident = 0;
+  const auto take = [&](bool tensor, Size size) {
+    p.tensor_cores = tensor, p.size = size;
+    p.compensated = compensated(a.form, tensor);
+    p.tile = tile_shape(a.form, tensor, size);
+    p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
+    p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
+    resident = p.tile_bytes() > device.shared_per_block
+                   ? 0
+                   : std::min(512 / (p.H * p.tile.split),
+                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    return resident > 0;
+  };
+  // the largest tiles that fit and of which there are enough for all multiprocessors
+  const auto take_largest = [&](bool tensor) {
+    for (const Size size : {Size::large, Size::medium})
+      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
+        return true;
+    return take(tensor, Size::small);
+  };
+  if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;
+  plan = p;
+  if (p.tiles == 0) return true;
 
   // as many rounds as it takes, each with the same number of blocks
-  const std::int64_t most = std::max<std::int64_t>(1, blocks / E);
+  const std::int64_t most = std::max<std::int64_t>(1, device.multiprocessors * resident / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));
-  const std::int64_t tile_bytes = std::int64_t(8) * p.rows * p.H * std::max(p.hidden - 1, 1);
+  const std::int64_t tile_bytes =
+      std::int64_t(8) * p.tile.panel_rows * p.H * std::max(p.hidden - 1, 1);
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 
-  const int B = p.large ? 128 : 64;
-  const std::int64_t per_split = E * std::max(p.hidden - 1, 1) * (p.H / B) * (p.H / B);
-  const std::int64_t stages = ceil_div(std::int64_t(p.chunk) * p.rows, kStageRows);
-  const std::int64_t wanted = 2 * multiprocessors / per_split;  // two blocks on each at a time
-  p.splits =
-      static_cast<int>(std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, stages / 8)));
-  return p;
+  if (!plan_weights(p, E * std::max(p.hidden - 1, 1), device)) return false;
+  plan = p;
+  return true;
 }
 
 std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {

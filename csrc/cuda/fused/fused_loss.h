@@ -5,8 +5,14 @@
 
 namespace granpinn::cuda::fused {
 
-bool supports(const DeviceLoss<float>& a);
-Plan make_plan(const DeviceLoss<float>& a, bool tensor_cores, int multiprocessors);
+struct DeviceLimits {
+  int multiprocessors;
+  int shared_per_block, shared_per_multiprocessor;  // bytes of shared memory
+};
+
+// False where this path does not take the problem.
+bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+               Plan& plan);
 std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan);
 
 // `memory` is as large as scratch_size says and aligned to 256 bytes.

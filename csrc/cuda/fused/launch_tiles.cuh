@@ -1,54 +1,65 @@
 // From a plan to the instance of the tile kernel that it names; included once per form.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "tile_kernel.cuh"
 #include "variants.h"
 
 namespace granpinn::cuda::fused {
 
-template <class I, class InteriorTask, class S, class SurfaceTask>
+template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
 cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
-  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask>;
-  const int bytes = sizeof(TileMemory<I>) +
-                    (plan.narrow() + (plan.shared_stash ? plan.stash() : 0)) * sizeof(float);
+  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs>;
+  const int bytes = plan.tile_bytes();
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
   if (error != cudaSuccess) return error;
-  kernel<<<dim3(plan.slots, a.net.members), I::H, bytes, stream>>>(a, plan, scratch, chunk);
-  return cudaGetLastError();
+  return launch_after(kernel, dim3(plan.slots, a.net.members), I::threads, bytes, stream, a, plan,
+                      scratch, chunk);
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool tensor_cores,
-          bool large>
+          Size size>
 cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                            Chunk chunk, cudaStream_t stream) {
-  constexpr TileShape shape = tile_shape(form, tensor_cores, large);
+  constexpr TileShape t = tile_shape(form, tensor_cores, size);
+  constexpr int outputs = form == Form::strong ? 3 : 5;
+  [[maybe_unused]] constexpr bool both = compensated(form, tensor_cores);
+  const auto run = [&](auto interior, auto surface) {
+    using I = decltype(interior);
+    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
+    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs>(a, plan, scratch, chunk,
+                                                                            stream);
+  };
   if constexpr (tensor_cores)
-    return launch<MmaEngine<H, C, shape.points>, InteriorTask,
-                  MmaEngine<H, 1, shape.surface_points>, SurfaceTask>(a, plan, scratch, chunk,
-                                                                      stream);
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, both, both>{}, MmaEngine < H, 1,
+               t.surface_points, t.split, t.stages, both, both && form == Form::data > {});
   else
-    return launch<SimtEngine<H, C, shape.points / 4>, InteriorTask,
-                  SimtEngine<H, 1, shape.surface_points / 4>, SurfaceTask>(a, plan, scratch, chunk,
-                                                                           stream);
+    return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>
 cudaError_t launch_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                          Chunk chunk, cudaStream_t stream) {
-  const auto by_width = [&](auto tensor_cores, auto large) {
-    constexpr bool tc = decltype(tensor_cores)::value, big = decltype(large)::value;
+  const auto by_width = [&](auto tensor_cores, auto size) {
+    constexpr bool tc = decltype(tensor_cores)::value;
+    constexpr Size s = decltype(size)::value;
     if (plan.H == 128)
-      return launch_variant<form, C, InteriorTask, SurfaceTask, 128, tc, big>(a, plan, scratch,
-                                                                              chunk, stream);
-    return launch_variant<form, C, InteriorTask, SurfaceTask, 256, tc, big>(a, plan, scratch, chunk,
+      return launch_variant<form, C, InteriorTask, SurfaceTask, 128, tc, s>(a, plan, scratch, chunk,
                                                                             stream);
+    return launch_variant<form, C, InteriorTask, SurfaceTask, 256, tc, s>(a, plan, scratch, chunk,
+                                                                          stream);
   };
-  using Yes = std::true_type;
-  using No = std::false_type;
-  if (plan.tensor_cores) return plan.large ? by_width(Yes{}, Yes{}) : by_width(Yes{}, No{});
-  return plan.large ? by_width(No{}, Yes{}) : by_width(No{}, No{});
+  const auto by_size = [&](auto tensor_cores) {
+    if (plan.size == Size::large)
+      return by_width(tensor_cores, std::integral_constant<Size, Size::large>{});
+    if (plan.size == Size::medium)
+      return by_width(tensor_cores, std::integral_constant<Size, Size::medium>{});
+    return by_width(tensor_cores, std::integral_constant<Size, Size::small>{});
+  };
+  return plan.tensor_cores ? by_size(std::true_type{}) : by_size(std::false_type{});
 }
 
 }  // namespace granpinn::cuda::fused

@@ -1,8 +1,9 @@
 // The fused path of residual_loss on a GPU: shapes and the layout of its scratch memory.
 //
-// Layers are padded to one width H (zeros change nothing: swish(0) = 0). A block of H threads takes
-// a tile of points through the network and back. Its warp w owns the neurons 32 w .. 32 w + 31 of
-// every layer, for all rows of the tile; a row is one channel of one point.
+// Layers are padded to one width H (zeros change nothing: swish(0) = 0). A block takes a tile of
+// points through the network and back. Its warps own slabs of 32 neurons of every layer, for all
+// rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only,
+// two warps share a slab: each sums over half of the inputs, then they halve the neurons.
 //   pack      brings the weights into the order in which the warps stream them;
 //   tile      forward, physics, backward; leaves activations A and adjoints G of all rows;
 //   weights   gradient G^T A of the hidden weights, split over the rows;
@@ -14,28 +15,80 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kWidest = 256;
-constexpr int kSlab = 32;                // neurons of a warp
-constexpr int kBlockK = 8;               // inputs in a stage of the weight stream
-constexpr int kStage = kSlab * kBlockK;  // floats of a stage
-constexpr int kRow = 8;                  // outputs of a row, padded
-constexpr int kSums = 8;                 // squares of the five terms, then theta
+constexpr int kSlab = 32;  // neurons of a warp, or of the two that share them
+constexpr int kRow = 8;    // outputs of a row, padded
+constexpr int kSums = 8;   // squares of the five terms, then theta
 
-// How a problem is cut up. Everything follows from its shape and the number of multiprocessors.
+// How a tile is cut. Tensor cores take rows by eights: a tile of four points of the strong form has
+// a channel of padding.
+struct TileShape {
+  int points, surface_points;  // of a tile of either kind
+  int rows;                    // of an interior tile, in shared memory
+  int panel_rows;              // of either, in the panels of the weights kernel
+  int split;                   // warps of a slab
+  int stage, stages;           // floats of a stage of weights, stages in a warp's ring
+};
+
+// Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
+enum class Size { small, medium, large };
+
+// Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
+// it an error that shows (three times that of float32 in the mixed form). With these forms both
+// products of the way back take that channel in two pieces; in the panels, the products of the
+// pieces are rows of their own (which the few points of the surface do without). The strong form
+// has no need of it.
+constexpr bool compensated(Form form, bool tensor_cores) {
+  return tensor_cores && form != Form::strong;
+}
+
+constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
+  const bool large = size == Size::large, split = size == Size::small;
+  const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
+  TileShape t{};
+  t.points = large ? 8 : 4;
+  if (form == Form::mixed && !split) t.points = large ? 16 : 8;
+  if (form == Form::data) t.points = large ? 64 : split ? 8 : 32;
+  t.rows = channels * t.points;
+  if (tensor_cores) t.rows = (t.rows + 7) / 8 * 8;
+  t.surface_points = t.panel_rows = t.rows;
+  if (compensated(form, tensor_cores)) {
+    t.panel_rows = t.rows + 2 * t.points;
+    if (form == Form::data) t.surface_points = t.panel_rows / 3;
+  }
+  t.split = split ? 2 : 1;
+  t.stage = split && !tensor_cores ? 256 : 512;
+  t.stages = split && tensor_cores ? 4 : 2;
+  return t;
+}
+
+// A row of the panel in shared memory, in floats.
+constexpr int row_floats(bool tensor_cores, int H) { return H + (tensor_cores ? 8 : 4); }
+
+// Of TileMemory (tile_memory.cuh).
+constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
+  const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
+  const int halves = tile.split == 1 ? 2 : 2 * tile.rows * H / 2;
+  return tile.rows * row_floats(tensor_cores, H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
+}
+
+// How a problem is cut up. Everything follows from its shape and the GPU.
 struct Plan {
-  int H;               // padded width
-  int hidden;          // hidden layers L
-  int outputs;         // K
-  bool tensor_cores;   // products on tensor cores
-  bool large;          // the larger of two tiles
-  int points;          // interior points of a tile
-  int surface_points;  // surface points of a tile
-  int rows;            // of either
+  int H;              // padded width
+  int hidden;         // hidden layers L
+  int outputs;        // K
+  bool tensor_cores;  // products on tensor cores
+  bool compensated;   // see above
+  Size size;          // of the tiles
+  TileShape tile;
   int interior_tiles;  // of a member
   int tiles;           // with those of the surface
   int slots;           // blocks of a member
   int chunk;           // tiles of a member that go through the kernels together
-  int splits;          // of the rows of a chunk, in the weights kernel
-  bool shared_stash;   // pre-activations are kept in shared memory
+
+  // weights kernel
+  bool large_weights;  // the larger of two tiles of weights
+  int weights_stages;  // of its ring
+  int splits;          // of the rows of a chunk
 
   // products that stream weights: forward through layers 1 .. L-1, then backward
   GRANPINN_HD int products() const { return 2 * (hidden - 1); }
@@ -43,16 +96,21 @@ struct Plan {
   GRANPINN_HD int narrow() const { return (3 + hidden + outputs) * H + kRow; }
   GRANPINN_HD int bias(int layer) const { return (3 + layer) * H; }
   GRANPINN_HD int last() const { return (3 + hidden) * H; }
-  // pre-activations that a block keeps for the way back: of all layers but the first and the last
-  GRANPINN_HD int stash() const { return (hidden > 2 ? hidden - 2 : 0) * rows * H; }
-  GRANPINN_HD std::int64_t packed() const { return std::int64_t(products()) * H * H; }
-  GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * rows * H; }
+  // pre-activations that a block keeps for the way back: of all layers but the first
+  GRANPINN_HD int stash() const { return (hidden - 1) * tile.rows * H; }
+  // streamed weights: float32, or two halves on the way forward and one or two on the way back
+  GRANPINN_HD std::int64_t packed() const {
+    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !compensated ? 3 : 4) / 2;
+  }
+  GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
+  int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }
+  GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.panel_rows * H; }
 };
 
 struct Scratch {
-  float* packed;            // [E][products][H * H] hidden weights, as streamed
+  float* packed;            // [E][packed] hidden weights, as streamed
   float* narrow;            // [E][narrow] first and last layer, biases
-  float* stash;             // [E * slots][L - 2][values of a thread][H] pre-activations
+  float* stash;             // [E * slots][L - 1][values of a thread][threads] pre-activations
   float* activations;       // A [E][L - 1][panel]
   float* adjoints;          // G likewise
   float* gradients;         // [E][L - 1][splits][H * H]

@@ -1,15 +1,21 @@
-// Products of a tile on tensor cores: float32-grade forward, TF32 backward.
+// Products of a tile on tensor cores: float32-grade forward, ten-bit mantissas backward.
 //
-// z^T = W a^T with mma.m16n8k8: neurons are the rows of the tensor cores' tile, so a weight
-// fragment is used by one warp alone and comes straight from its stream, and a thread ends up with
-// all channels of its points. Forward, each operand is split into two TF32 numbers; of the four
-// products the smallest is left out, and the tensor cores' sums over 16 terms are added in float32
-// registers: added up inside, they would be truncated. Backward operands are rounded to nearest.
+// z^T = W a^T with mma.m16n8k16 on halves: neurons are the rows of the tensor cores' tile, so a
+// weight fragment is used by one warp alone and comes straight from its stream, and a thread ends
+// up with all channels of its points. Forward, each operand is split into two halves of 11 bits
+// each; of the four products the smallest is left out, and the tensor cores' sums over 16 terms are
+// added in float32 registers: added up inside, they would be truncated. Halves have the mantissa of
+// TF32 at twice its rate but a short range, hence scales, all powers of two: each channel of a tile
+// is scaled by its largest value, weights by 2^8 (beyond +-255 a weight makes the loss infinite).
 #pragma once
 
-#include "weight_stream.cuh"
+#include <cuda_fp16.h>
+
+#include "lanes.cuh"
 
 namespace granpinn::cuda::fused {
+
+constexpr int kWeightExponent = 8;
 
 // Rounded to the ten mantissa bits of TF32, halves away from zero. (The compiler's own conversion
 // takes twice as many instructions, to keep the payload of a NaN.)
@@ -17,18 +23,42 @@ __device__ inline float to_tf32(float a) {
   return __uint_as_float((__float_as_uint(a) + 0x1000u) & 0xffffe000u);
 }
 
-__device__ inline void mma_tf32(float* d, const float (&a)[4], const float (&b)[2]) {
-  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
-      "{%0,%1,%2,%3};"
-      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
-      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
-        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
+// Two numbers as halves, the first in the lower bits, and what rounding took away.
+__device__ inline unsigned to_halves(float a, float b) {
+  const __half2 h = __floats2half2_rn(a, b);
+  return *reinterpret_cast<const unsigned*>(&h);
+}
+__device__ inline unsigned rest_of_halves(unsigned halves, float a, float b) {
+  const float2 f = __half22float2(*reinterpret_cast<const __half2*>(&halves));
+  return to_halves(a - f.x, b - f.y);
+}
+
+// d = a b + c
+__device__ inline void mma_f16(float (&d)[4], uint4 a, unsigned b0, unsigned b1,
+                               const float (&c)[4]) {
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
+      "{%10,%11,%12,%13};"
+      : "=f"(d[0]), "=f"(d[1]), "=f"(d[2]), "=f"(d[3])
+      : "r"(a.x), "r"(a.y), "r"(a.z), "r"(a.w), "r"(b0), "r"(b1), "f"(c[0]), "f"(c[1]), "f"(c[2]),
+        "f"(c[3]));
+}
+
+// Largest absolute value, as bits of a float -> the exponent of the power of two that brings it to
+// [2^14, 2^15); 0 for zeros. Both powers of two are normal numbers.
+__device__ inline int scale_exponent(unsigned peak) {
+  const int exponent = static_cast<int>(peak >> 23);
+  return exponent == 0 ? 0 : 141 - max(exponent, 40);
+}
+__device__ inline float power_of_two(int exponent) {
+  return __uint_as_float(static_cast<unsigned>(127 + exponent) << 23);
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points>
-struct MmaEngine {
-  static constexpr int H = Width;
+template <int Width, int Channels, int Points, int Split, int Stages, bool Compensated,
+          bool MoreRows>
+struct MmaEngine : Lanes<Width, Split> {
+  using L = Lanes<Width, Split>;
+  using L::H, L::neurons;
   static constexpr int C = Channels;
   static constexpr int PT = Points;
   static constexpr bool quad = PT == 4;  // a tensor-core tile then holds two channels of 4 points
@@ -36,142 +66,160 @@ struct MmaEngine {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
-  static constexpr int ld = H + 4;
-  static constexpr bool tensor_cores = true;
-  static constexpr int panel_size = 2 * R * ld;  // rounded values, then what rounding took away
-  using Stream = WeightStream<H, 4>;
-  using Values = float[CP][PPT][4];
+  static constexpr int ld = row_floats(true, H);  // rows eight banks apart
+  static constexpr bool more_rows = MoreRows;     // in the panels, see compensated() in layout.h
+  using Stream = WeightStream<512, Stages>;
+  using Values = float[CP * PPT][neurons];
 
-  static __device__ int lane() { return threadIdx.x % 32; }
-  static __device__ int point_lane() { return lane() % 4; }
-  static __device__ int neuron_lane() { return lane() / 4; }
-  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
-  static __device__ float sum_neurons(float a) {
-    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
-  }
   static __device__ int point(int q) {
-    return quad ? lane() % 4 : q / 2 * 8 + lane() % 4 * 2 + q % 2;
+    return quad ? L::point_lane() : q / 2 * 8 + L::point_lane() * 2 + q % 2;
   }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
-  static __device__ int column(int j) { return threadIdx.x / 32 * kSlab + j * 8 + lane() / 4; }
 
-  static __device__ void load(const float* row, float (&v)[4]) {
+  // Raises the channels' largest absolute values to those of this warp.
+  static __device__ void note_peaks(const Values& a, unsigned* peaks) {
 #pragma unroll
-    for (int j = 0; j < 4; ++j) v[j] = row[column(j)];
-  }
-  static __device__ void store(float* row, const float (&v)[4]) {
+    for (int c = 0; c < C; ++c) {
+      float peak = 0;
 #pragma unroll
-    for (int j = 0; j < 4; ++j) row[column(j)] = v[j];
+      for (int i = 0; i < PPT * neurons; ++i)
+        peak = fmaxf(peak, fabsf(a[c * PPT + i / neurons][i % neurons]));
+      const unsigned warp_peak = __reduce_max_sync(~0u, __float_as_uint(peak));
+      if (L::lane() == 0) atomicMax(peaks + c, warp_peak);
+    }
   }
-  // Four neurons of a row into the panel, as operands of the next product; `kept` is what the
-  // weights kernel gets.
   template <bool Forward>
-  static __device__ void put(float* panel, int row, const float (&a)[4], float (&kept)[4]) {
+  static __device__ void remove_scales(Values& z, const unsigned* peaks) {
 #pragma unroll
-    for (int j = 0; j < 4; ++j) kept[j] = to_tf32(a[j]);
-    store(panel + row * ld, kept);
-    if (!Forward) return;
-    float rest[4];
+    for (int c = 0; c < C; ++c) {
+      const float factor = power_of_two(-scale_exponent(peaks[c]) - kWeightExponent);
 #pragma unroll
-    for (int j = 0; j < 4; ++j) rest[j] = to_tf32(a[j] - kept[j]);
-    store(panel + (R + row) * ld, rest);
+      for (int i = 0; i < PPT * neurons; ++i) z[c * PPT + i / neurons][i % neurons] *= factor;
+    }
   }
 
-  // z[row][neuron] = sum_k panel[row][k] W[k][neuron]
+  // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
+  // `v` becomes what the weights kernel gets, `rest` what is left then. With two pieces, a row
+  // holds for every four inputs these inputs and then what rounding took from them.
   template <bool Forward>
-  static __device__ void multiply(const float* panel, Stream& weights, Values& z) {
+  static __device__ void put(float* panel, int c, int q, const unsigned* peaks, float (&v)[neurons],
+                             [[maybe_unused]] float (&rest)[neurons]) {
+    constexpr bool two_pieces = Forward || Compensated;
+    const float scale = c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
+    unsigned halves[neurons];
 #pragma unroll
-    for (int c = 0; c < CP; ++c)
+    for (int j = 0; j < neurons; j += 2) {
+      const float a = v[j] * scale, b = v[j + 1] * scale;
+      halves[j] = to_halves(a, b);
+      halves[j + 1] = two_pieces ? rest_of_halves(halves[j], a, b) : 0;
+    }
+    unsigned* to = reinterpret_cast<unsigned*>(panel + panel_row(c, q) * ld);
+    const int four = L::column() / 4;
+    if constexpr (two_pieces && neurons == 4) {
+      reinterpret_cast<uint4*>(to)[four] = make_uint4(halves[0], halves[2], halves[1], halves[3]);
+    } else if constexpr (two_pieces) {
+      to[4 * four + L::part()] = halves[0];
+      to[4 * four + 2 + L::part()] = halves[1];
+    } else if constexpr (neurons == 4) {
+      reinterpret_cast<uint2*>(to)[four] = make_uint2(halves[0], halves[2]);
+    } else {
+      to[2 * four + L::part()] = halves[0];
+    }
 #pragma unroll
-      for (int q = 0; q < PPT; ++q)
+    for (int j = 0; j < neurons; ++j) {
+      const float rounded = to_tf32(v[j]);
+      if constexpr (MoreRows) rest[j] = to_tf32(v[j] - rounded);
+      v[j] = rounded;
+    }
+  }
+
+  // z[row][neuron] = sum_k panel[row][k] W[k][neuron], times the scales
+  template <bool Forward>
+  static __device__ void multiply(const float* panel, Stream& weights, float2* memory, Values& z) {
+    float sum[CP * PPT][4];
 #pragma unroll
-        for (int j = 0; j < 4; ++j) z[c][q][j] = 0;
-    const int n = lane() / 4;
-    const float* b_row = panel + (quad ? n % 2 * 4 + n / 2 : n) * ld + lane() % 4;
+    for (int i = 0; i < CP * PPT * 4; ++i) sum[i / 4][i % 4] = 0;
+    // this lane's sixteen bytes of the row of its tensor-core column
+    const float* from = panel + place(L::lane() / 4) * ld + L::lane() % 4 * 4;
+    constexpr int block = Forward || Compensated ? 16 : 32;  // inputs of a stage
+    from += L::part() * (H / Split / block) * 16;
 #pragma unroll 1
-    for (int k = 0; k < H; k += kSteps * kBlockK) {
-      float a[kSteps][2][4], a_low[kSteps][2][4];
+    for (int k = 0; k < H / Split; k += block, from += 16) {
+      const float* w = weights.next();
+      uint4 a[4];
 #pragma unroll
-      for (int h = 0; h < kSteps; ++h) {
-        const float* w = weights.next();
-#pragma unroll
-        for (int m = 0; m < 2; ++m) {
-          const float4 v = *reinterpret_cast<const float4*>(w + m * 128);
-          const float raw[4] = {v.x, v.y, v.z, v.w};
-#pragma unroll
-          for (int i = 0; i < 4; ++i) {
-            a[h][m][i] = Forward ? to_tf32(raw[i]) : raw[i];
-            a_low[h][m][i] = to_tf32(raw[i] - a[h][m][i]);
-          }
-        }
-      }
+      for (int i = 0; i < 4; ++i) a[i] = *reinterpret_cast<const uint4*>(w + i * 128);
       // tiles in groups: their products are independent and hide each other's latency
 #pragma unroll
-      for (int first = 0; first < tiles; first += kTogether)
-        multiply_group<Forward>(b_row + first * 8 * ld + k, first, a, a_low, z);
+      for (int first = 0; first < tiles; first += together)
+        multiply_group<Forward>(from + first * 8 * ld, first, a, sum);
     }
+    L::exchange(memory, sum, z);
   }
 
  private:
-  static constexpr int kTogether = 4;  // tiles of a group
-  static constexpr int kSteps = 2;     // stages whose sums the tensor cores add up
+  // Where the panel holds the row of column n of a tensor-core tile: so that eight lanes reach all
+  // banks, both when they read rows n, n + 1 and when they write rows 0, 2, 4, 6.
+  static __device__ int place(int n) { return n % 2 ? 4 + (n / 2 + 2) % 4 : n / 2; }
+  static __device__ int panel_row(int c, int q) {
+    if (quad) return c / 2 * 8 + place(point(q) * 2 + c % 2);
+    return row(c, q) / 8 * 8 + place(row(c, q) % 8);
+  }
+
+  static constexpr int together = tiles <= 4 ? tiles : 2;
+
+  // Products of a tensor-core tile with a stage. In two pieces: low high + high low + high high,
+  // then added to the sum in a register. Of one piece: those of its two halves of the inputs, or of
+  // the high pieces, added up by the tensor core.
+  template <bool Forward>
+  static constexpr int products(int t) {
+    const bool values = quad ? t == 0 : t < PT / 8;  // of the value channel
+    return Forward || (Compensated && values) ? 3 : Compensated ? 1 : 2;
+  }
 
   template <bool Forward>
-  static __device__ void multiply_group(const float* from, int first,
-                                        const float (&a)[kSteps][2][4],
-                                        const float (&a_low)[kSteps][2][4], Values& z) {
-    float b[kTogether][kSteps][2], b_low[kTogether][kSteps][2], s[kTogether][2][4] = {};
+  static __device__ void multiply_group(const float* from, int first, const uint4 (&a)[4],
+                                        float (&sum)[CP * PPT][4]) {
+    uint4 b[together];
+    float d[together][2][4];
 #pragma unroll
-    for (int i = 0; i < kTogether; ++i)
+    for (int i = 0; i < together; ++i)
+      if (first + i < tiles) b[i] = *reinterpret_cast<const uint4*>(from + i * 8 * ld);
 #pragma unroll
-      for (int h = 0; h < kSteps; ++h)
-#pragma unroll
-        for (int half = 0; half < 2; ++half) {
-          if (first + i >= tiles) continue;
-          const float* at = from + i * 8 * ld + h * kBlockK + 4 * half;
-          b[i][h][half] = at[0];
-          b_low[i][h][half] = Forward ? at[R * ld] : 0;
-        }
-    if (!Forward) values_of(first, s, z);
-#pragma unroll
-    for (int h = 0; h < kSteps; ++h)
-#pragma unroll
-      for (int part = Forward ? 0 : 2; part < 3; ++part)
-#pragma unroll
-        for (int i = 0; i < kTogether; ++i)
-#pragma unroll
-          for (int m = 0; m < 2; ++m)
-            if (first + i < tiles)
-              mma_tf32(s[i][m], part == 0 ? a_low[h][m] : a[h][m],
-                       part == 1 ? b_low[i][h] : b[i][h]);
-    if (Forward) {
-      float sum[kTogether][2][4] = {};
-      values_of(first, sum, z);
-#pragma unroll
-      for (int i = 0; i < kTogether * 8; ++i)
-        s[i / 8][i / 4 % 2][i % 4] += sum[i / 8][i / 4 % 2][i % 4];
+    for (int j = 0; j < together * 8; ++j) {
+      const int t = first + j / 8;
+      d[j / 8][j / 4 % 2][j % 4] =
+          t < tiles && products<Forward>(t) < 3 ? value_of(sum, t, j / 4 % 2, j % 4) : 0;
     }
-    set_values(first, s, z);
+#pragma unroll
+    for (int part = 0; part < 3; ++part)
+#pragma unroll
+      for (int i = 0; i < together; ++i)
+#pragma unroll
+        for (int m = 0; m < 2; ++m) {
+          const int count = first + i < tiles ? products<Forward>(first + i) : 0;
+          if (part >= count) continue;
+          const bool low_weights = count == 3 ? part == 0 : part == 1;
+          const uint4& v = b[i];
+          mma_f16(d[i][m], a[low_weights ? 2 + m : m], part == 1 ? v.z : v.x, part == 1 ? v.w : v.y,
+                  d[i][m]);
+        }
+#pragma unroll
+    for (int j = 0; j < together * 8; ++j) {
+      const int t = first + j / 8;
+      if (t >= tiles) continue;
+      float& s = value_of(sum, t, j / 4 % 2, j % 4);
+      const float product = d[j / 8][j / 4 % 2][j % 4];
+      s = products<Forward>(t) == 3 ? s + product : product;
+    }
   }
 
-  // The place of element d of tensor-core tile (t, m) in a thread's values: its two columns are two
-  // channels of a point, or two points.
-  static __device__ float& value_of(Values& z, int t, int m, int d) {
-    const int c = quad ? 2 * t + d % 2 : t / (quad ? 1 : PT / 8),
-              q = quad ? 0 : t % (quad ? 1 : PT / 8) * 2 + d % 2;
-    return z[c][q][2 * m + d / 2];
-  }
-  static __device__ void values_of(int first, float (&s)[kTogether][2][4], Values& z) {
-#pragma unroll
-    for (int i = 0; i < kTogether * 8; ++i)
-      if (first + i / 8 < tiles)
-        s[i / 8][i / 4 % 2][i % 4] = value_of(z, first + i / 8, i / 4 % 2, i % 4);
-  }
-  static __device__ void set_values(int first, const float (&s)[kTogether][2][4], Values& z) {
-#pragma unroll
-    for (int i = 0; i < kTogether * 8; ++i)
-      if (first + i / 8 < tiles)
-        value_of(z, first + i / 8, i / 4 % 2, i % 4) = s[i / 8][i / 4 % 2][i % 4];
+  // The place of element d of tensor-core tile (t, m) among a thread's values: its two columns are
+  // two channels of a point, or two points.
+  static __device__ float& value_of(float (&z)[CP * PPT][4], int t, int m, int d) {
+    const int i =
+        quad ? 2 * t + d % 2 : t / (quad ? 1 : PT / 8) * PPT + t % (quad ? 1 : PT / 8) * 2 + d % 2;
+    return z[i][2 * m + d / 2];
   }
 };
 

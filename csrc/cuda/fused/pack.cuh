@@ -1,61 +1,111 @@
 // Weights in the order of their use, padded with zeros.
 #pragma once
 
+#include "../launch_after.cuh"
 #include "mma_engine.cuh"
 #include "simt_engine.cuh"
 
 namespace granpinn::cuda::fused {
 
-// blockIdx = (share of the work, member)
-template <int H, bool TensorCores>
-__global__ void pack_kernel(const __grid_constant__ DeviceLoss<float> a,
-                            const __grid_constant__ Plan plan, const Scratch scratch) {
-  const std::int64_t e = blockIdx.y;
-  const float* params = a.net.params + e * a.net.count;
-  const int L = plan.hidden, first = blockIdx.x * blockDim.x + threadIdx.x;
-  const int stride = gridDim.x * blockDim.x;
+constexpr int kPackThreads = 256;
 
-  float* packed = scratch.packed + e * plan.packed();
-  for (int i = first; i < plan.products() * H * H; i += stride) {
-    // [slab][product][block][kStage]: each warp's stream in one piece
-    const int block = i / kStage, slab = block / (plan.products() * (H / kBlockK));
-    const int product = block / (H / kBlockK) % plan.products();
-    const int k0 = block % (H / kBlockK) * kBlockK, s = i % kStage;
-    const bool forward = product < L - 1;
-    const int layer = forward ? product + 1 : 2 * L - 2 - product;
-    const int in = a.net.in(layer), out = a.net.out(layer);
-    int k, n;
-    if (TensorCores) {
-      const int part = s % 4, lane = s / 4 % 32, m = s / 128;
-      k = k0 + lane % 4 + part / 2 * 4;
-      n = slab * kSlab + m * 16 + lane / 4 + part % 2 * 8;
-    } else {
-      k = k0 + s / kSlab;
-      n = slab * kSlab + s % kSlab;
-    }
+// Weights of the product with a layer's matrix W [out, in], forward, or with its transpose.
+struct ProductWeights {
+  const float* W;
+  int in, out;
+  bool forward;
+
+  // From input k of the product to its output n; zero beyond the layer.
+  __device__ float operator()(int k, int n) const {
     const int row = forward ? n : k, column = forward ? k : n;
-    float w = row < out && column < in ? params[a.net.offset(layer) + row * in + column] : 0;
-    if (TensorCores && !forward) w = to_tf32(w);
-    packed[i] = w;
+    return row < out && column < in ? W[row * in + column] : 0;
   }
+};
 
-  float* narrow = scratch.narrow + e * plan.narrow();
-  for (int i = first; i < plan.narrow(); i += stride) {
-    const int row = i / H, n = i % H, K = plan.outputs;
-    float w = 0;
-    if (row < 3) {
-      if (n < a.net.out(0)) w = params[3 * n + row];
-    } else if (row < 3 + L) {
-      const int layer = row - 3;
-      if (n < a.net.out(layer))
-        w = params[a.net.offset(layer) + a.net.in(layer)*a.net.out(layer) + n];
-    } else if (row < 3 + L + K) {
-      if (n < a.net.in(L)) w = params[a.net.offset(L) + (row - 3 - L) * a.net.in(L) + n];
-    } else if (n < K) {
-      w = params[a.net.offset(L) + a.net.in(L)*K + n];
-    }
-    narrow[i] = w;
+__device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net,
+                                                 const float* params, int layer, bool forward) {
+  return {params + net.offset(layer), static_cast<int>(net.in(layer)),
+          static_cast<int>(net.out(layer)), forward};
+}
+
+// Elements 4 i .. 4 i + 3 of a warp's stream: the slab's weights of all products, from its part of
+// the inputs.
+template <int H, bool TensorCores>
+__device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* params, int L,
+                                 int slab, int part, int parts, bool compensated, int i) {
+  const int inputs = H / parts, fours = kSlab * inputs / 4;  // of a product in float32
+  if (!TensorCores) {
+    const int product = i / fours, at = i % fours;
+    const bool forward = product < L - 1;
+    const auto w =
+        product_weights(net, params, forward ? product + 1 : 2 * L - 2 - product, forward);
+    const int k = part * inputs + at / (kSlab / 4), n = slab * kSlab + at % (kSlab / 4) * 4;
+    return {w(k, n), w(k, n + 1), w(k, n + 2), w(k, n + 3)};
   }
+  // [quarter of the stage][lane][register]: two halves in each, see MmaEngine::multiply
+  const bool forward = i < (L - 1) * fours;
+  const bool pieces = forward || compensated;
+  const int size = pieces ? fours : fours / 2, block = pieces ? 16 : 32;
+  const int at = forward ? i : i - (L - 1) * fours;
+  const int product = at / size, stage = at % size / 128;
+  const auto w = product_weights(net, params, forward ? product + 1 : L - 1 - product, forward);
+  const int lane = at % 32, m = at / 32 % 2, second = at / 64 % 2;
+  const int k0 =
+      part * inputs + stage * block + (pieces ? 4 * (lane % 4) : 8 * (lane % 4) + 4 * second);
+  const int n0 = slab * kSlab + lane / 4 * 4 + 2 * m;
+  constexpr float scale = 1 << kWeightExponent;
+  float v[4][2];
+#pragma unroll
+  for (int r = 0; r < 4; ++r)
+#pragma unroll
+    for (int j = 0; j < 2; ++j) v[r][j] = scale * w(k0 + r / 2 * 2 + j, n0 + r % 2);
+  float packed[4];
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    const unsigned halves = to_halves(v[r][0], v[r][1]);
+    packed[r] =
+        __uint_as_float(pieces && second ? rest_of_halves(halves, v[r][0], v[r][1]) : halves);
+  }
+  return {packed[0], packed[1], packed[2], packed[3]};
+}
+
+// Element i of the narrow parameters (Plan::narrow), zero for padding.
+template <int H>
+__device__ float narrow_parameter(const DeviceNetwork<float>& net, const float* params, int L,
+                                  int K, int i) {
+  const int row = i / H, n = i % H;
+  if (row < 3) return n < net.out(0) ? params[3 * n + row] : 0;
+  if (row < 3 + L) {
+    const int layer = row - 3;
+    return n < net.out(layer) ? params[net.offset(layer) + net.in(layer)*net.out(layer) + n] : 0;
+  }
+  if (row < 3 + L + K)
+    return n < net.in(L) ? params[net.offset(L) + (row - 3 - L) * net.in(L) + n] : 0;
+  return n < K ? params[net.offset(L) + net.in(L)*K + n] : 0;
+}
+
+// blockIdx = (share of a piece, piece, member). Piece 0 is the narrow parameters; the others are
+// the warps' streams, [part of the inputs][slab], each [product][stage].
+template <int H, bool TensorCores>
+__global__ void __launch_bounds__(kPackThreads)
+    pack_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
+                const Scratch scratch) {
+  wait_for_earlier();
+  const std::int64_t e = blockIdx.z;
+  const float* params = a.net.params + e * a.net.count;
+  const int L = plan.hidden, i = blockIdx.x * kPackThreads + threadIdx.x;
+  if (blockIdx.y == 0) {
+    if (i < plan.narrow())
+      scratch.narrow[e * plan.narrow() + i] =
+          narrow_parameter<H>(a.net, params, L, plan.outputs, i);
+    return;
+  }
+  const int warp = blockIdx.y - 1, slab = warp % (H / kSlab), part = warp / (H / kSlab);
+  const std::int64_t length = plan.stream();
+  if (4 * i < length)
+    reinterpret_cast<float4*>(scratch.packed + e * plan.packed() + warp * length)[i] =
+        packed_weights<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split,
+                                       plan.compensated, i);
 }
 
 }  // namespace granpinn::cuda::fused

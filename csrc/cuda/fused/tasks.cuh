@@ -25,7 +25,7 @@ __device__ inline TaskConstants constants_of(const DeviceLoss<float>& a, std::in
 template <class E, class Memory>
 __device__ void load_points(const DeviceLoss<float>& a, std::int64_t e, const float* points,
                             std::int64_t at, std::int64_t count, Memory& m) {
-  for (int i = threadIdx.x; i < 3 * E::PT; i += E::H) {
+  for (int i = threadIdx.x; i < 3 * E::PT; i += E::threads) {
     const int p = i / 3, axis = i % 3;
     const std::int64_t row = at + p < count ? at + p : count - 1;
     m.xi[axis * E::R + p] =
@@ -41,7 +41,7 @@ struct Interior {
                               Memory& m) {
     load_points<E>(a, e, a.points.member(e), at, a.n, m);
     const float *velocity = a.velocity.member(e), *weights = a.point_weights.member(e);
-    for (int i = threadIdx.x; i < 4 * E::PT; i += E::H) {
+    for (int i = threadIdx.x; i < 4 * E::PT; i += E::threads) {
       const int p = i / 4, k = i % 4;
       const bool there = at + p < a.n;
       m.observed[i] = there ? (k < 2 ? velocity : weights - 2)[2 * (at + p) + k] : 0;
@@ -52,27 +52,27 @@ struct Interior {
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
     constexpr int jets = F::fields * F::channels;
     const FrictionLaw<float> law{c.theta[0], c.theta[1], c.theta[2]};
-    for (int i = threadIdx.x; i < kInputs<F> * E::PT; i += E::H) {
+    for (int i = threadIdx.x; i < kInputs<F> * E::PT; i += E::threads) {
       const int p = i % E::PT, input = i / E::PT;
       float z[F::fields][F::channels], w[F::residuals], e[F::residuals], g[1];
       for (int k = 0; k < F::fields; ++k)
-        for (int ch = 0; ch < F::channels; ++ch) z[k][ch] = m.raw[(ch * E::PT + p) * kRow + k];
+        for (int ch = 0; ch < F::channels; ++ch) z[k][ch] = m.raw()[(ch * E::PT + p) * kRow + k];
       const float* seen = m.observed + 4 * p;
       for (int r = 0; r < F::residuals; ++r)
         w[r] = c.term_weights[term_of(r)] / static_cast<float>(a.n) * seen[3];
       form_derivatives<F>(input, z, law, c.physics, w, e, g);
       if (input >= jets) {
-        m.terms[(kTerms + input - jets) * E::R + p] = g[0];
+        m.terms()[(kTerms + input - jets) * E::R + p] = g[0];
         continue;
       }
       const int field = input / F::channels, channel = input % F::channels;
       if (channel == 0 && field < 2) g[0] += misfit_slope(a, c, seen, field, z[0][0], z[1][0]);
-      m.adjoint[(channel * E::PT + p) * kRow + field] = g[0];
+      m.adjoint()[(channel * E::PT + p) * kRow + field] = g[0];
       if (input == 0) {
         float square[kTerms] = {};
         for (int r = 0; r < F::residuals; ++r) square[term_of(r)] += seen[3] * e[r] * e[r];
         square[0] = misfit_square(c, seen, z[0][0], z[1][0]);
-        for (int k = 0; k < kTerms; ++k) m.terms[k * E::R + p] = square[k];
+        for (int k = 0; k < kTerms; ++k) m.terms()[k * E::R + p] = square[k];
       }
     }
   }
@@ -101,12 +101,12 @@ struct Values {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
     using Misfit = Interior<MixedForm>;
-    for (int p = threadIdx.x; p < E::PT; p += E::H) {
-      const float *seen = m.observed + 4 * p, *z = m.raw + p * kRow;
+    for (int p = threadIdx.x; p < E::PT; p += E::threads) {
+      const float *seen = m.observed + 4 * p, *z = m.raw() + p * kRow;
       for (int k = 0; k < kRow; ++k)
-        m.adjoint[p * kRow + k] = k < 2 ? Misfit::misfit_slope(a, c, seen, k, z[0], z[1]) : 0;
-      for (int k = 0; k < kSums; ++k) m.terms[k * E::R + p] = 0;
-      m.terms[p] = Misfit::misfit_square(c, seen, z[0], z[1]);
+        m.adjoint()[p * kRow + k] = k < 2 ? Misfit::misfit_slope(a, c, seen, k, z[0], z[1]) : 0;
+      for (int k = 0; k < kSums; ++k) m.terms()[k * E::R + p] = 0;
+      m.terms()[p] = Misfit::misfit_square(c, seen, z[0], z[1]);
     }
   }
 };
@@ -118,7 +118,7 @@ struct Surface {
   static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
                               Memory& m) {
     load_points<E>(a, e, a.surface_points.member(e), at, a.m, m);
-    for (int p = threadIdx.x; p < E::PT; p += E::H) {
+    for (int p = threadIdx.x; p < E::PT; p += E::threads) {
       const bool there = at + p < a.m;
       m.observed[4 * p] = there ? a.surface_pressure.member(e)[at + p] : 0;
       m.observed[4 * p + 1] = there;
@@ -127,15 +127,15 @@ struct Surface {
 
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
-    for (int p = threadIdx.x; p < E::PT; p += E::H) {
-      const float z = m.raw[p * kRow + 2], weight = m.observed[4 * p + 1];
+    for (int p = threadIdx.x; p < E::PT; p += E::threads) {
+      const float z = m.raw()[p * kRow + 2], weight = m.observed[4 * p + 1];
       const float P = c.physics.pressure_scale;
       const float e = pressure_value<map>(z, P) - m.observed[4 * p];
       const float factor = c.term_weights[1] / static_cast<float>(a.m) * weight;
       for (int k = 0; k < kRow; ++k)
-        m.adjoint[p * kRow + k] = k == 2 ? factor * e * pressure_slope<map>(z, P) : 0;
-      for (int k = 0; k < kSums; ++k) m.terms[k * E::R + p] = 0;
-      m.terms[E::R + p] = weight * e * e;
+        m.adjoint()[p * kRow + k] = k == 2 ? factor * e * pressure_slope<map>(z, P) : 0;
+      for (int k = 0; k < kSums; ++k) m.terms()[k * E::R + p] = 0;
+      m.terms()[E::R + p] = weight * e * e;
     }
   }
 };

@@ -1,37 +1,17 @@
 // A tile of points through the network and back, by one block; E is an engine of products.
+//
+// Between products a thread holds its own neurons of all rows: `neurons` x points x channels. What
+// does not fit into registers meanwhile, pre-activations, waits in global memory (in L2) and comes
+// back point by point.
 #pragma once
 
 #include "math/jet.h"
-#include "mma_engine.cuh"
-#include "simt_engine.cuh"
+#include "tile_memory.cuh"
 
 namespace granpinn::cuda::fused {
 
-// Shared memory of a block, for tiles of R rows. H threads, H / 32 warps.
-template <class E>
-struct TileMemory {
-  static constexpr int warps = E::H / 32;
-  float panel[E::panel_size];  // operands of a product [row][neuron]; then parts of the outputs
-  float ring[warps * E::Stream::kFloats];  // weights
-  float raw[E::R * kRow];                  // raw outputs [row][K]
-  float adjoint[E::R * kRow];              // their adjoints
-  float xi[3 * E::R];                      // mapped coordinates [3][point]
-  float observed[4 * E::R];                // of the points: what the task needs
-  float terms[kSums * E::R];               // what each point adds to the sums
-  float scale[4];
-};
-
-// What a block knows of its member's network.
-struct TileNetwork {
-  Plan plan;
-  const float* narrow;  // weights of the first and last layer, biases
-  float* stash;         // this block's, in shared or in global memory
-  float* activations;   // of this member: [L - 1][panel]
-  float* adjoints;
-  float* gradient;  // of the narrow parameters, in shared memory
-};
-
-template <class E, class Memory>
+// Outputs: the largest number K of outputs.
+template <class E, int Outputs, class Memory>
 class Tile {
  public:
   using Values = typename E::Values;
@@ -40,158 +20,167 @@ class Tile {
                   std::int64_t first_row)
       : net_(net), m_(memory), weights_(weights), first_row_(first_row) {}
 
-  // Fills memory.raw; keeps the last hidden layer's pre-activations.
+  // Fills memory.raw(); keeps pre-activations.
   __device__ void forward() {
-    Values a;
+    Values z;
     const int L = net_.plan.hidden;
-    first_layer(z_);
-    activate(z_, a);
-    for (int l = 1; l < L; ++l) {
-      __syncthreads();
-      put<true>(a, net_.activations + (l - 1) * net_.plan.panel());
-      __syncthreads();
-      float b[4];  // on its way during the product
-      E::load(net_.narrow + net_.plan.bias(l), b);
-      E::template multiply<true>(m_.panel, weights_, z_);
+    for (int q = 0; q < E::PPT; ++q) {
+      float zq[E::C][N];
+      first_layer(q, zq);
+      set_point(zq, q, z);
+    }
+    for (int l = 0;; ++l) {
+      if (l > 0) stash(l, z);
+      activate(z);
+      if (l == L - 1) break;
+      put<true>(z, net_.activations + l * net_.plan.panel());
+      float b[N];  // on its way during the product
+      E::load(net_.narrow + net_.plan.bias(l + 1), b);
+      multiply<true>(z);
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q)
 #pragma unroll
-        for (int j = 0; j < 4; ++j) z_[0][q][j] += b[j];
-      if (l < L - 1) stash(l, z_);
-      activate(z_, a);
+        for (int j = 0; j < N; ++j) z[q][j] += b[j];
     }
-    outputs(a);
+    outputs(z);
   }
 
-  // From memory.adjoint: adds to the narrow gradients, leaves the adjoints of the hidden layers.
+  // From memory.adjoint(): adds to the narrow gradients, leaves the adjoints of the hidden layers.
   __device__ void backward() {
     const int L = net_.plan.hidden;
     Values g;
-    for (int l = L - 1; l >= 0; --l) {
-      if (l == L - 1) {
-        last_layer_adjoint(g);
-      } else {
-        __syncthreads();
-        E::template multiply<false>(m_.panel, weights_, g);
-        if (l == 0)
-          first_layer(z_);
-        else
-          recall(l, z_);
-      }
-      Values a;
-      activate_adjoint(z_, a, g);
-      if (l == L - 1) last_layer_gradient(a);
-      float b[4];
+    last_layer(g);
+    for (int l = L - 1; l > 0; --l) {
+      bias_gradient(l, g);
+      put<false>(g, net_.adjoints + (l - 1) * net_.plan.panel());
+      multiply<false>(g);
 #pragma unroll
-      for (int j = 0; j < 4; ++j) {
-        b[j] = 0;
+      for (int q = 0; q < E::PPT; ++q) {
+        float zq[E::C][N];
+        pre_activation(l - 1, q, zq);
 #pragma unroll
-        for (int q = 0; q < E::PPT; ++q) b[j] += g[0][q][j];
-      }
-      add(net_.plan.bias(l), b);
-      if (l > 0) {
-        __syncthreads();
-        put<false>(g, net_.adjoints + (l - 1) * net_.plan.panel());
-      } else {
-        first_layer_gradient(g);
+        for (int j = 0; j < N; ++j) {
+          float a[E::C];
+          activate_adjoint(zq, q, j, a, g);
+        }
       }
     }
+    bias_gradient(0, g);
+    first_layer_gradient(g);
   }
 
  private:
+  static constexpr int N = E::neurons;
+
+  __device__ static void set_point(const float (&zq)[E::C][N], int q, Values& z) {
+#pragma unroll
+    for (int c = 0; c < E::CP; ++c)
+#pragma unroll
+      for (int j = 0; j < N; ++j) z[c * E::PPT + q][j] = c < E::C ? zq[c < E::C ? c : 0][j] : 0;
+  }
+
   // z of the first layer: the coordinates' own jets are (xi, e_i, 0)
-  __device__ void first_layer(Values& z) {
-    float w[3][4], b[4];
+  __device__ void first_layer(int q, float (&z)[E::C][N]) {
+    float w[3][N], b[N];
 #pragma unroll
     for (int i = 0; i < 3; ++i) E::load(net_.narrow + i * E::H, w[i]);
     E::load(net_.narrow + net_.plan.bias(0), b);
 #pragma unroll
-    for (int q = 0; q < E::PPT; ++q)
+    for (int j = 0; j < N; ++j) {
+      float value = b[j];
 #pragma unroll
-      for (int j = 0; j < 4; ++j) {
-        float value = b[j];
+      for (int i = 0; i < 3; ++i) value = fmaf(w[i][j], m_.xi[i * E::R + E::point(q)], value);
+      z[0][j] = value;
 #pragma unroll
-        for (int i = 0; i < 3; ++i) value = fmaf(w[i][j], m_.xi[i * E::R + E::point(q)], value);
-        z[0][q][j] = value;
-#pragma unroll
-        for (int c = 1; c < E::CP; ++c)
-          z[c][q][j] = c < 4 ? w[c < 4 ? c - 1 : 0][j] * m_.scale[c < 4 ? c - 1 : 0] : 0;
-      }
+      for (int c = 1; c < E::C; ++c)
+        z[c][j] = c < 4 ? w[c < 4 ? c - 1 : 0][j] * m_.scale[c < 4 ? c - 1 : 0] : 0;
+    }
   }
 
-  __device__ void activate(const Values& z, Values& a) {
+  // z of any layer, of one point
+  __device__ void pre_activation(int layer, int q, float (&z)[E::C][N]) {
+    if (layer == 0) return first_layer(q, z);
+    const float* from = stash_of(layer);
+#pragma unroll
+    for (int c = 0; c < E::C; ++c) E::copy(from + (c * E::PPT + q) * N * E::threads, z[c]);
+  }
+
+  __device__ static void activate(Values& z) {
 #pragma unroll
     for (int q = 0; q < E::PPT; ++q)
 #pragma unroll
-      for (int j = 0; j < 4; ++j) {
+      for (int j = 0; j < N; ++j) {
         float zc[E::C], ac[E::C];
 #pragma unroll
-        for (int c = 0; c < E::C; ++c) zc[c] = z[c][q][j];
+        for (int c = 0; c < E::C; ++c) zc[c] = z[c * E::PPT + q][j];
         activation_jet<E::C>(zc, ac);
 #pragma unroll
-        for (int c = 0; c < E::CP; ++c) a[c][q][j] = c < E::C ? ac[c < E::C ? c : 0] : 0;
+        for (int c = 0; c < E::C; ++c) z[c * E::PPT + q][j] = ac[c];
       }
   }
 
-  __device__ void activate_adjoint(const Values& z, Values& a, Values& g) {
+  // Neuron j of point q: the activation, and the adjoint of z instead of that of the activation.
+  __device__ static void activate_adjoint(const float (&z)[E::C][N], int q, int j, float (&a)[E::C],
+                                          Values& g) {
+    float zc[E::C], gc[E::C];
 #pragma unroll
-    for (int q = 0; q < E::PPT; ++q)
+    for (int c = 0; c < E::C; ++c) zc[c] = z[c][j], gc[c] = g[c * E::PPT + q][j];
+    activation_jet_adjoint<E::C>(zc, a, gc);
 #pragma unroll
-      for (int j = 0; j < 4; ++j) {
-        float zc[E::C], ac[E::C], gc[E::C];
-#pragma unroll
-        for (int c = 0; c < E::C; ++c) zc[c] = z[c][q][j], gc[c] = g[c][q][j];
-        activation_jet_adjoint<E::C>(zc, ac, gc);
-#pragma unroll
-        for (int c = 0; c < E::CP; ++c) {
-          a[c][q][j] = c < E::C ? ac[c < E::C ? c : 0] : 0;
-          g[c][q][j] = c < E::C ? gc[c < E::C ? c : 0] : 0;
-        }
-      }
+    for (int c = 0; c < E::C; ++c) g[c * E::PPT + q][j] = gc[c];
   }
 
   // Into the panel, for the next product, and to global memory, for the weights' gradient.
   template <bool Forward>
-  __device__ void put(const Values& a, float* to) {
+  __device__ void put(Values& a, float* to) {
+    E::note_peaks(a, m_.peaks[turn_]);
+    __syncthreads();
 #pragma unroll
     for (int c = 0; c < E::CP; ++c)
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
-        float kept[4];
-        E::template put<Forward>(m_.panel, E::row(c, q), a[c][q], kept);
-        E::store(to + (first_row_ + E::row(c, q)) * E::H, kept);
+        float (&v)[N] = a[c * E::PPT + q];
+        [[maybe_unused]] float rest[N];
+        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], v, rest);
+        const std::int64_t row = first_row_ + E::row(c, q);
+        E::store(to + row * E::H, v);
+        if constexpr (E::more_rows)
+          if (c == 0) {
+            // A and G hold the value channel thrice: (v, v, rest) against (v, rest, v)
+            E::store(to + (row + E::R) * E::H, Forward ? v : rest);
+            E::store(to + (row + E::R + E::PT) * E::H, Forward ? rest : v);
+          }
       }
+    const float none[N] = {};
+    for (int r = E::R + (E::more_rows ? 2 * E::PT : 0) + E::point_lane();
+         r < net_.plan.tile.panel_rows; r += 4)
+      E::store(to + (first_row_ + r) * E::H, none);
+    if (threadIdx.x < kRow) m_.peaks[1 - turn_][threadIdx.x] = 0;
+    __syncthreads();
   }
 
-  __device__ float4* stash_of(int layer) {
-    constexpr int values = E::C * E::PPT;
-    return reinterpret_cast<float4*>(net_.stash) + (layer - 1) * values * E::H + threadIdx.x;
+  template <bool Forward>
+  __device__ void multiply(Values& z) {
+    E::template multiply<Forward>(m_.panel, weights_, m_.halves, z);
+    E::template remove_scales<Forward>(z, m_.peaks[turn_]);
+    turn_ = 1 - turn_;
+  }
+
+  __device__ float* stash_of(int layer) {
+    constexpr int values = E::CP * E::PPT * N;
+    return net_.stash + (layer - 1) * values * E::threads + N * threadIdx.x;
   }
   __device__ void stash(int layer, const Values& z) {
-    float4* to = stash_of(layer);
+    float* to = stash_of(layer);
 #pragma unroll
-    for (int c = 0; c < E::C; ++c)
-#pragma unroll
-      for (int q = 0; q < E::PPT; ++q)
-        to[(c * E::PPT + q) * E::H] = *reinterpret_cast<const float4*>(z[c][q]);
-  }
-  __device__ void recall(int layer, Values& z) {
-    const float4* from = stash_of(layer);
-#pragma unroll
-    for (int c = 0; c < E::C; ++c)
-#pragma unroll
-      for (int q = 0; q < E::PPT; ++q) {
-        const float4 v = from[(c * E::PPT + q) * E::H];
-        z[c][q][0] = v.x, z[c][q][1] = v.y, z[c][q][2] = v.z, z[c][q][3] = v.w;
-      }
+    for (int i = 0; i < E::C * E::PPT; ++i) E::copy_to(to + i * N * E::threads, z[i]);
   }
 
   __device__ void outputs(const Values& a) {
-    constexpr int warps = Memory::warps;
     const int K = net_.plan.outputs, warp = threadIdx.x / 32;
     __syncthreads();
     for (int k = 0; k < K; ++k) {
-      float w[4];
+      float w[N];
       E::load(net_.narrow + net_.plan.last() + k * E::H, w);
 #pragma unroll
       for (int c = 0; c < E::C; ++c)
@@ -199,85 +188,95 @@ class Tile {
         for (int q = 0; q < E::PPT; ++q) {
           float sum = 0;
 #pragma unroll
-          for (int j = 0; j < 4; ++j) sum = fmaf(a[c][q][j], w[j], sum);
+          for (int j = 0; j < N; ++j) sum = fmaf(a[c * E::PPT + q][j], w[j], sum);
           sum = E::sum_neurons(sum);
           if (E::neuron_lane() == 0) m_.panel[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
         }
     }
     __syncthreads();
     const float* bias = net_.narrow + net_.plan.last() + K * E::H;
-    for (int i = threadIdx.x; i < E::C * E::PT * K; i += E::H) {
+    for (int i = threadIdx.x; i < E::C * E::PT * K; i += E::threads) {
       const int row = i / K, k = i % K;
       float sum = row < E::PT ? bias[k] : 0;
-      for (int w = 0; w < warps; ++w) sum += m_.panel[(w * E::R + row) * kRow + k];
-      m_.raw[row * kRow + k] = sum;
+      for (int w = 0; w < E::warps; ++w) sum += m_.panel[(w * E::R + row) * kRow + k];
+      m_.raw()[row * kRow + k] = sum;
     }
     __syncthreads();
   }
 
-  __device__ void last_layer_adjoint(Values& g) {
+  // The last layer's gradient, and g of the last hidden layer.
+  __device__ void last_layer(Values& g) {
+    const int K = net_.plan.outputs, last = net_.plan.hidden - 1;
+    const float* adjoint = m_.adjoint();
+    float sum[Outputs][N] = {};
 #pragma unroll
-    for (int c = 0; c < E::CP; ++c)
-#pragma unroll
-      for (int q = 0; q < E::PPT; ++q)
-#pragma unroll
-        for (int j = 0; j < 4; ++j) g[c][q][j] = 0;
-    for (int k = 0; k < net_.plan.outputs; ++k) {
-      float w[4];
+    for (int i = 0; i < E::CP * E::PPT * N; ++i) g[i / N][i % N] = 0;
+    for (int k = 0; k < K; ++k) {
+      float w[N];
       E::load(net_.narrow + net_.plan.last() + k * E::H, w);
 #pragma unroll
       for (int c = 0; c < E::C; ++c)
 #pragma unroll
         for (int q = 0; q < E::PPT; ++q) {
-          const float v = m_.adjoint[E::row(c, q) * kRow + k];
+          const float v = adjoint[E::row(c, q) * kRow + k];
 #pragma unroll
-          for (int j = 0; j < 4; ++j) g[c][q][j] = fmaf(v, w[j], g[c][q][j]);
+          for (int j = 0; j < N; ++j) g[c * E::PPT + q][j] = fmaf(v, w[j], g[c * E::PPT + q][j]);
         }
+    }
+#pragma unroll
+    for (int q = 0; q < E::PPT; ++q) {
+      float zq[E::C][N];
+      pre_activation(last, q, zq);
+#pragma unroll
+      for (int j = 0; j < N; ++j) {
+        float a[E::C];
+        activate_adjoint(zq, q, j, a, g);
+#pragma unroll
+        for (int k = 0; k < Outputs; ++k)
+#pragma unroll
+          for (int c = 0; c < E::C; ++c)
+            sum[k][j] = fmaf(adjoint[E::row(c, q) * kRow + k], a[c], sum[k][j]);
+      }
+    }
+#pragma unroll
+    for (int k = 0; k < Outputs; ++k)
+      if (k < K) add(net_.plan.last() + k * E::H, sum[k]);
+    if (threadIdx.x < K) {
+      float total = 0;
+      for (int p = 0; p < E::PT; ++p) total += adjoint[p * kRow + threadIdx.x];
+      net_.gradient[net_.plan.last() + K * E::H + threadIdx.x] += total;
     }
   }
 
-  __device__ void last_layer_gradient(const Values& a) {
-    const int K = net_.plan.outputs;
-    for (int k = 0; k < K; ++k) {
-      float sum[4] = {0, 0, 0, 0};
+  __device__ void bias_gradient(int layer, const Values& g) {
+    float sum[N] = {};
 #pragma unroll
-      for (int c = 0; c < E::C; ++c)
-#pragma unroll
-        for (int q = 0; q < E::PPT; ++q) {
-          const float v = m_.adjoint[E::row(c, q) * kRow + k];
-#pragma unroll
-          for (int j = 0; j < 4; ++j) sum[j] = fmaf(v, a[c][q][j], sum[j]);
-        }
-      add(net_.plan.last() + k * E::H, sum);
-    }
-    if (threadIdx.x < K) {
-      float sum = 0;
-      for (int p = 0; p < E::PT; ++p) sum += m_.adjoint[p * kRow + threadIdx.x];
-      net_.gradient[net_.plan.last() + K * E::H + threadIdx.x] += sum;
-    }
+    for (int i = 0; i < E::PPT * N; ++i) sum[i % N] += g[i / N][i % N];
+    add(net_.plan.bias(layer), sum);
   }
 
   __device__ void first_layer_gradient(const Values& g) {
 #pragma unroll
     for (int i = 0; i < 3; ++i) {
-      float sum[4] = {0, 0, 0, 0};
+      float sum[N] = {};
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q)
 #pragma unroll
-        for (int j = 0; j < 4; ++j) {
-          sum[j] = fmaf(g[0][q][j], m_.xi[i * E::R + E::point(q)], sum[j]);
-          if (E::C >= 4) sum[j] = fmaf(g[E::C >= 4 ? i + 1 : 0][q][j], m_.scale[i], sum[j]);
+        for (int j = 0; j < N; ++j) {
+          sum[j] = fmaf(g[q][j], m_.xi[i * E::R + E::point(q)], sum[j]);
+          if (E::C >= 4)
+            sum[j] = fmaf(g[(E::C >= 4 ? i + 1 : 0) * E::PPT + q][j], m_.scale[i], sum[j]);
         }
       add(i * E::H, sum);
     }
   }
 
   // Adds a sum over the tile's points to the gradient of a row of H narrow parameters.
-  __device__ void add(int offset, float (&sum)[4]) {
+  __device__ void add(int offset, const float (&sum)[N]) {
 #pragma unroll
-    for (int j = 0; j < 4; ++j) {
+    for (int j = 0; j < N; ++j) {
       const float total = E::sum_points(sum[j]);
-      if (E::point_lane() == 0) net_.gradient[offset + E::column(j)] += total;
+      if (E::point_lane() == 0) net_.gradient[offset + E::column() + j] += total;
     }
   }
 
@@ -285,7 +284,7 @@ class Tile {
   Memory& m_;
   typename E::Stream& weights_;
   std::int64_t first_row_;
-  Values z_;
+  int turn_ = 0;  // whose peaks are in use
 };
 
 }  // namespace granpinn::cuda::fused

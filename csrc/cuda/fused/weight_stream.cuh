@@ -10,18 +10,16 @@
 
 namespace granpinn::cuda::fused {
 
-__device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
-
-template <int H, int Stages>
+template <int StageFloats, int Stages>
 class WeightStream {
  public:
-  static constexpr int kFloats = Stages * kStage;  // of shared memory, per warp
+  static constexpr int floats = Stages * StageFloats;  // of shared memory, per warp
 
-  // `packed` holds the warps' streams one after another, `products` products long.
-  __device__ WeightStream(const float* packed, int products, float* ring)
-      : end_(products * (H / kBlockK) * kStage), ring_(ring + 4 * (threadIdx.x % 32)) {
-    if (products == 0) return;
-    from_ = packed + threadIdx.x / 32 * std::int64_t(end_) + 4 * (threadIdx.x % 32);
+  // `packed` holds the warps' streams one after another, each of `length` floats.
+  __device__ WeightStream(const float* packed, std::int64_t length, float* ring)
+      : end_(static_cast<int>(length)), ring_(ring + 4 * (threadIdx.x % 32)) {
+    if (end_ == 0) return;
+    from_ = packed + threadIdx.x / 32 * length + 4 * (threadIdx.x % 32);
     for (int i = 0; i < Stages - 1; ++i) fetch(i);
   }
 
@@ -32,17 +30,18 @@ class WeightStream {
     const int slot = slot_;
     slot_ = slot_ + 1 == Stages ? 0 : slot_ + 1;
     fetch(slot == 0 ? Stages - 1 : slot - 1);
-    return ring_ + slot * kStage;
+    return ring_ + slot * StageFloats;
   }
 
   __device__ void drain() { __pipeline_wait_prior(0); }
 
  private:
   __device__ void fetch(int slot) {
-    for (int i = 0; i < kStage; i += 128)
-      __pipeline_memcpy_async(ring_ + slot * kStage + i, from_ + ahead_ + i, 16);
+#pragma unroll
+    for (int i = 0; i < StageFloats; i += 128)
+      __pipeline_memcpy_async(ring_ + slot * StageFloats + i, from_ + ahead_ + i, 16);
     __pipeline_commit();
-    ahead_ = ahead_ + kStage == end_ ? 0 : ahead_ + kStage;
+    ahead_ = ahead_ + StageFloats == end_ ? 0 : ahead_ + StageFloats;
   }
 
   int end_;  // of the stream, in floats

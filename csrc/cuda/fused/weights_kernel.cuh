@@ -1,166 +1,283 @@
 // Gradient of the hidden weights: G^T A, summed over the rows of a chunk.
 //
-// A block computes a tile of B x B weights over a share of the rows; its threads form groups that
-// take turns at the rows of a stage and are added up in fixed order.
+// A block computes M x 128 weights over a share of the rows, which a ring of stages in shared
+// memory takes from the panels. Its threads form groups that take turns at the rows of a stage and
+// are added up in fixed order. A thread reads its operands in runs of neurons, a step ahead.
 #pragma once
 
-#include "mma_engine.cuh"
+#include <cuda_pipeline_primitives.h>
+#include "../launch_after.cuh"
+
+#include <type_traits>
+
+#include "layout.h"
 
 namespace granpinn::cuda::fused {
 
-constexpr int kWeightsThreads = 256;
-constexpr int kStageRows = 16;
-constexpr int kWeightsStages = 4;
+// A block computes M x N weights; a stage of its ring has StageRows rows, of G and of A side by
+// side. Of every four rows, each starts Padding floats later than without: in other banks.
+template <int Rows, int StageRows, int Padding>
+struct WeightsTile {
+  static constexpr int threads = 256, M = Rows, N = 128;
+  static constexpr int values = 128;  // weights of a thread
+  static constexpr int groups = threads * values / (M * N);
+  static constexpr int stage_rows = StageRows;
+  static constexpr int ld = M + N + Padding;
 
-// Plain float32: 8 x 8 weights per thread.
-template <int B>
-struct SimtWeights {
-  static constexpr int groups = kWeightsThreads / ((B / 8) * (B / 8));
-  static constexpr int ld = B;
-  static constexpr int values = 64;
-  static constexpr int rows = kStageRows / groups;  // of a stage, for one group
+  // Where a row of a stage starts, in floats.
+  static constexpr GRANPINN_HD int row_offset(int row) { return row * ld - row / 4 * Padding; }
+  static constexpr int stage_size = StageRows * ld - StageRows / 4 * Padding;
+  static constexpr int memory(int stages) {  // bytes: the ring, then the sums of all groups but one
+    const int ring = stages * stage_size, sums = (groups - 1) * M * N;
+    return 4 * (ring > sums ? ring : sums);
+  }
 
-  // A warp is 4 x 8 threads, its lanes numbered so that i and i ^ 1 read the same row, i and i ^ 2
-  // the same column: the hardware then merges 16-byte loads in pairs. A group has B / 64 warps
-  // across and B / 32 down. A thread has two runs of four neurons each way, half a tile apart.
-  static __device__ int row(int i) {
-    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32 % (B / 64 * (B / 32));
-    const int at = lane / 2 % 2 + lane / 16 * 2 + warp / (B / 64) * 4;
-    return at * 4 + i % 4 + i / 4 * (B / 2);
-  }
-  static __device__ int column(int j) {
-    const int lane = threadIdx.x % 32, warp = threadIdx.x / 32 % (B / 64);
-    const int at = lane % 2 + lane / 4 % 4 * 2 + warp * 8;
-    return at * 4 + j % 4 + j / 4 * (B / 2);
-  }
-  static __device__ int row_of(int v) { return row(v / 8); }
-  static __device__ int column_of(int v) { return column(v % 8); }
-
-  static __device__ void add(const float* G, const float* A, float (&sum)[values]) {
-#pragma unroll
-    for (int r = 0; r < rows; ++r) {
-      float g[8], a[8];
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const float4 gv = *reinterpret_cast<const float4*>(G + r * ld + row(4 * half));
-        const float4 av = *reinterpret_cast<const float4*>(A + r * ld + column(4 * half));
-        g[4 * half] = gv.x, g[4 * half + 1] = gv.y, g[4 * half + 2] = gv.z, g[4 * half + 3] = gv.w;
-        a[4 * half] = av.x, a[4 * half + 1] = av.y, a[4 * half + 2] = av.z, a[4 * half + 3] = av.w;
-      }
-#pragma unroll
-      for (int v = 0; v < values; ++v) sum[v] = fmaf(g[v / 8], a[v % 8], sum[v]);
-    }
-  }
+  // A warp computes 64 x 64 weights, or a share of the rows of so many.
+  static __device__ int warp() { return threadIdx.x % (threads / groups) / 32; }
+  static __device__ int warp_row() { return warp() / (N / 64) * 64; }
+  static __device__ int warp_column() { return warp() % (N / 64) * 64; }
 };
 
-// Tensor cores, TF32: the operands are rounded already.
-template <int B>
-struct MmaWeights {
-  static constexpr int groups = B == 128 ? 1 : 2;
-  static constexpr int ld = B + 8;  // rows eight banks apart
-  static constexpr int rows = kStageRows / groups;
-  static constexpr int warps = 8 / groups;  // of a group
-  static constexpr int across = warps / 2;  // 2 x across warps
-  static constexpr int tiles_m = B / 2 / 16, tiles_n = B / across / 8;
-  static constexpr int values = tiles_m * tiles_n * 4;
-
-  static __device__ int lane() { return threadIdx.x % 32; }
-  static __device__ int warp() { return threadIdx.x / 32 % warps; }
-  static __device__ int row0() { return warp() % 2 * (B / 2); }
-  static __device__ int column0() { return warp() / 2 * (B / across); }
-  static __device__ int row_of(int v) {
-    return row0() + v / (4 * tiles_n) * 16 + lane() / 4 + v % 4 / 2 * 8;
-  }
-  static __device__ int column_of(int v) {
-    return column0() + v / 4 % tiles_n * 8 + lane() % 4 * 2 + v % 2;
-  }
-
-  static __device__ void add(const float* G, const float* A, float (&sum)[values]) {
-    const int g = lane() / 4, t = lane() % 4;
-#pragma unroll
-    for (int r = 0; r < rows; r += 8) {
-      float a[tiles_m][4], b[tiles_n][2];
-#pragma unroll
-      for (int m = 0; m < tiles_m; ++m) {
-        const float* at = G + (r + t) * ld + row0() + m * 16 + g;
-        a[m][0] = at[0], a[m][1] = at[8], a[m][2] = at[4 * ld], a[m][3] = at[4 * ld + 8];
-      }
-#pragma unroll
-      for (int n = 0; n < tiles_n; ++n) {
-        const float* at = A + (r + t) * ld + column0() + n * 8 + g;
-        b[n][0] = at[0], b[n][1] = at[4 * ld];
-      }
-#pragma unroll
-      for (int m = 0; m < tiles_m; ++m)
-#pragma unroll
-        for (int n = 0; n < tiles_n; ++n) {
-          mma_tf32(sum + (m * tiles_n + n) * 4, a[m], b[n]);
-        }
-    }
-  }
-};
-
-template <class P, int B>
-constexpr int weights_memory() {
-  const int stages = kWeightsStages * 2 * kStageRows * P::ld;
-  return 4 * (stages > B * B ? stages : B * B);
+__device__ inline float element(const float4& v, int i) {
+  return i == 0 ? v.x : i == 1 ? v.y : i == 2 ? v.z : v.w;
+}
+__device__ inline float2 operator+(const float2& a, const float2& b) {
+  return {a.x + b.x, a.y + b.y};
+}
+__device__ inline float4 operator+(const float4& a, const float4& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z, a.w + b.w};
 }
 
-// blockIdx = (tile of weights, split of the rows, member x layer)
-template <class P, int H, int B>
-__global__ void __launch_bounds__(kWeightsThreads, 2)
+// Plain float32: 8 x 16 weights per thread, a row per step.
+template <int Rows, int StageRows>
+struct SimtWeights : WeightsTile<Rows, StageRows, 0> {
+  using Tile = WeightsTile<Rows, StageRows, 0>;
+  using Tile::values, Tile::M;
+  static constexpr int step_rows = 1;
+  using Run = float4;  // weights of a thread, side by side
+
+  // A warp is 8 x 4 threads, its lanes numbered so that i and i ^ 1 read the same row, i and i ^ 2
+  // the same column: the hardware then merges 16-byte loads in pairs.
+  static __device__ int row0() {
+    const int lane = threadIdx.x % 32;
+    return Tile::warp_row() + (lane / 2 % 2 + lane / 8 * 2) * 4;
+  }
+  static __device__ int column0() {
+    const int lane = threadIdx.x % 32;
+    return Tile::warp_column() + (lane % 2 + lane / 4 % 2 * 2) * 4;
+  }
+
+  struct Operands {
+    float4 g[2], a[4];
+  };
+  static __device__ void load(const float* row, Operands& o) {
+#pragma unroll
+    for (int i = 0; i < 2; ++i) o.g[i] = *reinterpret_cast<const float4*>(row + row0() + i * 32);
+#pragma unroll
+    for (int j = 0; j < 4; ++j)
+      o.a[j] = *reinterpret_cast<const float4*>(row + M + column0() + j * 16);
+  }
+  static __device__ void multiply(const Operands& o, float (&sum)[values]) {
+#pragma unroll
+    for (int v = 0; v < values; ++v)
+      sum[v] = fmaf(element(o.g[v / 64], v / 16 % 4), element(o.a[v % 16 / 4], v % 4), sum[v]);
+  }
+
+  static __device__ Run run(const float (&sum)[values], int q) {
+    return {sum[4 * q], sum[4 * q + 1], sum[4 * q + 2], sum[4 * q + 3]};
+  }
+  static __device__ int row_of(int q) { return row0() + q / 16 * 32 + q / 4 % 4; }
+  static __device__ int column_of(int q) { return column0() + q % 4 * 16; }
+};
+
+__device__ inline void mma_tf32(float* d, const float (&a)[4], const float (&b)[2]) {
+  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
+      "{%0,%1,%2,%3};"
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
+      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
+        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
+}
+
+// Tensor cores, TF32 (the operands are rounded already): 64 x 64 weights per warp, 8 rows a step.
+// Neurons 2 g and 2 g + 1 are rows g and g + 8 of a tensor cores' tile: a thread reads both at
+// once, into the registers that take them.
+template <int Rows, int StageRows>
+struct MmaWeights : WeightsTile<Rows, StageRows, 8> {
+  using Tile = WeightsTile<Rows, StageRows, 8>;
+  using Tile::values, Tile::M, Tile::ld;
+  static constexpr int step_rows = 8;
+  using Run = float2;
+
+  static __device__ int lane_g() { return threadIdx.x % 32 / 4; }
+  static __device__ int lane_t() { return threadIdx.x % 4; }
+
+  struct Operands {
+    float g[4][4], a[8][2];
+  };
+  static __device__ void load(const float* row, Operands& o) {
+#pragma unroll
+    for (int half = 0; half < 2; ++half) {
+      const float* at = row + lane_t() * ld + Tile::row_offset(4 * half);
+#pragma unroll
+      for (int m = 0; m < 4; ++m) {
+        const float2 v =
+            *reinterpret_cast<const float2*>(at + Tile::warp_row() + lane_g() * 2 + m * 16);
+        o.g[m][2 * half] = v.x, o.g[m][2 * half + 1] = v.y;
+      }
+#pragma unroll
+      for (int n = 0; n < 8; ++n) o.a[n][half] = at[M + Tile::warp_column() + lane_g() + n * 8];
+    }
+  }
+  static __device__ void multiply(const Operands& o, float (&sum)[values]) {
+#pragma unroll
+    for (int m = 0; m < 4; ++m)
+#pragma unroll
+      for (int n = 0; n < 8; ++n) mma_tf32(sum + (m * 8 + n) * 4, o.g[m], o.a[n]);
+  }
+
+  static __device__ Run run(const float (&sum)[values], int q) {
+    return {sum[2 * q], sum[2 * q + 1]};
+  }
+  static __device__ int row_of(int q) {
+    return Tile::warp_row() + lane_g() * 2 + q / 16 * 16 + q % 2;
+  }
+  static __device__ int column_of(int q) {
+    return Tile::warp_column() + q / 2 % 8 * 8 + lane_t() * 2;
+  }
+};
+
+// A thread's share of the rows of a panel, W neurons of each, on their way into the ring.
+template <class P, int H, int W>
+class PanelStream {
+ public:
+  // `from` is the first row, `to` its place in the first stage.
+  __device__ PanelStream(const float* from, const float* to)
+      : from_(from + row() * H + column()),
+        to_(static_cast<unsigned>(__cvta_generic_to_shared(to + P::row_offset(row()) + column()))) {
+  }
+
+  // The next rows, `left` of them, then zeros; `stage` is an offset in floats.
+  __device__ void fetch(int stage, int left) {
+#pragma unroll
+    for (int i = 0; i < P::stage_rows; i += down) copy(stage, i, row() + i < left ? 16 : 0);
+    from_ += P::stage_rows * H;
+  }
+  __device__ void fetch(int stage) {
+#pragma unroll
+    for (int i = 0; i < P::stage_rows; i += down) copy(stage, i);
+    from_ += P::stage_rows * H;
+  }
+
+ private:
+  static constexpr int across = W / 4, down = P::threads / across;
+  static_assert(P::stage_rows % down == 0 && down % 4 == 0, "whole passes, by four rows");
+
+  static __device__ int row() { return threadIdx.x / across; }
+  static __device__ int column() { return threadIdx.x % across * 4; }
+  __device__ void copy(int stage, int i) {
+    asm volatile("cp.async.cg.shared.global.L2::128B [%0], [%1], 16;" ::"r"(
+                     to_ + 4 * (stage + P::row_offset(i))),
+                 "l"(from_ + i * H)
+                 : "memory");
+  }
+  __device__ void copy(int stage, int i, int bytes) {
+    asm volatile("cp.async.cg.shared.global.L2::128B [%0], [%1], 16, %2;" ::"r"(
+                     to_ + 4 * (stage + P::row_offset(i))),
+                 "l"(from_ + i * H), "r"(bytes)
+                 : "memory");
+  }
+
+  const float* from_;
+  unsigned to_;
+};
+
+// blockIdx = (tile of weights, split of the rows, member x layer). The ring has 2 or 3 stages.
+template <class P, int H>
+__global__ void __launch_bounds__(P::threads, 1)
     weights_kernel(const __grid_constant__ Plan plan, const Scratch scratch, const Chunk chunk) {
   extern __shared__ __align__(16) float shared[];
-  const int out0 = blockIdx.x / (H / B) * B, in0 = blockIdx.x % (H / B) * B;
-  const std::int64_t rows = std::int64_t(chunk.count) * plan.rows;
-  const std::int64_t stages = (rows + kStageRows - 1) / kStageRows;
-  const std::int64_t begin = blockIdx.y * stages / plan.splits;
-  const std::int64_t end = (blockIdx.y + 1) * stages / plan.splits;
-  const float* G = scratch.adjoints + blockIdx.z * plan.panel() + out0;
-  const float* A = scratch.activations + blockIdx.z * plan.panel() + in0;
-  constexpr int stage_size = 2 * kStageRows * P::ld;
+  wait_for_earlier();
+  constexpr int steps = P::stage_rows / (P::groups * P::step_rows);
+  static_assert(steps % 2 == 0, "operands of a stage's last step are in the second buffer");
+  const int out0 = blockIdx.x / (H / P::N) * P::M, in0 = blockIdx.x % (H / P::N) * P::N;
+  const int rows = chunk.count * plan.tile.panel_rows;
+  const std::int64_t all = (rows + P::stage_rows - 1) / P::stage_rows;
+  const int begin = static_cast<int>(blockIdx.y * all / plan.splits);
+  const int end = static_cast<int>((blockIdx.y + 1) * all / plan.splits);
+  const std::int64_t first = blockIdx.z * plan.panel() + std::int64_t(begin) * P::stage_rows * H;
+  PanelStream<P, H, P::M> G(scratch.adjoints + first + out0, shared);
+  PanelStream<P, H, P::N> A(scratch.activations + first + in0, shared + P::M);
 
-  const auto fetch = [&](std::int64_t s) {
-    float* to = shared + s % kWeightsStages * stage_size;
-    if (s < end)
-      for (int i = threadIdx.x; i < 2 * kStageRows * B / 4; i += kWeightsThreads) {
-        const int which = i / (kStageRows * B / 4), r = i / (B / 4) % kStageRows;
-        const int column = i % (B / 4) * 4;
-        const std::int64_t row = s * kStageRows + r;
-        const bool there = row < rows;
-        const float* from = (which ? A : G) + (there ? row : 0) * H + column;
-        __pipeline_memcpy_async(to + (which * kStageRows + r) * P::ld + column, from, 16,
-                                there ? 0 : 16);
-      }
+  const auto fetch = [&](int s, int stage) {
+    const int left = rows - s * P::stage_rows;
+    if (s < end && left >= P::stage_rows)
+      G.fetch(stage), A.fetch(stage);
+    else if (s < end)
+      G.fetch(stage, left), A.fetch(stage, left);
     __pipeline_commit();
   };
-
-  const int group = threadIdx.x / (kWeightsThreads / P::groups);
-  float sum[P::values] = {};
-  for (int i = 0; i < kWeightsStages - 1; ++i) fetch(begin + i);
-  for (std::int64_t s = begin; s < end; ++s) {
-    __pipeline_wait_prior(kWeightsStages - 2);
+  // until the oldest stage is complete, of as many as the ring has, or of one fewer
+  const auto wait = [&](auto fewer) {
+    if (plan.weights_stages == 2)
+      __pipeline_wait_prior(1 - fewer());
+    else
+      __pipeline_wait_prior(2 - fewer());
     __syncthreads();
-    fetch(s + kWeightsStages - 1);
-    const float* stage = shared + s % kWeightsStages * stage_size + group * P::rows * P::ld;
-    P::add(stage, stage + kStageRows * P::ld, sum);
+  };
+  const int group = threadIdx.x / (P::threads / P::groups);
+  const float* rows_of_group = shared + P::row_offset(group * steps * P::step_rows);
+  const auto load = [&](int stage, int step, typename P::Operands& operands) {
+    P::load(rows_of_group + stage + P::row_offset(step * P::step_rows), operands);
+  };
+
+  for (int i = 0; i < plan.weights_stages; ++i) fetch(begin + i, i * P::stage_size);
+  wait(std::integral_constant<int, 0>());
+  typename P::Operands operands[2];
+  float sum[P::values] = {};
+  const int last = (plan.weights_stages - 1) * P::stage_size;
+  int stage = 0;
+  load(stage, 0, operands[0]);
+  for (int s = begin; s < end; ++s) {
+#pragma unroll
+    for (int step = 0; step < steps; ++step) {
+      if (step + 1 < steps) {
+        load(stage, step + 1, operands[(step + 1) % 2]);
+      } else {  // all have read this stage: another takes its place
+        wait(std::integral_constant<int, 1>());
+        const int next = stage == last ? 0 : stage + P::stage_size;
+        load(next, 0, operands[0]);
+        fetch(s + plan.weights_stages, stage);
+        stage = next;
+      }
+      P::multiply(operands[step % 2], sum);
+    }
   }
   __pipeline_wait_prior(0);
 
-  // the groups, one after another
-  for (int g = 1; g < P::groups; ++g) {
+  // the groups, one after another: a thread of each has the same weights
+  using Run = typename P::Run;
+  constexpr int runs = P::values * sizeof(float) / sizeof(Run);
+  constexpr int group_threads = P::threads / P::groups;
+  Run* others = reinterpret_cast<Run*>(shared) + threadIdx.x % group_threads;
+  if (P::groups > 1) {
     __syncthreads();
-    if (group == g)
-      for (int v = 0; v < P::values; ++v) shared[P::row_of(v) * B + P::column_of(v)] = sum[v];
+    if (group > 0)
+#pragma unroll
+      for (int q = 0; q < runs; ++q)
+        others[((group - 1) * runs + q) * group_threads] = P::run(sum, q);
     __syncthreads();
-    if (group == 0)
-      for (int v = 0; v < P::values; ++v) sum[v] += shared[P::row_of(v) * B + P::column_of(v)];
+    if (group > 0) return;
   }
-  if (group != 0) return;
-  float* to = scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H;
-  for (int v = 0; v < P::values; ++v) {
-    float& total = to[(out0 + P::row_of(v)) * H + in0 + P::column_of(v)];
-    total = (chunk.begin == 0 ? 0 : total) + sum[v];
+  float* to = scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H +
+              out0 * H + in0;
+#pragma unroll
+  for (int q = 0; q < runs; ++q) {
+    Run total = P::run(sum, q);
+#pragma unroll
+    for (int g = 1; g < P::groups; ++g)
+      total = total + others[((g - 1) * runs + q) * group_threads];
+    Run* at = reinterpret_cast<Run*>(to + P::row_of(q) * H + P::column_of(q));
+    *at = chunk.begin == 0 ? total : *at + total;
   }
 }
 

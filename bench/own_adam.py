@@ -1,0 +1,50 @@
+"""The update of the benchmark's granpinn rows: the operators of granpinn's own optimizer.
+
+`granpinn.training.optimise` makes a step of Adam of the same calls; the rivals use torch's.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from granpinn.training import step_ops  # noqa: F401  (registers the operators)
+from granpinn.training.control import Control
+
+ADAM = [5e-4, 0.9, 0.999, 1e-8]  # as torch has them: learning rate, two decay rates, epsilon
+
+_ops = torch.ops.granpinn
+
+
+class OwnAdam:
+    """Adam on params [P] and theta [3], or [E, P] and [E, 3], in place.
+
+    Tests for numbers that are not finite, updates, counts. Training moves the friction law in
+    variables of its own, in the last of these launches; here theta itself moves, as that of the
+    rivals does, which takes a launch more.
+    """
+
+    def __init__(self, params: Tensor, theta: Tensor) -> None:
+        self.params, self.theta = params.view(-1, params.shape[-1]), theta.view(-1, 3)
+        E = len(self.params)
+        control = Control(E, params.device)
+        control.table.fill_(1)
+        control.table[:, 1] = 0  # no running average
+        counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
+        self.state = (control.counter, control.table, control.slower, control.fault, counts)
+        self.moments = [
+            [torch.zeros_like(vector) for _ in range(3)] for vector in (self.params, self.theta)
+        ]
+        pairs = [params.new_zeros(E, 2) for _ in range(3)]
+        averages = (torch.zeros_like(self.params), params.new_zeros(E, 2))
+        self.law = (*pairs, torch.zeros_like(self.theta), self.params, *averages)
+
+    def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
+        """One update; the shapes are those of residual_loss."""
+        gradients = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
+        _ops.check_step(*self.state, loss.view(-1), *gradients)
+        for vector, gradient, own in zip(
+            (self.params, self.theta), gradients, self.moments, strict=True
+        ):
+            _ops.update_params(*self.state, gradient, vector, *own, [], ADAM, 0.0)
+        _ops.finish_step(*self.state, gradients[1], *self.law, ADAM, "log", False)

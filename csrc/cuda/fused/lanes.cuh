@@ -1,0 +1,79 @@
+// Which values of a tile a thread owns: `neurons` consecutive neurons of a slab, for some points
+// and all their channels. A warp is 8 groups of neurons x 4 groups of points.
+#pragma once
+
+#include "weight_stream.cuh"
+
+namespace granpinn::cuda::fused {
+
+__device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
+
+template <int Width, int Split>
+struct Lanes {
+  static constexpr int H = Width;
+  static constexpr int split = Split;
+  static constexpr int threads = H * Split;
+  static constexpr int warps = threads / 32;
+  static constexpr int neurons = 4 / Split;
+
+  static __device__ int lane() { return threadIdx.x % 32; }
+  static __device__ int point_lane() { return lane() % 4; }
+  static __device__ int neuron_lane() { return lane() / 4; }
+  static __device__ int slab() { return threadIdx.x / 32 % (H / kSlab); }
+  static __device__ int part() { return threadIdx.x / H; }  // of the warps of a slab
+  static __device__ int column() { return slab() * kSlab + neuron_lane() * 4 + part() * neurons; }
+
+  // sums over the lanes with the same neurons, or with the same points
+  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
+  static __device__ float sum_neurons(float a) {
+    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
+  }
+
+  // this thread's neurons of a row of H
+  static __device__ void load(const float* row, float (&v)[neurons]) { copy(row + column(), v); }
+  static __device__ void store(float* row, const float (&v)[neurons]) {
+    copy_to(row + column(), v);
+  }
+
+  static __device__ void copy(const float* from, float (&v)[neurons]) {
+    if constexpr (neurons == 4) {
+      const float4 a = *reinterpret_cast<const float4*>(from);
+      v[0] = a.x, v[1] = a.y, v[2] = a.z, v[3] = a.w;
+    } else {
+      const float2 a = *reinterpret_cast<const float2*>(from);
+      v[0] = a.x, v[1] = a.y;
+    }
+  }
+  static __device__ void copy_to(float* to, const float (&v)[neurons]) {
+    if constexpr (neurons == 4)
+      *reinterpret_cast<float4*>(to) = make_float4(v[0], v[1], v[2], v[3]);
+    else
+      *reinterpret_cast<float2*>(to) = make_float2(v[0], v[1]);
+  }
+
+  // Both warps of a slab have sums over their half of the inputs, for four neurons per thread:
+  // each gives away two and gets the other half of its own two. `memory` is of all threads.
+  template <int Rows>
+  static __device__ void exchange(float2* memory, const float (&half)[Rows][4],
+                                  float (&whole)[Rows][neurons]) {
+    if constexpr (Split == 1) {
+#pragma unroll
+      for (int i = 0; i < Rows * 4; ++i) whole[i / 4][i % 4] = half[i / 4][i % 4];
+    } else {
+      const int own = part(), place = slab() * 32 + lane();
+#pragma unroll
+      for (int i = 0; i < Rows; ++i)
+        memory[(i * 2 + 1 - own) * H + place] =
+            own ? make_float2(half[i][0], half[i][1]) : make_float2(half[i][2], half[i][3]);
+      asm volatile("bar.sync %0, 64;" ::"r"(1 + slab()) : "memory");
+#pragma unroll
+      for (int i = 0; i < Rows; ++i) {
+        const float2 other = memory[(i * 2 + own) * H + place];
+        whole[i][0] = (own ? half[i][2] : half[i][0]) + other.x;
+        whole[i][1] = (own ? half[i][3] : half[i][1]) + other.y;
+      }
+    }
+  }
+};
+
+}  // namespace granpinn::cuda::fused

@@ -1,0 +1,36 @@
+// What a block of the tile kernel has at hand; E is an engine of products.
+#pragma once
+
+#include "mma_engine.cuh"
+#include "simt_engine.cuh"
+
+namespace granpinn::cuda::fused {
+
+// Shared memory of a block.
+template <class E>
+struct TileMemory {
+  float panel[E::R * E::ld];                 // operands of a product [row][neuron]
+  float ring[E::warps * E::Stream::floats];  // weights
+  float2 halves[E::split == 1 ? 1 : E::CP * E::PPT * E::threads];  // sums on their way
+  float xi[3 * E::R];                                              // mapped coordinates [3][point]
+  float observed[4 * E::R];  // of the points: what the task needs
+  float scale[4];
+  unsigned peaks[2][kRow];  // of the operands, by channel; two take turns
+
+  // Between forward and backward the panel is free, first for the warps' parts of the outputs:
+  __device__ float* raw() { return panel + E::warps * E::R * kRow; }  // outputs [row][K]
+  __device__ float* adjoint() { return raw() + E::R * kRow; }         // their adjoints
+  __device__ float* terms() { return adjoint() + E::R * kRow; }       // what points add to the sums
+};
+
+// What a block knows of its member's network.
+struct TileNetwork {
+  Plan plan;
+  const float* narrow;  // weights of the first and last layer, biases
+  float* stash;         // this block's
+  float* activations;   // of this member: [L - 1][panel]
+  float* adjoints;
+  float* gradient;  // of the narrow parameters, in shared memory
+};
+
+}  // namespace granpinn::cuda::fused

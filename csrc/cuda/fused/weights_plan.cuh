@@ -1,0 +1,79 @@
+// Which tile the weights kernel takes, and into how many splits it cuts the rows of a chunk.
+#pragma once
+
+#include <algorithm>
+
+#include "fused_loss.h"
+#include "weights_kernel.cuh"
+
+namespace granpinn::cuda::fused {
+
+constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
+
+// Nanoseconds on an H200, of which a plan depends on the ratios alone: of a block for a row, and
+// for its start and end.
+struct WeightsTime {
+  double row, block;
+};
+constexpr WeightsTime weights_time(bool tensor_cores, bool large) {
+  if (tensor_cores) return large ? WeightsTime{36, 11000} : WeightsTime{13.5, 4500};
+  return large ? WeightsTime{164, 13000} : WeightsTime{44.5, 3700};
+}
+constexpr double kAddTime = 1.5e-4;  // for a byte of a split, when these are added up
+
+// Calls `visit` with the policy of the weights kernel.
+template <int H, class Visit>
+auto visit_weights(const Plan& plan, Visit visit) {
+  if constexpr (H == 256)
+    if (plan.large_weights)
+      return plan.tensor_cores ? visit(MmaWeights<256, 32>{}) : visit(SimtWeights<256, 16>{});
+  return plan.tensor_cores ? visit(MmaWeights<64, 64>{}) : visit(SimtWeights<64, 32>{});
+}
+
+// Stages of a block, if the rows of a chunk go into so many splits.
+template <class P>
+std::int64_t split_stages(const Plan& plan, std::int64_t splits) {
+  const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.panel_rows;
+  return ceil_div(ceil_div(rows, P::stage_rows), splits);
+}
+
+// Time of the weights kernel, and of adding up the splits.
+template <class P>
+double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) {
+  const WeightsTime time = weights_time(plan.tensor_cores, plan.large_weights);
+  const std::int64_t weights = panels * plan.H * plan.H * plan.splits;
+  const auto rows = static_cast<double>(split_stages<P>(plan, plan.splits) * P::stage_rows);
+  const auto rounds = static_cast<double>(ceil_div(weights / (P::M * P::N), multiprocessors));
+  return rounds * (rows * time.row + time.block) + 4 * kAddTime * static_cast<double>(weights);
+}
+
+// Chooses tile, stages and splits for `panels` pairs of panels (members x hidden layers); false
+// where no tile fits.
+inline bool plan_weights(Plan& plan, std::int64_t panels, const DeviceLimits& device) {
+  double best = 0;
+  for (const bool large : {false, true}) {
+    if (large && plan.H == 128) continue;
+    Plan p = plan;
+    p.large_weights = large;
+    const auto consider = [&](auto policy) {
+      using P = decltype(policy);
+      p.weights_stages = P::memory(3) <= device.shared_per_block ? 3 : 2;
+      if (P::memory(p.weights_stages) > device.shared_per_block) return;
+      // splits that fill the GPU once, twice, ..., and the fewest that are as short
+      const std::int64_t blocks = panels * (p.H / P::M) * (p.H / P::N);
+      const std::int64_t fewest = ceil_div(blocks, device.multiprocessors);
+      for (std::int64_t rounds = fewest; rounds < fewest + 8; ++rounds) {
+        const std::int64_t most = rounds * device.multiprocessors / blocks;
+        p.splits = static_cast<int>(split_stages<P>(p, split_stages<P>(p, most)));
+        const double time = weights_time<P>(p, panels, device.multiprocessors);
+        if (best > 0 && time >= best) continue;
+        best = time;
+        plan = p;
+      }
+    };
+    p.H == 128 ? visit_weights<128>(p, consider) : visit_weights<256>(p, consider);
+  }
+  return best > 0;
+}
+
+}  // namespace granpinn::cuda::fused
