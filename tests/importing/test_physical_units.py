@@ -164,7 +164,7 @@ def scattered(demo: Flow, tilt: float) -> dict[str, Any]:
 
 
 def test_a_tilted_camera_rotates_gravity(demo: Flow) -> None:
-    """Turned back by the direction of gravity the training sets agree, heights and all."""
+    """The training sets are upright and agree to the last bit, though the files do not."""
     tilt = math.radians(1.2)
     level = read(scattered(demo, 0.0), surface="none", **material())
     tilted = read(scattered(demo, tilt), surface="none", tilt="1.2 deg", **material())
@@ -172,16 +172,11 @@ def test_a_tilted_camera_rotates_gravity(demo: Flow) -> None:
     expected, d = dimensionless(level, "V0")
     found, d_tilted = dimensionless(tilted, "V0")
     assert d_tilted == pytest.approx(d, rel=1e-6)
-    g_x, g_y = Scales.from_flow(tilted).material(tilted).gravity
     for name in ("points", "velocity"):
-        a, b = getattr(found, name), getattr(expected, name)
-        # The unit vectors "to the right" (-g_y, g_x) and "up" (-g_x, -g_y) in the tilted axes.
-        right = -g_y * a[:, 0] + g_x * a[:, 1]
-        up = -g_x * a[:, 0] - g_y * a[:, 1]
-        largest = float(b.abs().max())
-        assert float((right - b[:, 0]).abs().max()) <= 1e-6 * largest
-        assert float((up - b[:, 1]).abs().max()) <= 1e-6 * largest
-    assert float((found.points - expected.points).abs().max()) > 0.01
+        assert torch.equal(getattr(found, name), getattr(expected, name)), name
+    assert tilted.particles is not None
+    assert level.particles is not None
+    assert np.abs(tilted.particles.x - level.particles.x).max() > 0.01 * level.particles.x.max()
 
 
 @pytest.mark.parametrize("down", [False, True])
