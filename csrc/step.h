@@ -1,7 +1,8 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
 // write. Everything lives on the device; the step finds its row of the control table by itself.
 //
-// Order of a step: draw_batch, residual_loss, check_step, update_params, descend, finish_step. The first fault of a member freezes it: it is not updated any more.
+// Order of a step: draw_batch, residual_loss, check_step, update_params, descend, finish_step. The
+// first fault of a member freezes it: it is not updated any more.
 #pragma once
 
 #include <cstdint>
