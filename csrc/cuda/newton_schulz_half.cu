@@ -70,8 +70,8 @@ __device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned
   __syncthreads();
 }
 
-// Warps of a block wait for each other, also in different branches.
-__device__ void barrier() { asm volatile("bar.sync 0, %0;" ::"n"(kThreads) : "memory"); }
+// Warps of a block wait for each other, in different branches (hence a barrier of their own).
+__device__ void barrier() { asm volatile("bar.sync 1, %0;" ::"n"(kThreads) : "memory"); }
 
 template <bool Near>
 __device__ void polynomial(int band, int lane, unsigned X, int columns, unsigned A, int rows,
