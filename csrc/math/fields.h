@@ -29,7 +29,9 @@ GRANPINN_HD R pressure_slope(const R& z, scalar_t<R> scale) {
   if constexpr (map == PressureMap::linear) {
     return R(scale);
   } else {
-    return scale / (R(T(1)) + exponential(-z));
+    // sigma(z), of exp(-|z|): exp(-z) would overflow where the pressure is as good as zero
+    const R e = exponential(-absolute(z)), one(T(1));
+    return scale * (select(less(z, R(T(0))), e, one) / (one + e));
   }
 }
 
