@@ -5,6 +5,8 @@
 // float32 registers: a rounding error of it grows by a in every step, as small singular values do.
 // Three squares in shared memory are X, A = X X^T and P = b A + c A^2; the new X, which is
 // a X + P X, takes the place of A.
+#include <type_traits>
+
 #include "half_polynomial.cuh"
 #include "launch_after.cuh"
 #include "newton_schulz.h"
@@ -70,21 +72,25 @@ __device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned
   __syncthreads();
 }
 
-// Warps of a block wait for each other, in different branches (hence a barrier of their own).
-__device__ void barrier() { asm volatile("bar.sync 1, %0;" ::"n"(kThreads) : "memory"); }
-
-template <bool Near>
-__device__ void polynomial(int band, int lane, unsigned X, int columns, unsigned A, int rows,
+// A <- X X^T and P <- b A + c A A^T, by the warps near the diagonal and the others.
+__device__ void polynomial(int warp, int lane, unsigned X, int columns, unsigned A, int rows,
                            unsigned P) {
-  Band<Near> sums(band, lane);
-  sums.add_product(X, columns);
-  sums.store(A);
-  barrier();
+  Band sums{warp % 4, lane, {}, {}};
+  const auto add_product = [&](unsigned from, int steps, float factor, unsigned to, auto near) {
+    sums.template add_product<decltype(near)::value>(from, steps);
+    sums.each([=](float v) { return factor * v; });
+    sums.template store<decltype(near)::value>(to);
+  };
+  const auto add = [&](unsigned from, int steps, float factor, unsigned to) {
+    if (warp < 4)
+      add_product(from, steps, factor, to, std::true_type{});
+    else
+      add_product(from, steps, factor, to, std::false_type{});
+    __syncthreads();
+  };
+  add(X, columns, 1, A);
   sums.each([](float v) { return kB / kC * v; });
-  sums.add_product(A, rows);
-  sums.each([](float v) { return kC * v; });
-  sums.store(P);
-  barrier();
+  add(A, rows, kC, P);
 }
 
 // A warp's part of X, 32 x 64.
@@ -196,10 +202,7 @@ __global__ void __launch_bounds__(kThreads)
   __syncthreads();
 #pragma unroll 1
   for (int i = 0;; ++i) {
-    if (warp < 4)
-      polynomial<true>(warp, lane, X, columns, A, rows, P);
-    else
-      polynomial<false>(warp - 4, lane, X, columns, A, rows, P);
+    polynomial(warp, lane, X, columns, A, rows, P);
     part.advance(P, X, rows);
     if (i == 4) break;
     part.store(A);
