@@ -10,6 +10,8 @@ are found among --flows by the hash in results.json. Each network has one Gauss-
 
 Defends: for mu_s <= 0.4 a part of the error of a training is not in the data but in its
 weighting: of the law where the pressure is small, of the surface, and of the row at the floor.
+These weights were chosen on the networks that they were tried on (docs/tables.md), and at
+mu_s = 0.6 they make it worse.
 """
 
 from __future__ import annotations
