@@ -14,6 +14,7 @@ import argparse
 import dataclasses
 import json
 import math
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -250,6 +251,7 @@ def main() -> int:
         parser.error(str(error))
     print(report(tested))
     text = json.dumps(dataclasses.asdict(table), indent=1)
+    text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
     print(text)
     if own.write:
         own.write.write_text(text + "\n")

@@ -3,7 +3,7 @@
 
 #include <ATen/ATen.h>
 
-#include "newton_schulz.h"
+#include "muon/newton_schulz.h"
 
 namespace granpinn::cuda {
 

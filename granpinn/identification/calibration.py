@@ -37,6 +37,10 @@ class Range:
         """`rms` as a multiple of what data of the law leave at this misfit of the velocity."""
         return float(rms / (10**self.intercept * misfit**self.slope))
 
+    def misfit(self, rms: float) -> float:
+        """The misfit at which data of the law leave this."""
+        return float((rms / 10**self.intercept) ** (1 / self.slope))
+
 
 @dataclass(frozen=True)
 class Calibration:

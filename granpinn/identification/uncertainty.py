@@ -7,8 +7,10 @@ $$ C = V + s^2 D, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 V is the scatter of the center over seeds and measurement noise, estimated from the members and,
 as there are few of them, from the calibration table; D is what simulated collapses with known
 parameters show beyond that (the mean of e e^T, so that a common offset is in it); s lets it grow
-where the velocity is resolved worse (misfit m) than in the study (m_0) and where there are fewer
+where the velocity is resolved worse (error m) than in the study (m_0) and where there are fewer
 steps (n) than there (n_0): mu_2 was 12, 19 and 33 % too high after 4,000, 2,800 and 2,000 steps.
+m is the misfit beyond the known noise, but no more than the equations' residuals tell of, which
+grow with it (`resolution`): what they do not tell of is noise that nobody has stated.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -41,6 +43,7 @@ Array = npt.NDArray[np.float64]
 Pair = tuple[float, float]
 
 NOISE_ERROR = 1.02  # mean square of noise in the data over the known one, at most
+LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of what the table says
 SLOWNESS = 1.5  # power of the steps with which errors fall where they are too few
 LONGEST = 10.0  # half an interval, in log mu: beyond that nothing is known anyway
 
@@ -132,9 +135,22 @@ def velocity_error(residuals: Residuals, calibration: Calibration) -> float:
     return math.hypot(math.sqrt(beyond), calibration.noise_part * residuals.noise)
 
 
+def resolution(residuals: Residuals, calibration: Calibration) -> float:
+    """Relative error of the fitted velocity, as far as the residuals of the equations show one.
+
+    Noise that was not stated is in the misfit, but a fit that does not follow it keeps small
+    residuals. The larger one of the two counts.
+    """
+    shown = max(
+        calibration.momentum.misfit(residuals.momentum / LEAST_RESIDUAL),
+        calibration.constitutive.misfit(residuals.constitutive / LEAST_RESIDUAL),
+    )
+    return min(velocity_error(residuals, calibration), shown)
+
+
 def discrepancy_scale(residuals: Residuals, steps: int, calibration: Calibration) -> float:
     """s; larger still where the residuals reject the law, by their excess over the limit."""
-    resolved = max(1.0, velocity_error(residuals, calibration) / calibration.misfit)
+    resolved = max(1.0, resolution(residuals, calibration) / calibration.misfit)
     trained = math.pow(max(1.0, calibration.steps / max(1, steps)), SLOWNESS)
     ratios = residual_ratios(residuals, calibration)
     limits = (calibration.momentum.limit, calibration.constitutive.limit)

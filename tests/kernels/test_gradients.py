@@ -53,14 +53,14 @@ def test_gradcheck_of_the_network(order: int, members: int | None, ops: ModuleTy
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
 @pytest.mark.parametrize("z", [-30.0, -90.0, -120.0, -1e4])
 def test_gradient_where_the_pressure_underflows(z: float, precision: str, ops: ModuleType) -> None:
-    """softplus(z) is as good as zero, exp(-z) beyond float32: no NaN, in no part of the gradient."""
+    """softplus(z) is as good as zero, exp(-z) beyond float32: no NaN in any gradient."""
     case = problem(small("mixed", points=40, hidden=(40, 30))).to(torch.float32)
     arguments = list(case.loss)
     params = case.params.clone()
     params[-3] = z  # bias of the output from which the pressure is made
     arguments[0] = params
-    loss, _, grad_params, grad_theta = ops.residual_loss(*arguments, precision)
-    assert loss.isfinite() and grad_params.isfinite().all() and grad_theta.isfinite().all()
+    for result in ops.residual_loss(*arguments, precision):
+        assert result.isfinite().all()
 
 
 @pytest.mark.parametrize("form", [*FORMS, "data"])

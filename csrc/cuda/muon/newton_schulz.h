@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "../step.h"
+#include "../../step.h"
 
 namespace granpinn::cuda {
 

@@ -7,10 +7,10 @@
 // a X + P X, takes the place of A.
 #include <type_traits>
 
+#include "../launch_after.cuh"
+#include "../step_note.cuh"
 #include "half_polynomial.cuh"
-#include "launch_after.cuh"
 #include "newton_schulz.h"
-#include "step_note.cuh"
 
 namespace granpinn::cuda {
 
