@@ -1,8 +1,7 @@
 // The operators of an optimization step on the GPU.
-#include <c10/cuda/CUDAStream.h>
-
 #include <type_traits>
 
+#include "ops.h"
 #include "orthogonalize.h"
 #include "step_launch.h"
 #include "step_ops.h"
@@ -11,24 +10,18 @@ namespace granpinn::cuda {
 
 namespace {
 
-void launched(cudaError_t status, const char* operation) {
-  TORCH_CHECK(status == cudaSuccess,
-              message("granpinn::", operation, " could not be launched on the GPU: ",
-                      cudaGetErrorString(status), "; see python -m granpinn.doctor"));
-}
-
 struct CudaStep {
   template <class T>
   static void draw(const BatchArguments<T>& a) {
-    launched(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
+    cuda::check(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
   }
   template <class T>
   static void check(const CheckArguments<T>& a) {
-    launched(check_step(a, c10::cuda::getCurrentCUDAStream()), "check_step");
+    cuda::check(check_step(a, c10::cuda::getCurrentCUDAStream()), "check_step");
   }
   template <class T>
   static void update(const UpdateArguments<T>& a) {
-    launched(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
+    cuda::check(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
   }
   template <class T>
   static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
@@ -36,15 +29,15 @@ struct CudaStep {
     if constexpr (std::is_same_v<T, float>)
       if (fast_precision(precision) && newton_schulz_fits_half(G.size(2), G.size(3))) {
         const at::Tensor from = spread(G);
-        return launched(descend_in_half(matrices<T>(from), a, stream), "descend");
+        return cuda::check(descend_in_half(matrices<T>(from), a, stream), "descend");
       }
     const at::Tensor factors = orthogonalize(G, precision);
     a.U = factors.const_data_ptr<T>();
-    launched(descend_matrices(a, stream), "descend");
+    cuda::check(descend_matrices(a, stream), "descend");
   }
   template <class T>
   static void finish(const FinishArguments<T>& a) {
-    launched(finish_step(a, c10::cuda::getCurrentCUDAStream()), "finish_step");
+    cuda::check(finish_step(a, c10::cuda::getCurrentCUDAStream()), "finish_step");
   }
 };
 

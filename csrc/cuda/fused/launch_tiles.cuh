@@ -25,7 +25,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                            Chunk chunk, cudaStream_t stream) {
   constexpr TileShape t = tile_shape(form, tensor_cores, size);
   constexpr int outputs = form == Form::strong ? 3 : 5;
-  [[maybe_unused]] constexpr bool both = compensated(form, tensor_cores);
+  [[maybe_unused]] constexpr bool pieces = compensated(form, tensor_cores);
+  [[maybe_unused]] constexpr bool surface_rows = pieces && form == Form::data;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
     static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
@@ -33,8 +34,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                                                                             stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stages, both, both>{}, MmaEngine < H, 1,
-               t.surface_points, t.split, t.stages, both, both && form == Form::data > {});
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, pieces, pieces>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages, pieces, surface_rows>{});
   else
     return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
                SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});

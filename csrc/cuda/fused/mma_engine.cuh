@@ -88,7 +88,6 @@ struct MmaEngine : Lanes<Width, Split> {
       if (L::lane() == 0) atomicMax(peaks + c, warp_peak);
     }
   }
-  template <bool Forward>
   static __device__ void remove_scales(Values& z, const unsigned* peaks) {
 #pragma unroll
     for (int c = 0; c < C; ++c) {

@@ -25,7 +25,6 @@ struct SimtEngine : Lanes<Width, Split> {
 
   // No scales here: float32 has the range.
   static __device__ void note_peaks(const Values&, unsigned*) {}
-  template <bool Forward>
   static __device__ void remove_scales(Values&, const unsigned*) {}
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;

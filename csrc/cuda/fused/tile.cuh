@@ -162,7 +162,7 @@ class Tile {
   template <bool Forward>
   __device__ void multiply(Values& z) {
     E::template multiply<Forward>(m_.panel, weights_, m_.halves, z);
-    E::template remove_scales<Forward>(z, m_.peaks[turn_]);
+    E::remove_scales(z, m_.peaks[turn_]);
     turn_ = 1 - turn_;
   }
 
