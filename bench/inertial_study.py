@@ -27,7 +27,7 @@ import numpy as np
 
 from bench.coverage import settings_of
 from bench.machine import describe
-from bench.noise_study import known_bound, read_bounds, read_study, statistics, thinned
+from bench.noise_study import read_bounds, read_study, statistics, thinned, where_bounded
 from granpinn import identify_many, recipes
 from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
@@ -146,17 +146,13 @@ def with_bounds(
     rows: Sequence[dict[str, Any]], bounds: Sequence[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Rows with the joint bound in % and the ratio of the RMSE to it, where their law is known."""
-    made = []
-    for row in rows:
-        found = known_bound(row, bounds)
-        more: dict[str, Any] = {}
-        if found is not None:
-            known, factor = found
-            least = {n: known["one_grid"]["joint_percent"][n] * factor for n in NAMES}
-            ratios = {n: row["errors_percent"][n]["rmse"] / least[n] for n in NAMES}
-            more = {"bound_percent": least, "rmse_over_bound": ratios}
-        made.append(row | more)
-    return made
+
+    def compared(known: dict[str, Any], factor: float, rmse: dict[str, float]) -> dict[str, Any]:
+        least = {n: known["one_grid"]["joint_percent"][n] * factor for n in NAMES}
+        ratios = {n: rmse[n] / least[n] for n in NAMES}
+        return {"bound_percent": least, "rmse_over_bound": ratios}
+
+    return where_bounded(rows, bounds, compared)
 
 
 def text(rows: Sequence[dict[str, Any]]) -> str:

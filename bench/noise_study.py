@@ -26,7 +26,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -179,17 +179,28 @@ def with_bounds(
     rows: Sequence[dict[str, Any]], bounds: Sequence[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Rows with the bounds in % and the ratio of the RMSE to them, where their law is known."""
+
+    def compared(known: dict[str, Any], factor: float, rmse: dict[str, float]) -> dict[str, Any]:
+        grids = ("one_grid", "two_grids")
+        least = {n: {g: known[g][f"{n}_percent"] * factor for g in grids} for n in NAMES}
+        ratios = {n: rmse[n] / least[n]["one_grid"] for n in NAMES}
+        return {"bound_percent": least, "rmse_over_bound": ratios}
+
+    return where_bounded(rows, bounds, compared)
+
+
+def where_bounded(
+    rows: Sequence[dict[str, Any]],
+    bounds: Sequence[dict[str, Any]],
+    compared: Callable[[dict[str, Any], float, dict[str, float]], dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """Rows, where their law is known with what `compared` makes of its bound, the factor for noise
+    and vectors, and the RMSE of each name in %."""
     made = []
     for row in rows:
         found = known_bound(row, bounds)
-        more: dict[str, Any] = {}
-        if found is not None:
-            known, factor = found
-            grids = ("one_grid", "two_grids")
-            least = {n: {g: known[g][f"{n}_percent"] * factor for g in grids} for n in NAMES}
-            ratios = {n: row["errors_percent"][n]["rmse"] / least[n]["one_grid"] for n in NAMES}
-            more = {"bound_percent": least, "rmse_over_bound": ratios}
-        made.append(row | more)
+        rmse = {name: errors["rmse"] for name, errors in row["errors_percent"].items()}
+        made.append(row if found is None else row | compared(*found, rmse))
     return made
 
 

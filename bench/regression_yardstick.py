@@ -28,7 +28,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 from bench.collapse_residual import Balance, regression
 from bench.machine import describe
 from granpinn.data import Flow, add_noise, read_flow
-from granpinn.identification.scoring import relative_l2
+from granpinn.identification.scoring import difference, relative_l2
 from granpinn.scales import Scales
 
 Array = npt.NDArray[np.float64]
@@ -76,25 +76,12 @@ def smooth(values: Array, width: float) -> Array:
     return result
 
 
-def derivative(f: Array, spacing: float, axis: int) -> Array:
-    """The mean of the forward and backward differences that exist."""
-    f = np.moveaxis(f, axis, 0)
-    slope = np.diff(f, axis=0) / spacing
-    edge = np.full_like(f[:1], np.nan)
-    forward, backward = np.concatenate([slope, edge]), np.concatenate([edge, slope])
-    forward, backward = (
-        np.where(np.isnan(forward), backward, forward),
-        np.where(np.isnan(backward), forward, backward),
-    )
-    return np.moveaxis((forward + backward) / 2, 0, axis)
-
-
 def kinematics(flow: Flow, width: float) -> Kinematics:
     """Acceleration and strain rate of the smoothed velocity."""
     valid, (dt, dy, dx) = flow.valid, grid_of(flow)
     u, v = (smooth(np.where(valid, f, np.nan).astype(np.float64), width) for f in (flow.u, flow.v))
     (u_t, u_y, u_x), (v_t, v_y, v_x) = (
-        [derivative(f, spacing, axis) for axis, spacing in enumerate((dt, dy, dx))] for f in (u, v)
+        [difference(f, spacing, axis) for axis, spacing in enumerate((dt, dy, dx))] for f in (u, v)
     )
     D_1, D_2 = 0.5 * (u_x - v_y), 0.5 * (u_y + v_x)
     return Kinematics(
@@ -115,8 +102,8 @@ def stress_parts(k: Kinematics, p: Array, flow: Flow, I0: float) -> tuple[Array,
 
     def force(share: Array) -> Array:
         T_1, T_2 = (2 * share * positive * D / k.gamma_dot for D in (k.D_1, k.D_2))
-        along = derivative(T_1, dx, 2) + derivative(T_2, dy, 1)
-        return np.stack([along, derivative(T_2, dx, 2) - derivative(T_1, dy, 1)], -1)
+        along = difference(T_1, dx, 2) + difference(T_2, dy, 1)
+        return np.stack([along, difference(T_2, dx, 2) - difference(T_1, dy, 1)], -1)
 
     return force(1 - phi), force(phi)
 
@@ -126,7 +113,7 @@ def balance(k: Kinematics, p: Array, flow: Flow, I0: float, threshold: float) ->
     _, dy, dx = grid_of(flow)
     div_s, div_2 = stress_parts(k, p, flow, I0)
     rest = flow.density * np.stack([k.a_x, k.a_y], -1)
-    rest += np.stack([derivative(p, dx, 2), derivative(p, dy, 1)], -1)
+    rest += np.stack([difference(p, dx, 2), difference(p, dy, 1)], -1)
     whole = np.ones((3, 2 * REACH + 1, 2 * REACH + 1), bool)
     inside = binary_erosion(flow.valid, whole)
     inside &= np.isfinite(rest + div_s + div_2).all(axis=-1)

@@ -66,15 +66,20 @@ def strain_rate(u: Array, v: Array, y: Array, x: Array) -> Array:
     NaN in u, v marks points without a value; D2 is NaN where a point lacks a neighbour along an
     axis.
     """
-    u_x, v_x = _difference(u, x, 1), _difference(v, x, 1)
-    u_y, v_y = _difference(u, y, 0), _difference(v, y, 0)
+    dx, dy = np.diff(x)[:, None], np.diff(y)[:, None]
+    u_x, v_x = difference(u, dx, 1), difference(v, dx, 1)
+    u_y, v_y = difference(u, dy, 0), difference(v, dy, 0)
     return np.asarray(np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2))
 
 
-def _difference(f: Array, coordinate: Array, axis: int) -> Array:
-    """df/dx along an axis: the mean of the forward and backward differences that exist."""
+def difference(f: Array, step: Array | float, axis: int) -> Array:
+    """df/dx along an axis: the mean of the forward and backward differences that exist.
+
+    NaN in f marks points without a value. `step` is that of the coordinate: a number, or an array
+    that broadcasts against the differences of f with this axis first.
+    """
     f = np.moveaxis(np.asarray(f, np.float64), axis, 0)
-    slope = np.diff(f, axis=0) / np.diff(coordinate)[:, None]
+    slope = np.diff(f, axis=0) / step
     missing = np.full_like(f[:1], np.nan)
     forward, backward = np.concatenate([slope, missing]), np.concatenate([missing, slope])
     forward, backward = (

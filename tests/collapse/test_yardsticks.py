@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from bench.regression_yardstick import derivative, identify, smooth
+from bench.regression_yardstick import identify, smooth
 from bench.simulator_fit import bound, fit, sensitivities
 from granpinn.data import read_flow
+from granpinn.identification.scoring import difference
 from granpinn.simulation import Collapse, demo_path, simulate
 
 
@@ -18,7 +19,7 @@ def test_derivatives_of_a_plane_are_exact_up_to_its_edges() -> None:
     f = 1 + 2 * t - 3 * y + 4 * x
     f[1, 2, 3] = np.nan
     for axis, (spacing, slope) in enumerate(((1.0, 2.0), (0.5, -3.0), (0.1, 4.0))):
-        found = derivative(f, spacing, axis)
+        found = difference(f, spacing, axis)
         np.testing.assert_allclose(found[np.isfinite(found)], slope)
         assert np.isfinite(found).sum() >= f.size - 3  # a hole and its neighbours
 
