@@ -138,8 +138,10 @@ class Config:
     form: Literal["mixed", "strong"] = setting(
         "mixed", "residual: stress as an unknown (mixed), or the paper's equation (strong)"
     )
-    recipe: Literal["default", "paper"] = setting(
-        "default", "named set of settings: the best known, or the paper to the letter"
+    recipe: Literal["default", "noisy", "paper"] = setting(
+        "default",
+        "named set of settings: the best known, the same for noise above a tenth of the largest "
+        "speed, or the paper to the letter",
     )
     noise: float = setting(
         0.0, "white noise added to the velocity, sd relative to the maximum speed (0.2 = 20 %)"
