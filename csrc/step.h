@@ -124,30 +124,46 @@ struct FinishArguments {
 // The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
 constexpr double kLowestLogarithm = -4.605170185988091, kHighestLogarithm = 1.0986122886681098;
 
-// The friction law of member e: its update, its average, and theta for the next step.
+// The friction law of member e: its update, its average, and theta for the next step. All numbers
+// are read before one is written, so that they can be on their way together.
 template <class T>
 GRANPINN_HD void finish_law(const FinishArguments<T>& a, std::int64_t e, std::int64_t step) {
-  const double* row = a.control.row(step);
-  T *q = a.q + 2 * e, *average = a.average_q + 2 * e;
+  const double factor = a.control.row(step)[0] * a.members.slower[e];
+  const T weight = static_cast<T>(a.control.row(step)[1]);
   std::int64_t* counts = a.members.counts + 2 * e;
-  ++counts[0];
+  const std::int64_t updates[2] = {counts[0] + 1, counts[1] + (a.law_moves ? 1 : 0)};
+  T q[2], first[2], second[2], average[2], theta[3], grad_theta[3];
+  for (int i = 0; i < 2; ++i) {
+    q[i] = a.q[2 * e + i];
+    first[i] = a.first[2 * e + i];
+    second[i] = a.second[2 * e + i];
+    average[i] = a.average_q[2 * e + i];
+  }
+  for (int i = 0; i < 3; ++i) {
+    theta[i] = a.theta[3 * e + i];
+    grad_theta[i] = a.grad_theta[3 * e + i];
+  }
+  bool good = true;
   if (a.law_moves) {
-    ++counts[1];
     T grad_q[2];
-    law_pull_back(a.variables, q, a.grad_theta + 3 * e, grad_q);
-    const AdamRates<T> rates =
-        adam_rates<T>(a.adam, row[0] * a.members.slower[e], static_cast<double>(counts[1]));
+    law_pull_back(a.variables, q, grad_theta, grad_q);
+    const AdamRates<T> rates = adam_rates<T>(a.adam, factor, updates[1]);
     for (int i = 0; i < 2; ++i) {
-      const std::int64_t at = 2 * e + i;
-      if (!adam(rates, grad_q[i], q + i, a.first + at, a.second + at))
-        a.members.fault[e] = step * kFaults + kLawScalars;
+      good &= adam(rates, grad_q[i], q + i, first + i, second + i);
       if (a.variables == LawVariables::logarithm)
         q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
     }
-    law_from(a.variables, q, a.theta + 3 * e);
+    law_from(a.variables, q, theta);
   }
-  if (const double weight = row[1]; weight > 0)
-    for (int i = 0; i < 2; ++i) average[i] = interpolate(average[i], q[i], static_cast<T>(weight));
+  if (!good) a.members.fault[e] = step * kFaults + kLawScalars;
+  for (int i = 0; i < 2; ++i) {
+    counts[i] = updates[i];
+    a.q[2 * e + i] = q[i];
+    a.first[2 * e + i] = first[i];
+    a.second[2 * e + i] = second[i];
+    a.theta[3 * e + i] = theta[i];
+    if (weight > T(0)) a.average_q[2 * e + i] = interpolate(average[i], q[i], weight);
+  }
 }
 
 }  // namespace granpinn

@@ -60,7 +60,7 @@ struct CpuStep {
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       if (a.members.frozen(e, step, kParams)) continue;
       const double factor = a.control.row(step)[0] * a.members.slower[e];
-      const auto t = static_cast<double>(a.members.counts[2 * e] + 1);
+      const std::int64_t t = a.members.counts[2 * e] + 1;
       const AdamRates<T> rates = adam_rates<T>(a.adam, factor, t);
       const std::int64_t from = e * a.P;
       bool good = true;
