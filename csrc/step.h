@@ -115,10 +115,10 @@ struct FinishArguments {
   LawVariables variables;
   bool law_moves;
   const T* grad_theta;            // [E, 3]
-  T *q, *first, *second, *theta;  // [E, 2], [E, 2], [E, 2], [E, 3]
+  T *q, *first, *second, *theta;  // [E, law_numbers], likewise, likewise, [E, 3]
   const T* params;                // [E, P]
   T* average_params;              // [E, P]
-  T* average_q;                   // [E, 2]
+  T* average_q;                   // [E, law_numbers]
 };
 
 // The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
@@ -132,37 +132,40 @@ GRANPINN_HD void finish_law(const FinishArguments<T>& a, std::int64_t e, std::in
   const T weight = static_cast<T>(a.control.row(step)[1]);
   std::int64_t* counts = a.members.counts + 2 * e;
   const std::int64_t updates[2] = {counts[0] + 1, counts[1] + (a.law_moves ? 1 : 0)};
-  T q[2], first[2], second[2], average[2], theta[3], grad_theta[3];
-  for (int i = 0; i < 2; ++i) {
-    q[i] = a.q[2 * e + i];
-    first[i] = a.first[2 * e + i];
-    second[i] = a.second[2 * e + i];
-    average[i] = a.average_q[2 * e + i];
-  }
+  const int numbers = law_numbers(a.variables);
+  T q[3] = {}, first[3] = {}, second[3] = {}, average[3] = {}, theta[3], grad_theta[3];
   for (int i = 0; i < 3; ++i) {
     theta[i] = a.theta[3 * e + i];
     grad_theta[i] = a.grad_theta[3 * e + i];
+    if (i >= numbers) continue;
+    const std::int64_t at = numbers * e + i;
+    q[i] = a.q[at];
+    first[i] = a.first[at];
+    second[i] = a.second[at];
+    average[i] = a.average_q[at];
   }
   bool good = true;
   if (a.law_moves) {
-    T grad_q[2];
+    T grad_q[3] = {};
     law_pull_back(a.variables, q, grad_theta, grad_q);
     const AdamRates<T> rates = adam_rates<T>(a.adam, factor, updates[1]);
-    for (int i = 0; i < 2; ++i) {
-      good &= adam(rates, grad_q[i], q + i, first + i, second + i);
+    for (int i = 0; i < 3; ++i) {
+      if (i < numbers) good &= adam(rates, grad_q[i], q + i, first + i, second + i);
       if (a.variables == LawVariables::logarithm)
         q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
     }
     law_from(a.variables, q, theta);
   }
   if (!good) a.members.fault[e] = step * kFaults + kLawScalars;
-  for (int i = 0; i < 2; ++i) {
-    counts[i] = updates[i];
-    a.q[2 * e + i] = q[i];
-    a.first[2 * e + i] = first[i];
-    a.second[2 * e + i] = second[i];
+  for (int i = 0; i < 2; ++i) counts[i] = updates[i];
+  for (int i = 0; i < 3; ++i) {
     a.theta[3 * e + i] = theta[i];
-    if (weight > T(0)) a.average_q[2 * e + i] = interpolate(average[i], q[i], weight);
+    if (i >= numbers) continue;
+    const std::int64_t at = numbers * e + i;
+    a.q[at] = q[i];
+    a.first[at] = first[i];
+    a.second[at] = second[i];
+    if (weight > T(0)) a.average_q[at] = interpolate(average[i], q[i], weight);
   }
 }
 

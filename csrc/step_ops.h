@@ -213,19 +213,22 @@ struct StepOps {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
-    GRANPINN_CHECK_VALUE(variables == "log" || variables == "sigmoid",
-                         "variables must be 'log' or 'sigmoid', got '", variables, "'");
+    GRANPINN_CHECK_VALUE(variables == "log" || variables == "sigmoid" || variables == "theta",
+                         "variables must be 'log', 'sigmoid' or 'theta', got '", variables, "'");
+    const auto kind = variables == "log"       ? LawVariables::logarithm
+                      : variables == "sigmoid" ? LawVariables::sigmoid
+                                               : LawVariables::theta;
+    const int numbers = law_numbers(kind);
     expect("grad_theta", grad_theta, type, params, {E, 3});
-    expect("q", q, type, params, {E, 2});
-    expect("first", first, type, params, {E, 2});
-    expect("second", second, type, params, {E, 2});
+    expect("q", q, type, params, {E, numbers});
+    expect("first", first, type, params, {E, numbers});
+    expect("second", second, type, params, {E, numbers});
     expect("theta", theta, type, params, {E, 3});
     expect("params", params, type, params, {E, P});
     expect("average_params", average_params, type, params, {E, P});
-    expect("average_q", average_q, type, params, {E, 2});
+    expect("average_q", average_q, type, params, {E, numbers});
     const Control control = control_of(counter, table, E);
     const Members members = members_of(slower, fault, counts, params, E);
-    const auto kind = variables == "log" ? LawVariables::logarithm : LawVariables::sigmoid;
     AT_DISPATCH_FLOATING_TYPES(type, "finish_step", [&] {
       using T = scalar_t;
       const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };

@@ -126,7 +126,7 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "beyond": ("update_params", 10, [2, 4, 7, 4], "matrices must end within 10 parameters"),
     "odd": ("update_params", 10, [2], r"matrices must be \(begin, size\)"),
     "rates": ("finish_step", 13, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("finish_step", 14, "exp", "variables must be 'log' or 'sigmoid', got 'exp'"),
+    "variables": ("finish_step", 14, "exp", "variables must be 'log', 'sigmoid' or 'theta'"),
     "apart": ("descend", 8, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
     "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
@@ -154,6 +154,25 @@ def test_there_is_no_batch_without_points() -> None:
     with pytest.raises(ValueError, match="points to draw from, got 70 and 0 for batches of 4 and"):
         torch.ops.granpinn.draw_batch(*arguments, 4, 1, 0)
     assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)
+
+
+def test_theta_itself_may_move(device: torch.device) -> None:
+    """All three numbers, as any other parameters do; nothing without a weight is averaged."""
+    arguments = finish_arguments(3, 10, torch.float64)
+    theta = torch.rand(3, 3, dtype=torch.float64)
+    moments = [torch.zeros_like(theta) for _ in range(2)]
+    arguments[6:10] = [theta.clone(), *moments, torch.zeros_like(theta)]
+    arguments[12], arguments[14] = torch.zeros_like(theta), "theta"
+    arguments[1][:, 1] = 0
+    moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
+    torch.ops.granpinn.finish_step(*moved)
+    leaf = theta.clone().requires_grad_()
+    leaf.grad = arguments[5]
+    torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8).step()
+    for found in (moved[6], moved[9]):
+        torch.testing.assert_close(found.cpu(), leaf.detach(), rtol=1e-14, atol=0)
+    assert moved[4].tolist() == [[1, 1]] * 3
+    assert not moved[12].any()
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
