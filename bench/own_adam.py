@@ -32,14 +32,13 @@ class OwnAdam:
         control.table[:, 1] = 0  # no running average
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
         self.state = (control.counter, control.table, control.slower, control.fault, counts)
-        self.moments = [torch.zeros_like(self.params) for _ in range(3)]
+        self.moments = [torch.zeros_like(self.params) for _ in range(4)]
         moments = [torch.zeros_like(self.theta) for _ in range(2)]
-        averages = (torch.zeros_like(self.params), torch.zeros_like(self.theta))
-        self.law = (self.theta.clone(), *moments, self.theta, self.params, *averages)
+        self.law = (self.theta.clone(), *moments, self.theta, torch.zeros_like(self.theta))
 
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
         """One update; the shapes are those of residual_loss."""
         grad_params, grad_theta = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
         _ops.check_step(*self.state, loss.view(-1), grad_params, grad_theta)
-        _ops.update_params(*self.state, grad_params, self.params, *self.moments, [], ADAM, 0.0)
-        _ops.finish_step(*self.state, grad_theta, *self.law, ADAM, "theta", True)
+        network = (grad_params, self.params, *self.moments, [], ADAM, 0.0)
+        _ops.update(*self.state, *network, grad_theta, *self.law, ADAM, "theta", True)

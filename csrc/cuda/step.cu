@@ -56,6 +56,7 @@ __global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T>
   std::int64_t* fault = a.members.fault + e;
   if (bad) note(fault, step, kGradient);
   if (blockIdx.x != 0) return;
+  if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
   if (!finite(a.loss[e])) note(fault, step, kLoss);
   for (int i = 0; i < 3; ++i)
     if (!finite(a.grad_theta[3 * e + i])) note(fault, step, kLawGradient);
@@ -74,19 +75,35 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
 template <class T>
 struct Update {
   bool frozen;
+  T weight;
   AdamRates<T> rates;
 };
 
 template <class T>
+__device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
+  if (threadIdx.x != 0) return;
+  const std::int64_t step = a.control.counter[2];
+  if (e == 0) a.control.counter[0] = step + 1;
+  if (a.members.frozen(e, step, kParams)) return;
+  if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+}
+
+// The first block of a member moves its friction law, the others have its parameters.
+template <class T>
 __global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {
   __shared__ Update<T> update;
-  const std::int64_t e = blockIdx.y, begin = blockIdx.x * kThreads * kEach + threadIdx.x;
+  const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
+  if (blockIdx.x == 0) {
+    wait_for_earlier();
+    return move_law_by_one_thread(a, e);
+  }
+  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
   bool good = true;
   std::int64_t step = 0;
-  for (std::int64_t from = begin; from - threadIdx.x < a.P; from += kEach * stride()) {
-    T gradient[kEach], first[kEach], second[kEach], param[kEach], direction;
+  for (std::int64_t from = begin; from - threadIdx.x < a.P; from += apart) {
+    T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
     bool matrix[kEach], other[kEach];
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
@@ -106,15 +123,21 @@ __global__ void __launch_bounds__(kThreads)
       param[k] = other[k] ? a.params[at] : T(0);
     }
     if (once) {
-      step = a.control.counter[0];
+      step = a.control.counter[2];
       if (threadIdx.x == 0) {
-        const std::int64_t t = a.members.counts[2 * e] + 1;
+        const double* row = a.control.row(step);
         update.frozen = a.members.frozen(e, step, kParams);
-        update.rates = adam_rates<T>(a.adam, a.control.row(step)[0] * a.members.slower[e], t);
+        update.weight = static_cast<T>(row[1]);
+        update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
       }
       __syncthreads();
       if (update.frozen) return;
     }
+    const T weight = update.weight;
+    if (weight > T(0))
+#pragma unroll
+      for (int k = 0; k < kEach; ++k)
+        average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
@@ -125,6 +148,7 @@ __global__ void __launch_bounds__(kThreads)
         good &= adam(update.rates, gradient[k], param + k, first + k, second + k);
         a.params[at] = param[k];
         a.second[at] = second[k];
+        if (weight > T(0)) a.average_params[at] = interpolate(average[k], param[k], weight);
       }
       if (matrix[k] || other[k]) a.first[at] = first[k];
     }
@@ -135,47 +159,20 @@ __global__ void __launch_bounds__(kThreads)
 template <class T>
 __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArguments<T> a) {
   wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
-  if (a.members.frozen(e, step, kParams)) return;
-  const T rate = static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.slower[e]);
-  const std::int64_t count = a.count * a.size;
-  T* params = a.params + e * a.P + a.offset;
-  bool good = true;
-  for (std::int64_t i = first_index(); i < count; i += stride())
-    good &= descend(rate, a.U[e * count + i], params + i / a.size * a.apart + i % a.size);
-  if (!good) note(a.members.fault + e, step, kParams);
-}
-
-// The last block of a member moves its friction law, the others its running average.
-template <class T>
-__global__ void __launch_bounds__(kThreads) finish_kernel(const FinishArguments<T> a) {
-  wait_for_earlier();
   const std::int64_t e = blockIdx.y, step = a.control.counter[2];
-  const bool law = blockIdx.x + 1 == gridDim.x;
-  if (law && e == 0 && threadIdx.x == 0) a.control.counter[0] = step + 1;
-  if (a.members.frozen(e, step, kLawScalars)) return;
-  if (law) {
-    if (threadIdx.x == 0) finish_law(a, e, step);
-    return;
+  if (a.members.frozen(e, step, kParams)) return;
+  const double* row = a.control.row(step);
+  const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
+  const T weight = static_cast<T>(row[1]);
+  const std::int64_t count = a.count * a.size;
+  bool good = true;
+  for (std::int64_t i = first_index(); i < count; i += stride()) {
+    const std::int64_t at = e * a.P + a.offset + i / a.size * a.apart + i % a.size;
+    good &= descend(rate, a.U[e * count + i], a.params + at);
+    if (weight > T(0))
+      a.average_params[at] = interpolate(a.average_params[at], a.params[at], weight);
   }
-  const T weight = static_cast<T>(a.control.row(step)[1]);
-  if (!(weight > T(0))) return;
-  const T* params = a.params + e * a.P;
-  T* averages = a.average_params + e * a.P;
-  const std::int64_t apart = static_cast<std::int64_t>(gridDim.x - 1) * kThreads;
-  for (std::int64_t from = first_index(); from < a.P; from += kEach * apart) {
-    T param[kEach], average[kEach];
-#pragma unroll
-    for (int k = 0; k < kEach; ++k) {
-      const std::int64_t i = from + k * apart;
-      param[k] = i < a.P ? params[i] : T(0);
-      average[k] = i < a.P ? averages[i] : T(0);
-    }
-#pragma unroll
-    for (int k = 0; k < kEach; ++k)
-      if (const std::int64_t i = from + k * apart; i < a.P)
-        averages[i] = interpolate(average[k], param[k], weight);
-  }
+  if (!good) note(a.members.fault + e, step, kParams);
 }
 
 }  // namespace
@@ -195,9 +192,10 @@ cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream) {
 }
 
 template <class T>
-cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream) {
-  if (a.control.members == 0 || a.P == 0) return cudaSuccess;
-  const dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
+cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream) {
+  if (a.control.members == 0) return cudaSuccess;
+  dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
+  ++grid.x;  // for the law
   return launch_after(update_kernel<T>, grid, kThreads, 0, stream, a);
 }
 
@@ -208,20 +206,11 @@ cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) 
                       stream, a);
 }
 
-template <class T>
-cudaError_t finish_step(const FinishArguments<T>& a, cudaStream_t stream) {
-  if (a.control.members == 0) return cudaSuccess;
-  dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
-  ++grid.x;  // for the law
-  return launch_after(finish_kernel<T>, grid, kThreads, 0, stream, a);
-}
-
-#define GRANPINN_INSTANTIATE(T)                                                       \
-  template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t);         \
-  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t);         \
-  template cudaError_t update_params<T>(const UpdateArguments<T>&, cudaStream_t);     \
-  template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t); \
-  template cudaError_t finish_step<T>(const FinishArguments<T>&, cudaStream_t);
+#define GRANPINN_INSTANTIATE(T)                                               \
+  template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t); \
+  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t); \
+  template cudaError_t update<T>(const UpdateArguments<T>&, cudaStream_t);    \
+  template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t);
 
 GRANPINN_INSTANTIATE(float)
 GRANPINN_INSTANTIATE(double)

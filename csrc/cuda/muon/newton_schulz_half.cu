@@ -97,16 +97,18 @@ __device__ void write(const NewtonSchulz<float>& a, std::int64_t matrix, const f
     out[row * n + column] = U[m > n ? place(column, row) : place(row, column)];
 }
 
-// W -= rate U.
+// W -= rate U, and its running average.
 __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<float>& d,
                         std::int64_t matrix, std::int64_t step, const float* U) {
   constexpr int kBatch = 32;
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   const std::int64_t e = matrix / a.count, l = matrix % a.count;
   const int column = threadIdx.x % kSide, first = threadIdx.x / kSide;
-  const auto rate =
-      static_cast<float>(d.learning_rate * d.control.row(step)[0] * d.members.slower[e]);
-  float* W = d.params + e * d.P + d.offset + l * d.apart + column;
+  const double* control = d.control.row(step);
+  const auto rate = static_cast<float>(d.learning_rate * control[0] * d.members.slower[e]);
+  const auto weight = static_cast<float>(control[1]);
+  const std::int64_t from = e * d.P + d.offset + l * d.apart + column;
+  float *W = d.params + from, *average = d.average_params + from;
   bool good = true;
 #pragma unroll 1
   for (int begin = first; begin < m && column < n; begin += kBatch * kApart) {
@@ -121,6 +123,11 @@ __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<flo
         good &= granpinn::descend(rate, u, w + i);
         W[row * n] = w[i];
       }
+    if (!(weight > 0)) continue;
+#pragma unroll
+    for (int i = 0; i < kBatch; ++i)
+      if (const int row = begin + i * kApart; row < m)
+        average[row * n] = interpolate(average[row * n], w[i], weight);
   }
   if (!good) note(d.members.fault + e, step, kParams);
 }
@@ -130,7 +137,7 @@ __global__ void __launch_bounds__(kThreads)
     half_kernel(const NewtonSchulz<float> a, const DescendArguments<float> d) {
   extern __shared__ __align__(256) unsigned char memory[];
   wait_for_earlier();
-  const std::int64_t matrix = blockIdx.x, step = Descends ? d.control.counter[0] : 0;
+  const std::int64_t matrix = blockIdx.x, step = Descends ? d.control.counter[2] : 0;
   if (Descends && d.members.frozen(matrix / a.count, step, kParams)) return;
   const unsigned base = static_cast<unsigned>(__cvta_generic_to_shared(memory));
   const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;

@@ -110,12 +110,12 @@ __global__ void __launch_bounds__(kThreads, 2)
   extern __shared__ __align__(256) unsigned char memory[];
   wait_for_earlier();
   const std::int64_t matrix = blockIdx.x / kBlocks, e = matrix / a.count, l = matrix % a.count;
-  const std::int64_t step = Descends ? d.control.counter[0] : 0;
+  const std::int64_t step = Descends ? d.control.counter[2] : 0;
   if (Descends && d.members.frozen(e, step, kParams)) return;
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   const int rows = (min(m, n) + 15) / 16, columns = (max(m, n) + 15) / 16;
-  const Stripe stripe{static_cast<int>(blockIdx.x) % kBlocks, static_cast<int>(threadIdx.x) / 32,
-                      static_cast<int>(threadIdx.x) % 32};
+  Stripe stripe{static_cast<int>(blockIdx.x) % kBlocks, static_cast<int>(threadIdx.x) / 32,
+                static_cast<int>(threadIdx.x) % 32};
   const unsigned base = static_cast<unsigned>(__cvta_generic_to_shared(memory));
   unsigned A = base, X = base + 2 * kBytes;
   const unsigned P = base + kBytes;
@@ -130,10 +130,13 @@ __global__ void __launch_bounds__(kThreads, 2)
     return m > n ? column * n + row : row * n + column;
   };
   stripe.each(part, [&](float& x, int row, int column, int) { x = exact[place(row, column)]; });
-  float* const to = Descends ? d.params + e * d.P + d.offset + l * d.apart : a.out + matrix * m * n;
-  float rate = 0;
+  const std::int64_t from = e * d.P + d.offset + l * d.apart;  // in the parameters
+  float* const to = Descends ? d.params + from : a.out + matrix * m * n;
+  float rate = 0, weight = 0;
   if (Descends) {  // long before they are needed
-    rate = static_cast<float>(d.learning_rate * d.control.row(step)[0] * d.members.slower[e]);
+    const double* control = d.control.row(step);
+    rate = static_cast<float>(d.learning_rate * control[0] * d.members.slower[e]);
+    weight = static_cast<float>(control[1]);
     stripe.each(part, [&](float&, int row, int column, int v) {
       if (inside(row, column)) W[v] = to[index(row, column)];
     });
@@ -158,12 +161,24 @@ __global__ void __launch_bounds__(kThreads, 2)
     A = X;
     X = made;
   }
+  // addresses are made again: to keep them would take more registers than there are
+  asm volatile("" : "+r"(stripe.lane));
   bool good = true;
   stripe.each(part, [&](float& u, int row, int column, int v) {
     if (!inside(row, column)) return;
     if (Descends) good &= granpinn::descend(rate, u, W + v);
     to[index(row, column)] = Descends ? W[v] : u;
   });
+  if (weight > 0) {
+    float average[16];
+    float* const averages = d.average_params + from;
+    stripe.each(part, [&](float&, int row, int column, int v) {
+      if (inside(row, column)) average[v] = averages[index(row, column)];
+    });
+    stripe.each(part, [&](float&, int row, int column, int v) {
+      if (inside(row, column)) averages[index(row, column)] = interpolate(average[v], W[v], weight);
+    });
+  }
   if (Descends && !good) note(d.members.fault + e, step, kParams);
 }
 
