@@ -38,9 +38,9 @@ struct AdamRates {
 template <class T>
 GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, std::int64_t t) {
   double power_1 = 1, power_2 = 1, square_1 = s.beta_1, square_2 = s.beta_2;
-  for (; t > 0; t /= 2) {
-    power_1 *= t % 2 != 0 ? square_1 : 1.0;
-    power_2 *= t % 2 != 0 ? square_2 : 1.0;
+  for (auto left = static_cast<std::uint64_t>(t); left > 0; left /= 2) {
+    power_1 *= left % 2 != 0 ? square_1 : 1.0;
+    power_2 *= left % 2 != 0 ? square_2 : 1.0;
     square_1 *= square_1;
     square_2 *= square_2;
   }

@@ -1,5 +1,5 @@
-// newton_schulz_half.cu with a cluster of four blocks for each matrix, where few of them would leave
-// most of the GPU idle: 32 rows of X, A and P for each block, the same sums in the same order.
+// newton_schulz_half.cu with a cluster of four blocks for each matrix, where few of them would
+// leave most of the GPU idle: 32 rows of X, A and P for each block, the same sums, same order.
 //
 // Every block keeps X and A whole in shared memory, as operands. New rows of them go through the
 // second-level cache, which hands a block more bytes per cycle than the shared memory of its
@@ -38,7 +38,7 @@ struct Stripe {
     Fragment left[2], right[1];
   };
 
-  // Left rows of the stripe, columns 16 k; right its columns, given by rows of a square, or flipped.
+  // Left rows of the stripe, columns 16 k; right its columns, as rows of a square, or flipped.
   template <bool Flipped>
   __device__ void load(Terms& t, unsigned left, unsigned right, int k) const {
     const unsigned own = (left + left_lane(lane)) ^ (k % 8 * 32);
@@ -95,10 +95,9 @@ __device__ void exchange(const Stripe& stripe, const Sum (&sums)[2][2], unsigned
 #pragma unroll
   for (int i = 0; i < kSide - kRows; i += kThreads / 16) {
     const int row = (kRows * (stripe.rank + 1) + i + threadIdx.x / 16) % kSide;
-    asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(square + row * kRowBytes +
-                                                                   (chunk ^ row % 8) * 16),
-                 "l"(global + row * kRowBytes + chunk * 16)
-                 : "memory");
+    const unsigned to = square + row * kRowBytes + (chunk ^ row % 8) * 16;
+    const unsigned char* from = global + row * kRowBytes + chunk * 16;
+    asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(to), "l"(from) : "memory");
   }
   asm volatile("cp.async.wait_all;" ::: "memory");
   __syncthreads();
