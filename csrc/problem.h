@@ -12,6 +12,9 @@ enum class Form { data, mixed, strong };
 // Number of loss terms: velocity, surface, momentum, continuity, constitutive.
 constexpr int kTerms = 5;
 
+// Which of them a residual of a form belongs to.
+GRANPINN_HD int term_of(int residual) { return residual < 2 ? 2 : residual == 2 ? 3 : 4; }
+
 template <class T>
 struct Network {
   const std::int64_t* widths;  // [layers + 1]: 3, hidden ..., outputs

@@ -99,6 +99,9 @@ class Optimizer:
     beta_2: float = setting(0.99, "decay of the second moment of adam")
     epsilon: float = setting(1e-8, "epsilon of adam")
     momentum: float = setting(0.95, "momentum of Muon")
+    last_layer: bool = setting(
+        True, "end with a Gauss-Newton step in the last layer, mu_s and mu_2 (mixed form)"
+    )
 
 
 @dataclass(frozen=True)

@@ -97,8 +97,8 @@ def residual_loss(
     "strong" (K = 3) or "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and
     strong_form.h state the equations. The input map and ``physics`` are numbers, or tensors that
     may have the leading E: members of an ensemble can be different problems. ``precision`` "fast"
-    lets a GPU use its tensor cores, compensated to float32 in the forward products and TF32 in the
-    backward ones; it changes nothing on a CPU and in float64.
+    lets a GPU use its tensor cores, compensated to float32 in the forward products and halves in
+    the backward ones; it changes nothing on a CPU and in float64.
 
     Returns (loss [], terms [5], grad_params [P], grad_theta [3]); terms are unweighted mean squares
     over two, loss = sum_k term_weights_k terms_k. Only ``loss`` is differentiable, in ``params``

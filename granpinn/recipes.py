@@ -62,6 +62,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "optimizer.average": 0.0,
         "optimizer.beta_2": 0.999,
         "optimizer.epsilon": 1e-7,
+        "optimizer.last_layer": False,
     },
 }
 

@@ -5,7 +5,9 @@
 #include "kernel_table.h"
 
 #include "fma_peak.h"
-#include "math/form_gradient.h"
+#include "math/dual.h"
+#include "math/mixed_form.h"
+#include "math/strong_form.h"
 #include "mlp_tile.h"
 #include "orthogonalize.h"
 
@@ -103,7 +105,7 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
     const V weight = V::load(w_physics + p);
     for (int r = 0; r < F::residuals; ++r)
       w[r] = V(a.term_weights[term_of(r)] / static_cast<T>(a.n)) * weight;
-    form_gradient<F>(z, law, a.physics, w, e, g, g_law);
+    F::gradient(z, law, a.physics, w, e, g, g_law);
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) g[k][c].store(tile.g + (c * K + k) * kTile + p);
     for (int r = 0; r < F::residuals; ++r)
@@ -185,7 +187,7 @@ void form_residuals(const Physics<T>& physics, const T* theta, const T* jets, st
       for (int c = 0; c < F::channels; ++c)
         for (int p = 0; p < kLanes<T>; ++p)
           z[k][c].v[p] = jets[(c * n + at + (p < count ? p : count - 1)) * fields + k];
-    F::evaluate(z, law, physics, e);
+    residuals_of<F>(z, law, physics, e);
     for (std::int64_t p = 0; p < count; ++p)
       for (int r = 0; r < F::residuals; ++r) out[(at + p) * F::residuals + r] = e[r].v[p];
   }

@@ -74,27 +74,27 @@ class LayeredLoss {
 
   void interior(const Chunk& chunk) {
     if (a_.form == Form::mixed)
-      misfit(chunk, a_.points, interior_adjoint<MixedForm, T>, kInputs<MixedForm>);
+      misfit(chunk, a_.points, interior_adjoint<MixedForm, T>);
     else if (a_.form == Form::strong)
-      misfit(chunk, a_.points, interior_adjoint<Strong, T>, kInputs<Strong>);
+      misfit(chunk, a_.points, interior_adjoint<Strong, T>);
     else
-      misfit(chunk, a_.points, value_adjoint<Target::velocity, T>, 1);
+      misfit(chunk, a_.points, value_adjoint<Target::velocity, T>);
   }
 
   void surface(const Chunk& chunk) {
     if (a_.net.outputs() == MixedForm::fields)
-      misfit(chunk, a_.surface_points, value_adjoint<Target::softplus_pressure, T>, 1);
+      misfit(chunk, a_.surface_points, value_adjoint<Target::softplus_pressure, T>);
     else
-      misfit(chunk, a_.surface_points, value_adjoint<Target::linear_pressure, T>, 1);
+      misfit(chunk, a_.surface_points, value_adjoint<Target::linear_pressure, T>);
   }
 
-  void misfit(const Chunk& chunk, const Batched<T>& points, Misfit kernel, int directions) {
+  void misfit(const Chunk& chunk, const Batched<T>& points, Misfit kernel) {
     const T* raw = network_.forward(chunk, points);
     const unsigned blocks = blocks_of(chunk.count, kMisfitThreads);
     const unsigned group = static_cast<unsigned>(chunk.members);
     double* sums = total_ + layout_.members * kSums;
-    run_(kernel, dim3(blocks, static_cast<unsigned>(directions), group), dim3(kMisfitThreads), a_,
-         chunk, raw, network_.adjoint(), sums);
+    run_(kernel, dim3(blocks, 1, group), dim3(kMisfitThreads), a_, chunk, raw, network_.adjoint(),
+         sums);
     run_(add_sums, dim3(group), dim3(kSums), sums, static_cast<int>(blocks), total_);
     network_.backward(chunk);
   }

@@ -6,7 +6,8 @@
 
 #include "block_sum.cuh"
 #include "layered.h"
-#include "math/form_gradient.h"
+#include "math/mixed_form.h"
+#include "math/strong_form.h"
 
 namespace granpinn::cuda {
 
@@ -30,52 +31,35 @@ __device__ T velocity_misfit(const DeviceLoss<T>& a, std::int64_t e, std::int64_
   return factor * weight * misfit;
 }
 
-// Interior points: one thread for each point (x) and derivative (y): kInputs<F> directions.
+// Interior points: one thread for each.
 template <class F, class T>
 __global__ __launch_bounds__(kMisfitThreads) void interior_adjoint(
     const __grid_constant__ DeviceLoss<T> a, Chunk chunk, const T* raw, T* g, double* sums) {
-  constexpr int C = F::channels, K = F::fields, jets = K * C;
+  constexpr int C = F::channels, K = F::fields;
   const std::int64_t p = static_cast<std::int64_t>(blockIdx.x) * kMisfitThreads + threadIdx.x;
-  const int direction = blockIdx.y;
   const std::int64_t e = chunk.first_member + blockIdx.z, i = chunk.begin + p;
-  double squares[kTerms] = {};
-  double by_theta = 0;
+  double own[kSums] = {};
   if (p < chunk.count) {
-    const std::int64_t member = blockIdx.z * C * K * chunk.count;
-    T z[K][C], w[F::residuals], residual[F::residuals], derivative[1];
+    const auto at = [&](int k, int c) { return ((blockIdx.z * C + c) * chunk.count + p) * K + k; };
+    T z[K][C], z_a[K][C], w[F::residuals], residual[F::residuals], law_a[3];
     for (int k = 0; k < K; ++k)
-      for (int c = 0; c < C; ++c) z[k][c] = raw[member + (c * chunk.count + p) * K + k];
+      for (int c = 0; c < C; ++c) z[k][c] = raw[at(k, c)];
     const T *theta = a.theta.member(e), *term_weights = a.term_weights.member(e);
     const T weight = a.point_weights.member(e)[2 * i + 1];
     for (int r = 0; r < F::residuals; ++r)
       w[r] = term_weights[term_of(r)] / static_cast<T>(a.n) * weight;
     const FrictionLaw<T> law{theta[0], theta[1], theta[2]};
-    form_derivatives<F>(direction, z, law, physics_from<T>(a.physics.member(e)), w, residual,
-                        derivative);
-    if (direction == 0) {
-      for (int r = 0; r < F::residuals; ++r)
-        squares[term_of(r)] += weighted_square(weight, residual[r]);
-      velocity_misfit(a, e, i, 1, z[1][0], &squares[0]);
-    }
-    if (direction < jets) {
-      const int k = direction / C, c = direction % C;
-      T adjoint = derivative[0];
-      const std::int64_t at = member + (c * chunk.count + p) * K + k;
-      if (c == 0 && k < 2) adjoint += velocity_misfit(a, e, i, k, raw[at], &squares[0]);
-      g[at] = adjoint;
-    } else {
-      by_theta = static_cast<double>(derivative[0]);
-    }
+    F::gradient(z, law, physics_from<T>(a.physics.member(e)), w, residual, z_a, law_a);
+    for (int k = 0; k < 2; ++k) z_a[k][0] += velocity_misfit(a, e, i, k, z[k][0], &own[0]);
+    for (int k = 0; k < K; ++k)
+      for (int c = 0; c < C; ++c) g[at(k, c)] = z_a[k][c];
+    for (int r = 0; r < F::residuals; ++r) own[term_of(r)] += weighted_square(weight, residual[r]);
+    for (int k = 0; k < 3; ++k) own[kTerms + k] = static_cast<double>(law_a[k]);
   }
   double* to = sums + (blockIdx.z * gridDim.x + blockIdx.x) * kSums;
-  if (direction == 0) {
-    for (int t = 0; t < kTerms; ++t) {
-      const double sum = block_sum<kMisfitThreads>(squares[t]);
-      if (threadIdx.x == 0) to[t] = sum;
-    }
-  } else if (direction >= jets) {
-    const double sum = block_sum<kMisfitThreads>(by_theta);
-    if (threadIdx.x == 0) to[kTerms + direction - jets] = sum;
+  for (int s = 0; s < kSums; ++s) {
+    const double sum = block_sum<kMisfitThreads>(own[s]);
+    if (threadIdx.x == 0) to[s] = sum;
   }
 }
 

@@ -36,7 +36,7 @@ __global__ void residual_kernel(Physics<T> physics, const T* theta, const T* jet
   T z[F::fields][F::channels], e[F::residuals];
   for (int k = 0; k < F::fields; ++k)
     for (int c = 0; c < F::channels; ++c) z[k][c] = jets[(c * n + i) * fields + k];
-  F::evaluate(z, FrictionLaw<T>{theta[0], theta[1], theta[2]}, physics, e);
+  residuals_of<F>(z, FrictionLaw<T>{theta[0], theta[1], theta[2]}, physics, e);
   for (int r = 0; r < F::residuals; ++r) out[i * F::residuals + r] = e[r];
 }
 

@@ -1,9 +1,7 @@
 // Forward-mode differentiation in N directions at once.
 //
-// A Dual carries a value and its derivatives along N seeded directions. The pointwise physics
-// (strong_form.h, mixed_form.h) is written once as plain formulas; evaluated with Dual it yields
-// the exact derivatives of each residual with respect to the network's outputs and the rheology
-// parameters. Next to the matrix products of the network this costs about a percent.
+// A Dual carries a value and its derivatives along N seeded directions: a formula that is evaluated
+// with Dual yields its exact derivatives.
 #pragma once
 
 #include "scalar.h"

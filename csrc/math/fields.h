@@ -47,4 +47,31 @@ GRANPINN_HD PressureJet<R> pressure_jet(const R (&z)[C], scalar_t<R> scale) {
   return {pressure_value<map>(z[kValue], scale), slope * z[kX], slope * z[kY]};
 }
 
+// Its adjoint: that of the raw jet z, from those of p, p_x and p_y.
+template <PressureMap map, int C, class R>
+GRANPINN_HD void pressure_jet_adjoint(const R (&z)[C], scalar_t<R> scale, const PressureJet<R>& a,
+                                      R (&z_a)[C]) {
+  using T = scalar_t<R>;
+  const R slope = pressure_slope<map>(z[kValue], scale);
+  for (int i = 0; i < C; ++i) z_a[i] = R(T(0));
+  z_a[kValue] = slope * a.p;
+  z_a[kX] = slope * a.p_x;
+  z_a[kY] = slope * a.p_y;
+  if constexpr (map == PressureMap::softplus) {
+    // sigma'(z), likewise of exp(-|z|)
+    const R e = exponential(-absolute(z[kValue])), one(T(1));
+    const R curvature = scale * e / ((one + e) * (one + e));
+    z_a[kValue] = z_a[kValue] + curvature * (a.p_x * z[kX] + a.p_y * z[kY]);
+  }
+}
+
+// The residuals of a form alone: the compiler leaves out the gradient, which nobody reads.
+template <class F, class R, class T>
+GRANPINN_HD void residuals_of(const R (&z)[F::fields][F::channels], const FrictionLaw<R>& law,
+                              const Physics<T>& c, R (&e)[F::residuals]) {
+  R w[F::residuals], z_a[F::fields][F::channels], law_a[3];
+  for (int r = 0; r < F::residuals; ++r) w[r] = R(T(0));
+  F::gradient(z, law, c, w, e, z_a, law_a);
+}
+
 }  // namespace granpinn

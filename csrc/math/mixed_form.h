@@ -20,9 +20,12 @@ struct MixedForm {
   static constexpr int residuals = 5;
   static constexpr PressureMap pressure_map = PressureMap::softplus;
 
+  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, law_a
+  // of sum_r w_r e_r^2 / 2, in reverse mode. What ends in _a is an adjoint.
   template <class R, class T>
-  static GRANPINN_HD void evaluate(const R (&z)[fields][channels], const FrictionLaw<R>& law,
-                                   const Physics<T>& c, R (&e)[residuals]) {
+  static GRANPINN_HD void gradient(const R (&z)[fields][channels], const FrictionLaw<R>& law,
+                                   const Physics<T>& c, const R (&w)[residuals], R (&e)[residuals],
+                                   R (&z_a)[fields][channels], R (&law_a)[3]) {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
       u[i] = c.velocity_scale * z[0][i];
@@ -40,10 +43,50 @@ struct MixedForm {
 
     const R two_D1 = u[kX] - v[kY], two_D2 = u[kY] + v[kX];
     const R gamma_dot = square_root(two_D1 * two_D1 + two_D2 * two_D2 + T(1e-12));
-    const R mu = friction(inertial_number(gamma_dot, p.p, c), law);
-    const R rate = gamma_dot / mu;
+    const R I = inertial_number(gamma_dot, p.p, c);
+    const FrictionJet<R> f = friction_jet(I, law);
+    const R over_mu = R(T(1)) / f.mu, rate = gamma_dot * over_mu;
     e[3] = rate * s1[kValue] - two_D1;
     e[4] = rate * s2[kValue] - two_D2;
+
+    R a[residuals];
+    for (int r = 0; r < residuals; ++r) a[r] = w[r] * e[r];
+    const R rate_a = a[3] * s1[kValue] + a[4] * s2[kValue];
+    const R mu_a = -(rate_a * rate * over_mu);
+    law_a[0] = mu_a * f.rest;
+    law_a[1] = mu_a * f.ratio;
+    law_a[2] = -(mu_a * f.range * f.over * f.ratio);
+    const R I_I_a = mu_a * f.I_dmu;  // I times its adjoint
+    const R over_gamma_dot = (rate_a * rate + I_I_a) / (gamma_dot * gamma_dot);
+    const R two_D1_a = over_gamma_dot * two_D1 - a[3], two_D2_a = over_gamma_dot * two_D2 - a[4];
+    const auto above_floor = less(R(c.pressure_floor), absolute(p.p));
+    const R by_I = select(above_floor, T(0.5) * I_I_a / p.p, R(T(0)));
+
+    z_a[0][kValue] = a[0] * u[kX] + a[1] * v[kX];
+    z_a[0][kX] = a[0] * u[kValue] + a[2] + two_D1_a;
+    z_a[0][kY] = a[0] * v[kValue] + two_D2_a;
+    z_a[0][kT] = a[0];
+    z_a[1][kValue] = a[0] * u[kY] + a[1] * v[kY];
+    z_a[1][kX] = a[1] * u[kValue] + two_D2_a;
+    z_a[1][kY] = a[1] * v[kValue] + a[2] - two_D1_a;
+    z_a[1][kT] = a[1];
+    for (int i = 0; i < channels; ++i) {
+      z_a[0][i] = c.velocity_scale * z_a[0][i];
+      z_a[1][i] = c.velocity_scale * z_a[1][i];
+    }
+    const PressureJet<R> p_a{
+        -(a[0] * (s1[kX] + s2[kY]) + a[1] * (s2[kX] - s1[kY]) + by_I),
+        a[0] - (a[0] * s1[kValue] + a[1] * s2[kValue]),
+        a[1] - (a[0] * s2[kValue] - a[1] * s1[kValue]),
+    };
+    pressure_jet_adjoint<pressure_map>(z[2], c.pressure_scale, p_a, z_a[2]);
+    z_a[3][kValue] = a[3] * rate - (a[0] * p.p_x - a[1] * p.p_y);
+    z_a[3][kX] = -(a[0] * p.p);
+    z_a[3][kY] = a[1] * p.p;
+    z_a[4][kValue] = a[4] * rate - (a[0] * p.p_y + a[1] * p.p_x);
+    z_a[4][kX] = -(a[1] * p.p);
+    z_a[4][kY] = -(a[0] * p.p);
+    z_a[3][kT] = z_a[4][kT] = R(T(0));
   }
 };
 

@@ -43,6 +43,23 @@ GRANPINN_HD bool less(double a, double b) { return a < b; }
 GRANPINN_HD float select(bool which, float yes, float no) { return which ? yes : no; }
 GRANPINN_HD double select(bool which, double yes, double no) { return which ? yes : no; }
 
+// 1 / (1 + exp(-a))
+template <class R>
+GRANPINN_HD R logistic(const R& a) {
+  const R one(scalar_t<R>(1));
+  return one / (one + exponential(-a));
+}
+#if defined(__CUDA_ARCH__)
+// Without the branches of a division: an estimate and a step of Newton's, as accurate. The bound on
+// the exponent keeps the estimate from 0 (and the step from a NaN) where the result is as good as 0.
+GRANPINN_HD float logistic(const float& a) {
+  const float b = 1 + expf(fminf(-a, 80.0f));
+  float r;
+  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(b));
+  return fmaf(r, fmaf(-b, r, 1.0f), r);
+}
+#endif
+
 template <class R>
 GRANPINN_HD R absolute(R a) {
   return select(less(a, R(scalar_t<R>(0))), -a, a);

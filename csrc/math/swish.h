@@ -22,7 +22,7 @@ template <int Derivatives, class R>
 GRANPINN_HD Swish<R> swish(const R& z) {
   using T = scalar_t<R>;
   const R one(T(1));
-  const R s = one / (one + exponential(-z));
+  const R s = logistic(z);
   const R q = s * (one - s);
   Swish<R> out;
   out.f = z * s;

@@ -138,6 +138,8 @@ class Run:
             where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
             signum = caught.received or signal.SIGTERM  # another process was told
             raise Interrupted(signum, f"stopped at step {training.step}{where}")
+        training.solve_last_layer()
+        self.wall_s = self.before + time.monotonic() - self.started
 
     def _stopping(self, caught: Signals) -> bool:
         return self.processes.stopping(caught.received is not None)

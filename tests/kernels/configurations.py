@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 Form = Literal["strong", "mixed"]
+Regime = Literal["flowing", "low pressure", "slow"]
 
 POINTS = (1, 31, 33, 65_537)
 # Index of an ensemble whose members see the same data; every fourth row of the table is one.
@@ -38,7 +39,7 @@ class Configuration:
     points: int
     surface_points: int
     hidden: tuple[int, ...]
-    regime: Literal["flowing", "low pressure", "slow"]
+    regime: Regime
     members: int | None
     threads: int
 

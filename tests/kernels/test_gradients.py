@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -11,10 +12,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from .configurations import Form, Problem, problem, small
+from granpinn import reference, rheology
+from granpinn.reference.equations import SMOOTHING, pressure
+
+from .configurations import Form, Problem, Regime, problem, small
 
 LAW = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
 FORMS = ("strong", "mixed")
+REGIMES = ("flowing", "low pressure", "slow")
 
 
 def tiny(form: Form, members: int | None = None) -> Problem:
@@ -72,6 +77,29 @@ def test_gradcheck_of_the_loss(form: str, members: int | None, ops: ModuleType) 
         return ops.residual_loss(params, theta, *case.loss[2:-1], form)[0]
 
     gradcheck(loss, case.params, case.theta)
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("form", FORMS)
+def test_gradient_on_both_sides_of_every_switch(
+    form: Form, regime: Regime, ops: ModuleType
+) -> None:
+    """Against nested autograd in float64: floored pressures, viscosities beyond both limits."""
+    case = problem(small(form, points=34, regime=regime))
+    d, g_x, g_y, _, _, U, P, _ = case.physics
+    jet = reference.network_jet(*case.network, 1).detach()
+    p = pressure(jet[0], P)
+    p_floor = float(p.abs().quantile(0.5))
+    u_x, u_y, v_x, v_y = (U * jet[channel, :, k] for k in (0, 1) for channel in (1, 2))
+    gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + (u_y + v_x) ** 2 + SMOOTHING)
+    mu = rheology.mu_of_I(rheology.inertial_number(gamma_dot, p, d, p_floor), *case.theta)
+    eta_min, eta_max = (float((mu * p / gamma_dot).quantile(q)) for q in (0.3, 0.7))
+    case = replace(case, physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor])
+    for got, exact in zip(
+        ops.residual_loss(*case.loss), reference.residual_loss(*case.loss), strict=True
+    ):
+        assert exact.any()
+        assert (got - exact).norm() <= 1e-10 * exact.norm()
 
 
 def test_gradcheck_of_the_viscosity(ops: ModuleType) -> None:

@@ -28,8 +28,11 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
   s.packed = floats(E * plan.packed());
   s.narrow = floats(E * plan.narrow());
   s.stash = floats(E * plan.slots * plan.stash());
-  s.activations = floats(E * hidden * plan.panel());
-  s.adjoints = floats(E * hidden * plan.panel());
+  s.activations = take(E * hidden * plan.panel_bytes());
+  s.adjoints = take(E * hidden * plan.panel_bytes());
+  const std::int64_t scales = plan.tensor_cores ? E * hidden * plan.scales() : 0;
+  s.activation_scales = reinterpret_cast<int*>(take(4 * scales));
+  s.adjoint_scales = reinterpret_cast<int*>(take(4 * scales));
   s.gradients = floats(E * hidden * plan.splits * plan.H * plan.H);
   s.narrow_gradients = floats(E * plan.slots * plan.narrow());
   s.sums = reinterpret_cast<double*>(take(8 * E * plan.slots * kSums));
@@ -135,7 +138,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));
   const std::int64_t tile_bytes =
-      std::int64_t(8) * p.tile.panel_rows * p.H * std::max(p.hidden - 1, 1);
+      std::int64_t(p.tensor_cores ? 4 : 8) * p.tile.panel_rows * p.H * std::max(p.hidden - 1, 1);
   const std::int64_t fit = std::max<std::int64_t>(1, kPanels / (E * tile_bytes * p.slots));
   p.chunk = static_cast<int>(std::min<std::int64_t>(p.tiles, fit * p.slots));
 

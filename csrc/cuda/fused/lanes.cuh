@@ -31,9 +31,6 @@ struct Lanes {
 
   // this thread's neurons of a row of H
   static __device__ void load(const float* row, float (&v)[neurons]) { copy(row + column(), v); }
-  static __device__ void store(float* row, const float (&v)[neurons]) {
-    copy_to(row + column(), v);
-  }
 
   static __device__ void copy(const float* from, float (&v)[neurons]) {
     if constexpr (neurons == 4) {

@@ -5,7 +5,8 @@
 // rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only,
 // two warps share a slab: each sums over half of the inputs, then they halve the neurons.
 //   pack      brings the weights into the order in which the warps stream them;
-//   tile      forward, physics, backward; leaves activations A and adjoints G of all rows;
+//   tile      forward, physics, backward; leaves activations A and adjoints G of all rows (on
+//             tensor cores as the halves that its products took);
 //   weights   gradient G^T A of the hidden weights, split over the rows;
 //   collect   adds up what the blocks left, in fixed order and in double.
 #pragma once
@@ -86,7 +87,7 @@ struct Plan {
   int chunk;           // tiles of a member that go through the kernels together
 
   // weights kernel
-  bool large_weights;  // the larger of two tiles of weights
+  int weights_rows;    // of a tile of weights: 64, 128 or 256
   int weights_stages;  // of its ring
   int splits;          // of the rows of a chunk
 
@@ -105,14 +106,19 @@ struct Plan {
   GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
   int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }
   GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.panel_rows * H; }
+  // halves on tensor cores, and an exponent of their scale for every four rows
+  std::int64_t panel_bytes() const { return panel() * (tensor_cores ? 2 : 4); }
+  GRANPINN_HD std::int64_t scales() const { return std::int64_t(chunk) * tile.panel_rows / 4; }
 };
 
 struct Scratch {
   float* packed;            // [E][packed] hidden weights, as streamed
   float* narrow;            // [E][narrow] first and last layer, biases
   float* stash;             // [E * slots][L - 1][values of a thread][threads] pre-activations
-  float* activations;       // A [E][L - 1][panel]
-  float* adjoints;          // G likewise
+  void* activations;        // A [E][L - 1][panel]
+  void* adjoints;           // G likewise
+  int* activation_scales;   // [E][L - 1][scales], see MmaEngine::store_scales
+  int* adjoint_scales;      // likewise
   float* gradients;         // [E][L - 1][splits][H * H]
   float* narrow_gradients;  // [E][slots][narrow]
   double* sums;             // [E][slots][kSums]

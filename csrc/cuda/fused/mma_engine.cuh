@@ -16,12 +16,7 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kWeightExponent = 8;
-
-// Rounded to the ten mantissa bits of TF32, halves away from zero. (The compiler's own conversion
-// takes twice as many instructions, to keep the payload of a NaN.)
-__device__ inline float to_tf32(float a) {
-  return __uint_as_float((__float_as_uint(a) + 0x1000u) & 0xffffe000u);
-}
+constexpr int kNoScale = 1 << 20;  // of zeros
 
 // Two numbers as halves, the first in the lower bits, and what rounding took away.
 __device__ inline unsigned to_halves(float a, float b) {
@@ -70,6 +65,8 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr bool more_rows = MoreRows;     // in the panels, see compensated() in layout.h
   using Stream = WeightStream<512, Stages>;
   using Values = float[CP * PPT][neurons];
+  using Element = __half;  // of the panels
+  using Stored = unsigned[neurons / 2];
 
   static __device__ int point(int q) {
     return quad ? L::point_lane() : q / 2 * 8 + L::point_lane() * 2 + q % 2;
@@ -97,12 +94,23 @@ struct MmaEngine : Lanes<Width, Split> {
     }
   }
 
+  // The weights kernel gets the exponents of the scales, one for each four of a tile's rows: these
+  // are of the same channel. Behind the channels are rows of the value channel, or none.
+  static __device__ void store_scales(int* to, int panel_rows, const unsigned* peaks) {
+    for (int i = threadIdx.x; i < panel_rows / 4; i += L::threads) {
+      const int c = 4 * i < R ? 4 * i / PT : 0;
+      const unsigned peak = c < C ? peaks[c] : 0;
+      to[i] = peak >> 23 == 0 ? kNoScale : scale_exponent(peak);
+    }
+  }
+
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `v` becomes what the weights kernel gets, `rest` what is left then. With two pieces, a row
+  // `stored` is what the weights kernel gets, `rest` what is left then. With two pieces, a row
   // holds for every four inputs these inputs and then what rounding took from them.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned* peaks, float (&v)[neurons],
-                             [[maybe_unused]] float (&rest)[neurons]) {
+  static __device__ void put(float* panel, int c, int q, const unsigned* peaks,
+                             const float (&v)[neurons], Stored& stored,
+                             [[maybe_unused]] Stored& rest) {
     constexpr bool two_pieces = Forward || Compensated;
     const float scale = c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
     unsigned halves[neurons];
@@ -125,11 +133,16 @@ struct MmaEngine : Lanes<Width, Split> {
       to[2 * four + L::part()] = halves[0];
     }
 #pragma unroll
-    for (int j = 0; j < neurons; ++j) {
-      const float rounded = to_tf32(v[j]);
-      if constexpr (MoreRows) rest[j] = to_tf32(v[j] - rounded);
-      v[j] = rounded;
+    for (int j = 0; j < neurons / 2; ++j) {
+      stored[j] = halves[2 * j];
+      if constexpr (MoreRows) rest[j] = halves[2 * j + 1];
     }
+  }
+  static __device__ void store(__half* row, const Stored& v) {
+    if constexpr (neurons == 4)
+      *reinterpret_cast<uint2*>(row + L::column()) = make_uint2(v[0], v[1]);
+    else
+      *reinterpret_cast<unsigned*>(row + L::column()) = v[0];
   }
 
   // z[row][neuron] = sum_k panel[row][k] W[k][neuron], times the scales

@@ -19,6 +19,8 @@ struct SimtEngine : Lanes<Width, Split> {
   static constexpr int block_k = StageFloats / kSlab;  // inputs of a stage
   using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
+  using Element = float;  // of the panels
+  using Stored = float[neurons];
 
   static __device__ int point(int q) { return 4 * q + L::point_lane(); }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
@@ -26,14 +28,18 @@ struct SimtEngine : Lanes<Width, Split> {
   // No scales here: float32 has the range.
   static __device__ void note_peaks(const Values&, unsigned*) {}
   static __device__ void remove_scales(Values&, const unsigned*) {}
+  static __device__ void store_scales(int*, int, const unsigned*) {}
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `v` becomes what the weights kernel gets.
+  // `stored` is what the weights kernel gets.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned*, float (&v)[neurons],
-                             float (&)[neurons]) {
-    L::store(panel + row(c, q) * ld, v);
+  static __device__ void put(float* panel, int c, int q, const unsigned*, const float (&v)[neurons],
+                             Stored& stored, Stored&) {
+    L::copy_to(panel + row(c, q) * ld + L::column(), v);
+#pragma unroll
+    for (int j = 0; j < neurons; ++j) stored[j] = v[j];
   }
+  static __device__ void store(float* row, const Stored& v) { L::copy_to(row + L::column(), v); }
 
   // z[row][neuron] = sum_k panel[row][k] W[k][neuron]; `Forward` makes no difference here.
   template <bool Forward>

@@ -1,7 +1,8 @@
 // What a tile's raw outputs are compared with: adjoints of the outputs, and terms of the loss.
 #pragma once
 
-#include "math/form_gradient.h"
+#include "math/mixed_form.h"
+#include "math/strong_form.h"
 #include "tile.cuh"
 
 namespace granpinn::cuda::fused {
@@ -48,32 +49,41 @@ struct Interior {
     }
   }
 
+  // One thread for each point.
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
-    constexpr int jets = F::fields * F::channels;
+    constexpr int K = F::fields, C = F::channels;
+    static_assert(K == 3 || K == 5, "a row is one float4 and, with five fields, one more");
     const FrictionLaw<float> law{c.theta[0], c.theta[1], c.theta[2]};
-    for (int i = threadIdx.x; i < kInputs<F> * E::PT; i += E::threads) {
-      const int p = i % E::PT, input = i / E::PT;
-      float z[F::fields][F::channels], w[F::residuals], e[F::residuals], g[1];
-      for (int k = 0; k < F::fields; ++k)
-        for (int ch = 0; ch < F::channels; ++ch) z[k][ch] = m.raw()[(ch * E::PT + p) * kRow + k];
+    for (int p = threadIdx.x; p < E::PT; p += E::threads) {
+      float z[K][C], z_a[K][C], w[F::residuals], e[F::residuals], law_a[3];
+#pragma unroll
+      for (int ch = 0; ch < C; ++ch) {
+        const float* row = m.raw() + (ch * E::PT + p) * kRow;
+        const float4 four = *reinterpret_cast<const float4*>(row);
+        z[0][ch] = four.x, z[1][ch] = four.y, z[2][ch] = four.z;
+        if constexpr (K == 5) z[3][ch] = four.w, z[4][ch] = row[4];
+      }
       const float* seen = m.observed + 4 * p;
+#pragma unroll
       for (int r = 0; r < F::residuals; ++r)
         w[r] = c.term_weights[term_of(r)] / static_cast<float>(a.n) * seen[3];
-      form_derivatives<F>(input, z, law, c.physics, w, e, g);
-      if (input >= jets) {
-        m.terms()[(kTerms + input - jets) * E::R + p] = g[0];
-        continue;
+      F::gradient(z, law, c.physics, w, e, z_a, law_a);
+#pragma unroll
+      for (int k = 0; k < 2; ++k) z_a[k][0] += misfit_slope(a, c, seen, k, z[0][0], z[1][0]);
+#pragma unroll
+      for (int ch = 0; ch < C; ++ch) {
+        float* row = m.adjoint() + (ch * E::PT + p) * kRow;
+        float4 four{z_a[0][ch], z_a[1][ch], z_a[2][ch], 0};
+        if constexpr (K == 5) four.w = z_a[3][ch], row[4] = z_a[4][ch];
+        *reinterpret_cast<float4*>(row) = four;
       }
-      const int field = input / F::channels, channel = input % F::channels;
-      if (channel == 0 && field < 2) g[0] += misfit_slope(a, c, seen, field, z[0][0], z[1][0]);
-      m.adjoint()[(channel * E::PT + p) * kRow + field] = g[0];
-      if (input == 0) {
-        float square[kTerms] = {};
-        for (int r = 0; r < F::residuals; ++r) square[term_of(r)] += seen[3] * e[r] * e[r];
-        square[0] = misfit_square(c, seen, z[0][0], z[1][0]);
-        for (int k = 0; k < kTerms; ++k) m.terms()[k * E::R + p] = square[k];
-      }
+      float squares[kTerms] = {misfit_square(c, seen, z[0][0], z[1][0])};
+#pragma unroll
+      for (int r = 0; r < F::residuals; ++r) squares[term_of(r)] += seen[3] * e[r] * e[r];
+#pragma unroll
+      for (int k = 0; k < kSums; ++k)
+        m.terms()[k * E::R + p] = k < kTerms ? squares[k] : law_a[k - kTerms];
     }
   }
 

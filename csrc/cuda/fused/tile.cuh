@@ -33,7 +33,7 @@ class Tile {
       if (l > 0) stash(l, z);
       activate(z);
       if (l == L - 1) break;
-      put<true>(z, net_.activations + l * net_.plan.panel());
+      put<true>(z, l, net_.activations, net_.activation_scales);
       float b[N];  // on its way during the product
       E::load(net_.narrow + net_.plan.bias(l + 1), b);
       multiply<true>(z);
@@ -52,7 +52,7 @@ class Tile {
     last_layer(g);
     for (int l = L - 1; l > 0; --l) {
       bias_gradient(l, g);
-      put<false>(g, net_.adjoints + (l - 1) * net_.plan.panel());
+      put<false>(g, l - 1, net_.adjoints, net_.adjoint_scales);
       multiply<false>(g);
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
@@ -130,18 +130,25 @@ class Tile {
     for (int c = 0; c < E::C; ++c) g[c * E::PPT + q][j] = gc[c];
   }
 
-  // Into the panel, for the next product, and to global memory, for the weights' gradient.
+  // Into the panel, for the next product, and to global memory, for the weights' gradient: to the
+  // member's panel and scales number `layer`.
   template <bool Forward>
-  __device__ void put(Values& a, float* to) {
+  __device__ void put(const Values& a, int layer, void* panels, int* scales) {
+    using Element = typename E::Element;
+    using Stored = typename E::Stored;
+    const Plan& plan = net_.plan;
+    Element* to = static_cast<Element*>(panels) + layer * plan.panel();
     E::note_peaks(a, m_.peaks[turn_]);
     __syncthreads();
+    E::store_scales(scales + layer * plan.scales() + first_row_ / 4, plan.tile.panel_rows,
+                    m_.peaks[turn_]);
 #pragma unroll
     for (int c = 0; c < E::CP; ++c)
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
-        float (&v)[N] = a[c * E::PPT + q];
-        [[maybe_unused]] float rest[N];
-        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], v, rest);
+        Stored v;
+        [[maybe_unused]] Stored rest;
+        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], a[c * E::PPT + q], v, rest);
         const std::int64_t row = first_row_ + E::row(c, q);
         E::store(to + row * E::H, v);
         if constexpr (E::more_rows)
@@ -151,9 +158,9 @@ class Tile {
             E::store(to + (row + E::R + E::PT) * E::H, Forward ? rest : v);
           }
       }
-    const float none[N] = {};
-    for (int r = E::R + (E::more_rows ? 2 * E::PT : 0) + E::point_lane();
-         r < net_.plan.tile.panel_rows; r += 4)
+    const Stored none = {};
+    for (int r = E::R + (E::more_rows ? 2 * E::PT : 0) + E::point_lane(); r < plan.tile.panel_rows;
+         r += 4)
       E::store(to + (first_row_ + r) * E::H, none);
     if (threadIdx.x < kRow) m_.peaks[1 - turn_][threadIdx.x] = 0;
     __syncthreads();

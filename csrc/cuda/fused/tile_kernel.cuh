@@ -27,6 +27,12 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
 template <class E>
 constexpr int kResident = 512 / E::threads;
 
+// The panels of a member.
+template <class E>
+__device__ void* panels_of(void* all, std::int64_t e, const Plan& plan) {
+  return static_cast<typename E::Element*>(all) + e * (plan.hidden - 1) * plan.panel();
+}
+
 // A block is one slot of one member, blockIdx = (slot, member), and takes every slots-th tile.
 // I and S are the engines of interior and surface tiles: same width, for the surface no more rows.
 template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
@@ -45,8 +51,10 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
   const TileNetwork net{plan,
                         scratch.narrow + e * narrow,
                         scratch.stash + block * plan.stash(),
-                        scratch.activations + e * (L - 1) * plan.panel(),
-                        scratch.adjoints + e * (L - 1) * plan.panel(),
+                        panels_of<I>(scratch.activations, e, plan),
+                        panels_of<I>(scratch.adjoints, e, plan),
+                        scratch.activation_scales + e * (L - 1) * plan.scales(),
+                        scratch.adjoint_scales + e * (L - 1) * plan.scales(),
                         gradient};
   typename I::Stream weights(scratch.packed + e * plan.packed(), plan.stream(),
                              m.ring + threadIdx.x / 32 * I::Stream::floats);

@@ -28,8 +28,10 @@ struct TileNetwork {
   Plan plan;
   const float* narrow;  // weights of the first and last layer, biases
   float* stash;         // this block's
-  float* activations;   // of this member: [L - 1][panel]
-  float* adjoints;
+  void* activations;    // of this member: [L - 1][panel]
+  void* adjoints;
+  int* activation_scales;  // [L - 1][scales]
+  int* adjoint_scales;
   float* gradient;  // of the narrow parameters, in shared memory
 };
 

@@ -10,24 +10,33 @@ namespace granpinn::cuda::fused {
 
 constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
 
-// Nanoseconds on an H200, of which a plan depends on the ratios alone: of a block for a row, and
-// for its start and end.
+// Measured on an H200, in nanoseconds; a plan depends on the ratios alone. Of a block: for a row,
+// and for its start and end.
 struct WeightsTime {
   double row, block;
 };
-constexpr WeightsTime weights_time(bool tensor_cores, bool large) {
-  if (tensor_cores) return large ? WeightsTime{36, 11000} : WeightsTime{13.5, 4500};
-  return large ? WeightsTime{164, 13000} : WeightsTime{44.5, 3700};
+constexpr WeightsTime weights_time(bool tensor_cores, int tile_rows) {
+  if (tensor_cores)
+    return tile_rows == 256   ? WeightsTime{34, 13000}
+           : tile_rows == 128 ? WeightsTime{17.5, 10200}
+                              : WeightsTime{10.2, 5900};
+  return tile_rows == 256   ? WeightsTime{164, 13000}
+         : tile_rows == 128 ? WeightsTime{83, 5500}
+                            : WeightsTime{44.5, 3700};
 }
-constexpr double kAddTime = 1.5e-4;  // for a byte of a split, when these are added up
+// For a byte of a split, when these are added up: between that of few rows and that of so many that
+// the panels fill the cache.
+constexpr double kAddTime = 3e-4;
 
 // Calls `visit` with the policy of the weights kernel.
 template <int H, class Visit>
 auto visit_weights(const Plan& plan, Visit visit) {
   if constexpr (H == 256)
-    if (plan.large_weights)
-      return plan.tensor_cores ? visit(MmaWeights<256, 32>{}) : visit(SimtWeights<256, 16>{});
-  return plan.tensor_cores ? visit(MmaWeights<64, 64>{}) : visit(SimtWeights<64, 32>{});
+    if (plan.weights_rows == 256)
+      return plan.tensor_cores ? visit(MmaWeights<256, 64>{}) : visit(SimtWeights<256, 16>{});
+  if (plan.weights_rows == 128)
+    return plan.tensor_cores ? visit(MmaWeights<128, 64>{}) : visit(SimtWeights<128, 32>{});
+  return plan.tensor_cores ? visit(MmaWeights<64, 128>{}) : visit(SimtWeights<64, 32>{});
 }
 
 // Stages of a block, if the rows of a chunk go into so many splits.
@@ -40,7 +49,7 @@ std::int64_t split_stages(const Plan& plan, std::int64_t splits) {
 // Time of the weights kernel, and of adding up the splits.
 template <class P>
 double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) {
-  const WeightsTime time = weights_time(plan.tensor_cores, plan.large_weights);
+  const WeightsTime time = weights_time(plan.tensor_cores, plan.weights_rows);
   const std::int64_t weights = panels * plan.H * plan.H * plan.splits;
   const auto rows = static_cast<double>(split_stages<P>(plan, plan.splits) * P::stage_rows);
   const auto rounds = static_cast<double>(ceil_div(weights / (P::M * P::N), multiprocessors));
@@ -51,10 +60,10 @@ double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) 
 // where no tile fits.
 inline bool plan_weights(Plan& plan, std::int64_t panels, const DeviceLimits& device) {
   double best = 0;
-  for (const bool large : {false, true}) {
-    if (large && plan.H == 128) continue;
+  for (const int tile_rows : {64, 128, 256}) {
+    if (tile_rows > plan.H) continue;
     Plan p = plan;
-    p.large_weights = large;
+    p.weights_rows = tile_rows;
     const auto consider = [&](auto policy) {
       using P = decltype(policy);
       p.weights_stages = P::memory(3) <= device.shared_per_block ? 3 : 2;
