@@ -21,7 +21,7 @@ struct CudaStep {
   }
   template <class T>
   static void update(const UpdateArguments<T>& a) {
-    cuda::check(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
+    cuda::check(cuda::update(a, c10::cuda::getCurrentCUDAStream()), "update");
   }
   template <class T>
   static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
@@ -29,15 +29,13 @@ struct CudaStep {
     if constexpr (std::is_same_v<T, float>)
       if (fast_precision(precision) && newton_schulz_fits_half(G.size(2), G.size(3))) {
         const at::Tensor from = spread(G);
-        return cuda::check(descend_in_half(matrices<T>(from), a, stream), "descend");
+        NewtonSchulz<float> matrix = matrices<T>(from);
+        const at::Tensor scratch = half_scratch(matrix, G);
+        return cuda::check(descend_in_half(matrix, a, stream), "descend");
       }
     const at::Tensor factors = orthogonalize(G, precision);
     a.U = factors.const_data_ptr<T>();
     cuda::check(descend_matrices(a, stream), "descend");
-  }
-  template <class T>
-  static void finish(const FinishArguments<T>& a) {
-    cuda::check(finish_step(a, c10::cuda::getCurrentCUDAStream()), "finish_step");
   }
 };
 
