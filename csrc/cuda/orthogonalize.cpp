@@ -20,10 +20,7 @@ template <class T>
 cudaError_t launch(NewtonSchulz<T>& a, bool fast, const at::Tensor& like) {
   const auto stream = c10::cuda::getCurrentCUDAStream();
   if constexpr (std::is_same_v<T, float>)
-    if (fast && newton_schulz_fits_half(a.m, a.n)) {
-      const at::Tensor scratch = half_scratch(a, like);
-      return newton_schulz_in_half(a, stream);
-    }
+    if (fast && newton_schulz_fits_half(a.m, a.n)) return newton_schulz_in_half(a, stream);
   const at::Tensor scratch = at::empty({newton_schulz_scratch(a)}, like.options());
   a.scratch = scratch.mutable_data_ptr<T>();
   return newton_schulz(a, stream);

@@ -34,12 +34,4 @@ NewtonSchulz<T> matrices(const at::Tensor& G) {
   return a;
 }
 
-// What an iteration in half precision needs, put into it: the tensor must live as long.
-inline at::Tensor half_scratch(NewtonSchulz<float>& a, const at::Tensor& like) {
-  const std::int64_t count = newton_schulz_half_scratch(a);
-  const at::Tensor scratch = at::empty({count}, like.options());
-  a.scratch = count > 0 ? scratch.mutable_data_ptr<float>() : nullptr;
-  return scratch;
-}
-
 }  // namespace granpinn::cuda

@@ -29,9 +29,7 @@ struct CudaStep {
     if constexpr (std::is_same_v<T, float>)
       if (fast_precision(precision) && newton_schulz_fits_half(G.size(2), G.size(3))) {
         const at::Tensor from = spread(G);
-        NewtonSchulz<float> matrix = matrices<T>(from);
-        const at::Tensor scratch = half_scratch(matrix, G);
-        return cuda::check(descend_in_half(matrix, a, stream), "descend");
+        return cuda::check(descend_in_half(matrices<T>(from), a, stream), "descend");
       }
     const at::Tensor factors = orthogonalize(G, precision);
     a.U = factors.const_data_ptr<T>();

@@ -132,15 +132,6 @@ def test_it_repeats_itself(shape: tuple[int, int], precision: str, device: torch
     assert torch.equal(first[7], orthogonalize(G[7], device, precision))
 
 
-@pytest.mark.parametrize("shape", [(128, 128), (127, 90), (65, 128), (100, 72)])
-def test_few_matrices_have_the_bits_of_many(shape: tuple[int, int], cuda_ops: ModuleType) -> None:
-    """Few of them are shared between blocks, where "fast" and the GPU have clusters."""
-    G = torch.randn(65, *shape)
-    many = orthogonalize(G, "cuda", "fast")
-    for count in (1, 18, 64):
-        assert torch.equal(orthogonalize(G[:count], "cuda", "fast"), many[:count])
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_it_is_the_published_iteration(shape: tuple[int, int], device: torch.device) -> None:
     """A rounding error grows as a small singular value does: at most by 3.4445 in a step."""

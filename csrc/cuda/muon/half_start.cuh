@@ -1,4 +1,4 @@
-// What the kernels of the half-precision Newton-Schulz iteration begin with: X = G / |G|.
+// What the half-precision Newton-Schulz iteration begins with: X = G / |G|.
 #pragma once
 
 #include "half_square.cuh"

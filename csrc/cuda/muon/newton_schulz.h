@@ -17,7 +17,7 @@ struct NewtonSchulz {
   const T* G;
   std::int64_t groups, count, group_stride, stride, m, n;
   T* out;      // [groups, count, m, n]
-  T* scratch;  // newton_schulz_scratch scalars, or newton_schulz_half_scratch
+  T* scratch;  // newton_schulz_scratch scalars; none in half precision
 };
 
 // Blocks of the cluster that shares a matrix with sides up to 128: 2, 4 or 8, of 16 rows each.
@@ -49,17 +49,11 @@ cudaError_t newton_schulz(const NewtonSchulz<T>& a, cudaStream_t stream);
 bool newton_schulz_has_clusters();
 cudaError_t newton_schulz_in_clusters(const NewtonSchulz<float>& a, cudaStream_t stream);
 
-// One launch with operands of products in half precision, a block for each matrix, or a cluster of
-// four where there is scratch: newton_schulz_half_scratch scalars, which are none if one block for
-// each does better. Both make the same bits. In the second function, groups are members, and U goes
-// to the parameters alone.
+// One launch with operands of products in half precision, a block for each matrix. In the second,
+// groups are members, and U goes to the parameters alone.
 inline bool newton_schulz_fits_half(std::int64_t m, std::int64_t n) { return m <= 128 && n <= 128; }
-std::int64_t newton_schulz_half_scratch(const NewtonSchulz<float>& a);
 cudaError_t newton_schulz_in_half(const NewtonSchulz<float>& a, cudaStream_t stream);
 cudaError_t descend_in_half(const NewtonSchulz<float>& a, const DescendArguments<float>& d,
                             cudaStream_t stream);
-cudaError_t newton_schulz_in_half_clusters(const NewtonSchulz<float>& a, cudaStream_t stream);
-cudaError_t descend_in_half_clusters(const NewtonSchulz<float>& a, const DescendArguments<float>& d,
-                                     cudaStream_t stream);
 
 }  // namespace granpinn::cuda

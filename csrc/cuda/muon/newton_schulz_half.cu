@@ -190,12 +190,10 @@ cudaError_t launch(const NewtonSchulz<float>& a, const DescendArguments<float>& 
 }  // namespace
 
 cudaError_t newton_schulz_in_half(const NewtonSchulz<float>& a, cudaStream_t stream) {
-  if (a.scratch) return newton_schulz_in_half_clusters(a, stream);
   return launch<false>(a, {}, stream);
 }
 cudaError_t descend_in_half(const NewtonSchulz<float>& a, const DescendArguments<float>& d,
                             cudaStream_t stream) {
-  if (a.scratch) return descend_in_half_clusters(a, d, stream);
   return launch<true>(a, d, stream);
 }
 
