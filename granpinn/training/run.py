@@ -153,7 +153,7 @@ class Run:
             history.append(row)
         training.remember()
         self.progress.show(median([row for e, row in enumerate(rows) if e not in training.lost]))
-        if self.deadline is not None:
+        if self.deadline is not None and not training.finished:
             self._correct_plan(now, self.deadline)
 
     def _correct_plan(self, now: float, deadline: float) -> None:
