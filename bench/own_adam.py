@@ -19,9 +19,9 @@ _ops = torch.ops.granpinn
 class OwnAdam:
     """Adam on params [P] and theta [3], or [E, P] and [E, 3], in place.
 
-    Tests for numbers that are not finite, updates, counts. Training moves the friction law in
-    variables of its own, in the last of these launches; here theta itself moves, as that of the
-    rivals does, which takes a launch more.
+    Tests for numbers that are not finite, updates, counts: the launches of a step of training,
+    which moves the friction law in variables of its own; here theta itself moves, as that of the
+    rivals does.
     """
 
     def __init__(self, params: Tensor, theta: Tensor) -> None:
@@ -32,19 +32,13 @@ class OwnAdam:
         control.table[:, 1] = 0  # no running average
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
         self.state = (control.counter, control.table, control.slower, control.fault, counts)
-        self.moments = [
-            [torch.zeros_like(vector) for _ in range(3)] for vector in (self.params, self.theta)
-        ]
-        pairs = [params.new_zeros(E, 2) for _ in range(3)]
-        averages = (torch.zeros_like(self.params), params.new_zeros(E, 2))
-        self.law = (*pairs, torch.zeros_like(self.theta), self.params, *averages)
+        self.moments = [torch.zeros_like(self.params) for _ in range(4)]
+        moments = [torch.zeros_like(self.theta) for _ in range(2)]
+        self.law = (self.theta.clone(), *moments, self.theta, torch.zeros_like(self.theta))
 
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
         """One update; the shapes are those of residual_loss."""
-        gradients = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
-        _ops.check_step(*self.state, loss.view(-1), *gradients)
-        for vector, gradient, own in zip(
-            (self.params, self.theta), gradients, self.moments, strict=True
-        ):
-            _ops.update_params(*self.state, gradient, vector, *own, [], ADAM, 0.0)
-        _ops.finish_step(*self.state, gradients[1], *self.law, ADAM, "log", False)
+        grad_params, grad_theta = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
+        _ops.check_step(*self.state, loss.view(-1), grad_params, grad_theta)
+        network = (grad_params, self.params, *self.moments, [], ADAM, 0.0)
+        _ops.update(*self.state, *network, grad_theta, *self.law, ADAM, "theta", True)

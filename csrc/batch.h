@@ -30,10 +30,18 @@ struct BatchArguments {
   T* to_term_weights;  // [E, 5]
 };
 
+// Row i of a table, read before it is put down: the rows of all tables are on their way together.
 template <int K, class T>
-GRANPINN_HD void copy_row(const T* from, std::int64_t i, T* to, std::int64_t j) {
-  for (int k = 0; k < K; ++k) to[K * j + k] = from[K * i + k];
-}
+struct Row {
+  T values[K];
+
+  GRANPINN_HD Row(const T* from, std::int64_t i) {
+    for (int k = 0; k < K; ++k) values[k] = from[K * i + k];
+  }
+  GRANPINN_HD void put(T* to, std::int64_t j) const {
+    for (int k = 0; k < K; ++k) to[K * j + k] = values[k];
+  }
+};
 
 // Point i of member e.
 template <class T>
@@ -46,9 +54,11 @@ GRANPINN_HD void draw_point(const BatchArguments<T>& a, std::int64_t e, std::int
                               static_cast<std::uint32_t>(a.share * a.interior + i),
                               static_cast<std::uint64_t>(place[1]));
   const std::int64_t to = e * a.interior + i;
-  copy_row<3>(a.points, from, a.to_points, to);
-  copy_row<2>(a.velocity, from, a.to_velocity, to);
-  copy_row<2>(a.point_weights, from, a.to_point_weights, to);
+  const Row<3, T> point(a.points, from);
+  const Row<2, T> velocity(a.velocity, from), weights(a.point_weights, from);
+  point.put(a.to_points, to);
+  velocity.put(a.to_velocity, to);
+  weights.put(a.to_point_weights, to);
 }
 
 // Surface point j of member e.
@@ -62,18 +72,18 @@ GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, 
                               static_cast<std::uint32_t>(a.share * a.surface + j),
                               static_cast<std::uint64_t>(place[3]));
   const std::int64_t to = e * a.surface + j;
-  copy_row<3>(a.surface_points, from, a.to_surface_points, to);
-  copy_row<1>(a.surface_pressure, from, a.to_surface_pressure, to);
+  const Row<3, T> point(a.surface_points, from);
+  const Row<1, T> pressure(a.surface_pressure, from);
+  point.put(a.to_surface_points, to);
+  pressure.put(a.to_surface_pressure, to);
 }
 
 // The weights of member e in this step: the control table relaxes that of the velocity.
 template <class T>
 GRANPINN_HD void weigh_terms(const BatchArguments<T>& a, std::int64_t e, std::int64_t step) {
-  for (int k = 0; k < kTerms; ++k) {
-    const T weight = a.term_weights[kTerms * e + k];
-    const T factor = k == 0 ? static_cast<T>(a.control.row(step)[2 + e]) : T(1);
-    a.to_term_weights[kTerms * e + k] = factor * weight;
-  }
+  Row<kTerms, T> weights(a.term_weights, e);
+  weights.values[0] *= static_cast<T>(a.control.row(step)[2 + e]);
+  weights.put(a.to_term_weights, e);
 }
 
 }  // namespace granpinn

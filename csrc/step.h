@@ -1,8 +1,9 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
 // write. Everything lives on the device; the step finds its row of the control table by itself.
 //
-// Order of a step: draw_batch, residual_loss, check_step, update_params, descend, finish_step. The
-// first fault of a member freezes it: it is not updated any more.
+// Order of a step: draw_batch, residual_loss, check_step, update, descend. The first fault of a
+// member freezes it: it is not updated any more. What its last update leaves, that of the step with
+// the fault, is to be taken back: parts that find no fault themselves may have made it.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +20,8 @@ constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the
 constexpr std::int64_t kHealthy = INT64_MAX;
 
 // Where the run is. `counter` is (step, step of the table's first row, step of this update):
-// check_step copies the first to the last, which finish_step reads while it advances the first.
+// check_step copies the first to the last, which is what later kernels read: update advances the
+// first meanwhile.
 struct Control {
   std::int64_t* counter;  // [3]
   const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
@@ -36,7 +38,8 @@ struct Control {
 struct Members {
   const double* slower;  // [E] factor on every learning rate
   std::int64_t* fault;   // [E]
-  std::int64_t* counts;  // [E, 2] updates since a reset: of the network, of the friction law
+  std::int64_t* counts;  // [E, 2] updates since a reset: of the network, this one counted from
+                         // check_step on, and of the friction law
 
   // Whether something before `what` went wrong, in this step or an earlier one.
   GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
@@ -60,6 +63,17 @@ struct Region {
 };
 constexpr int kMaxRegions = 64;
 
+// The friction law of every member.
+template <class T>
+struct LawArguments {
+  AdamSettings adam;
+  LawVariables variables;
+  bool moves;
+  const T* gradient;              // [E, 3] by theta
+  T *q, *first, *second, *theta;  // [E, law_numbers], likewise, likewise, [E, 3]
+  T* average_q;                   // [E, law_numbers]
+};
+
 template <class T>
 struct UpdateArguments {
   Control control;
@@ -74,6 +88,8 @@ struct UpdateArguments {
   T* first;                    // [E, P] first moment of Adam, momentum of Muon
   T* second;                   // [E, P]
   T* direction;                // [E, P] Nesterov's gradient, inside the matrices alone
+  T* average_params;           // [E, P] running average, outside the matrices alone
+  LawArguments<T> law;
 };
 
 // The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.
@@ -94,8 +110,9 @@ struct DescendArguments {
   Members members;
   std::int64_t P, offset, count, size, apart;
   double learning_rate;
-  const T* U;  // [E, count, size], unless the kernel makes it
-  T* params;   // [E, P]
+  const T* U;         // [E, count, size], unless the kernel makes it
+  T* params;          // [E, P]
+  T* average_params;  // [E, P] running average
 };
 
 template <class T>
@@ -106,48 +123,55 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
   return good;
 }
 
-template <class T>
-struct FinishArguments {
-  Control control;
-  Members members;
-  std::int64_t P;
-  AdamSettings adam;
-  LawVariables variables;
-  bool law_moves;
-  const T* grad_theta;            // [E, 3]
-  T *q, *first, *second, *theta;  // [E, 2], [E, 2], [E, 2], [E, 3]
-  const T* params;                // [E, P]
-  T* average_params;              // [E, P]
-  T* average_q;                   // [E, 2]
-};
-
 // The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
 constexpr double kLowestLogarithm = -4.605170185988091, kHighestLogarithm = 1.0986122886681098;
 
-// The friction law of member e: its update, its average, and theta for the next step.
+// The friction law of member e: its update, its average, and theta for the next step; false where
+// something would not be finite. All numbers are read before one is written, so that they can be on
+// their way together.
 template <class T>
-GRANPINN_HD void finish_law(const FinishArguments<T>& a, std::int64_t e, std::int64_t step) {
-  const double* row = a.control.row(step);
-  T *q = a.q + 2 * e, *average = a.average_q + 2 * e;
-  std::int64_t* counts = a.members.counts + 2 * e;
-  ++counts[0];
-  if (a.law_moves) {
-    ++counts[1];
-    T grad_q[2];
-    law_pull_back(a.variables, q, a.grad_theta + 3 * e, grad_q);
-    const AdamRates<T> rates =
-        adam_rates<T>(a.adam, row[0] * a.members.slower[e], static_cast<double>(counts[1]));
-    for (int i = 0; i < 2; ++i) {
-      const std::int64_t at = 2 * e + i;
-      if (!adam(rates, grad_q[i], q + i, a.first + at, a.second + at))
-        a.members.fault[e] = step * kFaults + kLawScalars;
+GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
+  const LawArguments<T>& a = arguments.law;
+  const double* row = arguments.control.row(step);
+  const double factor = row[0] * arguments.members.slower[e];
+  const T weight = static_cast<T>(row[1]);
+  std::int64_t* count = arguments.members.counts + 2 * e + 1;
+  const std::int64_t t = *count + 1;
+  const int numbers = law_numbers(a.variables);
+  T q[3] = {}, first[3] = {}, second[3] = {}, average[3] = {}, theta[3], grad_theta[3];
+  for (int i = 0; i < 3; ++i) {
+    theta[i] = a.theta[3 * e + i];
+    grad_theta[i] = a.gradient[3 * e + i];
+    if (i >= numbers) continue;
+    const std::int64_t at = numbers * e + i;
+    q[i] = a.q[at];
+    first[i] = a.first[at];
+    second[i] = a.second[at];
+    average[i] = a.average_q[at];
+  }
+  bool good = true;
+  if (a.moves) {
+    T grad_q[3] = {};
+    law_pull_back(a.variables, q, grad_theta, grad_q);
+    const AdamRates<T> rates = adam_rates<T>(a.adam, factor, t);
+    for (int i = 0; i < 3; ++i) {
+      if (i < numbers) good &= adam(rates, grad_q[i], q + i, first + i, second + i);
       if (a.variables == LawVariables::logarithm)
         q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
     }
-    law_from(a.variables, q, a.theta + 3 * e);
+    law_from(a.variables, q, theta);
+    *count = t;
   }
-  if (const double weight = row[1]; weight > 0)
-    for (int i = 0; i < 2; ++i) average[i] = interpolate(average[i], q[i], static_cast<T>(weight));
+  for (int i = 0; i < 3; ++i) {
+    a.theta[3 * e + i] = theta[i];
+    if (i >= numbers) continue;
+    const std::int64_t at = numbers * e + i;
+    a.q[at] = q[i];
+    a.first[at] = first[i];
+    a.second[at] = second[i];
+    if (weight > T(0)) a.average_q[at] = interpolate(average[i], q[i], weight);
+  }
+  return good;
 }
 
 }  // namespace granpinn

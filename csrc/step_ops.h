@@ -1,7 +1,7 @@
 // The operators of one optimization step, from tensors to plain structs: the same for all devices.
 //
-// `Backend` runs the kernels: static functions draw, check, update, descend and finish, each taking
-// its arguments struct; descend also takes the matrices that it has to orthogonalize, and how.
+// `Backend` runs the kernels: static functions draw, check, update and descend, each taking its
+// arguments struct; descend also takes the matrices that it has to orthogonalize, and how.
 // In-place on the tensors that the schemas mark; nothing is synchronised.
 #pragma once
 
@@ -48,6 +48,14 @@ inline AdamSettings adam_settings(Doubles values) {
                        "adam must be [learning_rate, beta_1, beta_2, epsilon], got ", values.size(),
                        " values");
   return {values[0], values[1], values[2], values[3]};
+}
+
+inline LawVariables law_variables(c10::string_view name) {
+  GRANPINN_CHECK_VALUE(name == "log" || name == "sigmoid" || name == "theta",
+                       "variables must be 'log', 'sigmoid' or 'theta', got '", name, "'");
+  return name == "log"       ? LawVariables::logarithm
+         : name == "sigmoid" ? LawVariables::sigmoid
+                             : LawVariables::theta;
 }
 
 // [E, P] and the type of params.
@@ -127,12 +135,14 @@ struct StepOps {
     });
   }
 
-  static void update_params(const at::Tensor& counter, const at::Tensor& table,
-                            const at::Tensor& slower, const at::Tensor& fault,
-                            const at::Tensor& counts, const at::Tensor& gradient,
-                            const at::Tensor& params, const at::Tensor& first,
-                            const at::Tensor& second, const at::Tensor& direction, Ints matrices,
-                            Doubles adam, double momentum) {
+  static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
+                     const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& gradient,
+                     const at::Tensor& params, const at::Tensor& first, const at::Tensor& second,
+                     const at::Tensor& direction, const at::Tensor& average_params, Ints matrices,
+                     Doubles adam, double momentum, const at::Tensor& grad_theta,
+                     const at::Tensor& q, const at::Tensor& first_q, const at::Tensor& second_q,
+                     const at::Tensor& theta, const at::Tensor& average_q, Doubles law_adam,
+                     c10::string_view variables, bool law_moves) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
@@ -141,14 +151,33 @@ struct StepOps {
     expect("first", first, type, params, {E, P});
     expect("second", second, type, params, {E, P});
     expect("direction", direction, type, params, {E, P});
+    expect("average_params", average_params, type, params, {E, P});
+    const LawVariables kind = law_variables(variables);
+    const int numbers = law_numbers(kind);
+    expect("grad_theta", grad_theta, type, params, {E, 3});
+    expect("q", q, type, params, {E, numbers});
+    expect("first_q", first_q, type, params, {E, numbers});
+    expect("second_q", second_q, type, params, {E, numbers});
+    expect("theta", theta, type, params, {E, 3});
+    expect("average_q", average_q, type, params, {E, numbers});
     const auto regions = static_cast<int>(matrices.size() / 2);
     GRANPINN_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
                          "matrices must be (begin, size) of at most ", kMaxRegions,
                          " hidden matrices, got ", matrices.size(), " numbers");
     const Control control = control_of(counter, table, E);
     const Members members = members_of(slower, fault, counts, params, E);
-    AT_DISPATCH_FLOATING_TYPES(type, "update_params", [&] {
+    AT_DISPATCH_FLOATING_TYPES(type, "update", [&] {
       using T = scalar_t;
+      const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
+      const LawArguments<T> law{adam_settings(law_adam),
+                                kind,
+                                law_moves,
+                                grad_theta.const_data_ptr<T>(),
+                                at(q),
+                                at(first_q),
+                                at(second_q),
+                                at(theta),
+                                at(average_q)};
       UpdateArguments<T> a{control,
                            members,
                            P,
@@ -157,10 +186,12 @@ struct StepOps {
                            regions,
                            {},
                            gradient.const_data_ptr<T>(),
-                           params.mutable_data_ptr<T>(),
-                           first.mutable_data_ptr<T>(),
-                           second.mutable_data_ptr<T>(),
-                           direction.mutable_data_ptr<T>()};
+                           at(params),
+                           at(first),
+                           at(second),
+                           at(direction),
+                           at(average_params),
+                           law};
       std::int64_t end = 0;
       for (int i = 0; i < regions; ++i) {
         a.region[i] = {matrices[2 * i], matrices[2 * i + 1]};
@@ -175,8 +206,9 @@ struct StepOps {
 
   static void descend(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
                       const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& G,
-                      const at::Tensor& params, std::int64_t offset, std::int64_t apart,
-                      double learning_rate, c10::string_view precision) {
+                      const at::Tensor& params, const at::Tensor& average_params,
+                      std::int64_t offset, std::int64_t apart, double learning_rate,
+                      c10::string_view precision) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
@@ -187,6 +219,7 @@ struct StepOps {
                          shape_of(G));
     const std::int64_t L = G.size(1), size = G.size(2) * G.size(3);
     expect("params", params, type, params, {E, P});
+    expect("average_params", average_params, type, params, {E, P});
     GRANPINN_CHECK_VALUE(
         offset >= 0 && (L == 0 || (apart >= size && offset + (L - 1) * apart + size <= P)),
         "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
@@ -197,42 +230,10 @@ struct StepOps {
     if (G.numel() == 0) return;
     AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {
       using T = scalar_t;
-      Backend::descend(DescendArguments<T>{control, members, P, offset, L, size, apart,
-                                           learning_rate, nullptr, params.mutable_data_ptr<T>()},
-                       G, precision);
-    });
-  }
-
-  static void finish_step(const at::Tensor& counter, const at::Tensor& table,
-                          const at::Tensor& slower, const at::Tensor& fault,
-                          const at::Tensor& counts, const at::Tensor& grad_theta,
-                          const at::Tensor& q, const at::Tensor& first, const at::Tensor& second,
-                          const at::Tensor& theta, const at::Tensor& params,
-                          const at::Tensor& average_params, const at::Tensor& average_q,
-                          Doubles adam, c10::string_view variables, bool law_moves) {
-    const c10::DeviceGuard guard(params.device());
-    const auto [E, P] = ensemble_of(params);
-    const at::ScalarType type = params.scalar_type();
-    GRANPINN_CHECK_VALUE(variables == "log" || variables == "sigmoid",
-                         "variables must be 'log' or 'sigmoid', got '", variables, "'");
-    expect("grad_theta", grad_theta, type, params, {E, 3});
-    expect("q", q, type, params, {E, 2});
-    expect("first", first, type, params, {E, 2});
-    expect("second", second, type, params, {E, 2});
-    expect("theta", theta, type, params, {E, 3});
-    expect("params", params, type, params, {E, P});
-    expect("average_params", average_params, type, params, {E, P});
-    expect("average_q", average_q, type, params, {E, 2});
-    const Control control = control_of(counter, table, E);
-    const Members members = members_of(slower, fault, counts, params, E);
-    const auto kind = variables == "log" ? LawVariables::logarithm : LawVariables::sigmoid;
-    AT_DISPATCH_FLOATING_TYPES(type, "finish_step", [&] {
-      using T = scalar_t;
-      const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
-      Backend::finish(FinishArguments<T>{control, members, P, adam_settings(adam), kind, law_moves,
-                                         grad_theta.const_data_ptr<T>(), at(q), at(first),
-                                         at(second), at(theta), params.const_data_ptr<T>(),
-                                         at(average_params), at(average_q)});
+      Backend::descend(
+          DescendArguments<T>{control, members, P, offset, L, size, apart, learning_rate, nullptr,
+                              params.mutable_data_ptr<T>(), average_params.mutable_data_ptr<T>()},
+          G, precision);
     });
   }
 };
@@ -242,9 +243,8 @@ template <class Backend>
 void register_step(torch::Library& m) {
   m.impl("draw_batch", &StepOps<Backend>::draw_batch);
   m.impl("check_step", &StepOps<Backend>::check_step);
-  m.impl("update_params", &StepOps<Backend>::update_params);
+  m.impl("update", &StepOps<Backend>::update);
   m.impl("descend", &StepOps<Backend>::descend);
-  m.impl("finish_step", &StepOps<Backend>::finish_step);
 }
 
 }  // namespace granpinn

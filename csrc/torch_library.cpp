@@ -39,20 +39,18 @@ TORCH_LIBRARY(granpinn, m) {
       "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "check_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
-      "Tensor counts, Tensor loss, Tensor grad_params, Tensor grad_theta) -> ()");
+      "Tensor(c!) counts, Tensor loss, Tensor grad_params, Tensor grad_theta) -> ()");
   m.def(
-      "update_params(Tensor counter, Tensor table, Tensor slower, Tensor(a!) fault, "
-      "Tensor counts, Tensor gradient, Tensor(b!) params, Tensor(c!) first, Tensor(d!) second, "
-      "Tensor(e!) direction, int[] matrices, float[] adam, float momentum) -> ()");
+      "update(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
+      "Tensor(c!) counts, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "
+      "Tensor(f!) second, Tensor(g!) direction, Tensor(h!) average_params, int[] matrices, "
+      "float[] adam, float momentum, Tensor grad_theta, Tensor(i!) q, Tensor(j!) first_q, "
+      "Tensor(k!) second_q, Tensor(l!) theta, Tensor(m!) average_q, float[] law_adam, "
+      "str variables, bool law_moves) -> ()");
   m.def(
       "descend(Tensor counter, Tensor table, Tensor slower, Tensor(a!) fault, Tensor counts, "
-      "Tensor G, Tensor(b!) params, int offset, int apart, float learning_rate, str precision) "
-      "-> ()");
-  m.def(
-      "finish_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
-      "Tensor(c!) counts, Tensor grad_theta, Tensor(d!) q, Tensor(e!) first, Tensor(f!) second, "
-      "Tensor(g!) theta, Tensor params, Tensor(h!) average_params, Tensor(i!) average_q, "
-      "float[] adam, str variables, bool law_moves) -> ()");
+      "Tensor G, Tensor(b!) params, Tensor(c!) average_params, int offset, int apart, "
+      "float learning_rate, str precision) -> ()");
 }
 
 TORCH_LIBRARY_IMPL(granpinn, CPU, m) {

@@ -99,6 +99,9 @@ class Optimizer:
     beta_2: float = setting(0.99, "decay of the second moment of adam")
     epsilon: float = setting(1e-8, "epsilon of adam")
     momentum: float = setting(0.95, "momentum of Muon")
+    last_layer: bool = setting(
+        True, "end with a Gauss-Newton step in the last layer, mu_s and mu_2 (mixed form)"
+    )
 
 
 @dataclass(frozen=True)
@@ -135,8 +138,10 @@ class Config:
     form: Literal["mixed", "strong"] = setting(
         "mixed", "residual: stress as an unknown (mixed), or the paper's equation (strong)"
     )
-    recipe: Literal["default", "paper"] = setting(
-        "default", "named set of settings: the best known, or the paper to the letter"
+    recipe: Literal["default", "noisy", "paper"] = setting(
+        "default",
+        "named set of settings: the best known, the same for noise above a tenth of the largest "
+        "speed, or the paper to the letter",
     )
     noise: float = setting(
         0.0, "white noise added to the velocity, sd relative to the maximum speed (0.2 = 20 %)"

@@ -27,11 +27,17 @@ SECTIONS: dict[str, type] = {
     "profile": Profile,
     "resimulation": Resimulation,
 }
+# For much noise: fewer unknowns and larger batches, at the same cost (docs/method.md, section 5).
 # The paper to the letter: section Training; where it is silent, what its library does by default
 # (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
 # unit weights in the units of the data, no scaling of inputs and outputs).
 RECIPES: dict[str, dict[str, Any]] = {
     "default": {},
+    "noisy": {
+        "network.widths": (64, 64, 64, 64),
+        "batch.interior": 4096,
+        "batch.surface": 512,
+    },
     "paper": {
         "level": "V2",
         "form": "strong",
@@ -62,6 +68,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "optimizer.average": 0.0,
         "optimizer.beta_2": 0.999,
         "optimizer.epsilon": 1e-7,
+        "optimizer.last_layer": False,
     },
 }
 

@@ -2,6 +2,7 @@
 #include "step_ops.h"
 
 #include <algorithm>
+#include <type_traits>
 
 #include <ATen/Parallel.h>
 
@@ -29,6 +30,15 @@ bool all_finite(const T* a, std::int64_t n) {
   return sum == T(0);
 }
 
+// The running average of some parameters.
+template <class Arguments>
+void average(const Arguments& a, std::int64_t begin, std::int64_t end, double weight) {
+  using T = std::remove_pointer_t<decltype(a.average_params)>;
+  if (!(weight > 0)) return;
+  for (std::int64_t i = begin; i < end; ++i)
+    a.average_params[i] = interpolate(a.average_params[i], a.params[i], static_cast<T>(weight));
+}
+
 struct CpuStep {
   template <class T>
   static void draw(const BatchArguments<T>& a) {
@@ -48,6 +58,7 @@ struct CpuStep {
     a.control.counter[2] = step;
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       std::int64_t* fault = a.members.fault + e;
+      if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
       if (!finite(a.loss[e])) note(fault, step, kLoss);
       if (!all_finite(a.grad_params + e * a.P, a.P)) note(fault, step, kGradient);
       if (!all_finite(a.grad_theta + e * 3, 3)) note(fault, step, kLawGradient);
@@ -56,25 +67,28 @@ struct CpuStep {
 
   template <class T>
   static void update(const UpdateArguments<T>& a) {
-    const std::int64_t step = a.control.counter[0];
+    const std::int64_t step = a.control.counter[2];
+    a.control.counter[0] = step + 1;
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       if (a.members.frozen(e, step, kParams)) continue;
-      const double factor = a.control.row(step)[0] * a.members.slower[e];
-      const auto t = static_cast<double>(a.members.counts[2 * e] + 1);
-      const AdamRates<T> rates = adam_rates<T>(a.adam, factor, t);
+      const double* row = a.control.row(step);
+      const AdamRates<T> rates =
+          adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
       const std::int64_t from = e * a.P;
       bool good = true;
       std::int64_t at = from;
       for (int r = 0; r <= a.regions; ++r) {
-        const std::int64_t end = from + (r < a.regions ? a.region[r].begin : a.P);
+        const std::int64_t begin = at, end = from + (r < a.regions ? a.region[r].begin : a.P);
         for (; at < end; ++at)
           good &= adam(rates, a.gradient[at], a.params + at, a.first + at, a.second + at);
+        average(a, begin, end, row[1]);
         if (r < a.regions)
           for (; at < end + a.region[r].size; ++at)
             good &= accumulate(static_cast<T>(a.momentum), a.gradient[at], a.first + at,
                                a.direction + at);
       }
       if (!good) note(a.members.fault + e, step, kParams);
+      if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
     }
   }
 
@@ -82,33 +96,21 @@ struct CpuStep {
   static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
     const at::Tensor factors = orthogonalize_cpu(G, precision);
     a.U = factors.const_data_ptr<T>();
-    const std::int64_t step = a.control.counter[0];
+    const std::int64_t step = a.control.counter[2];
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       if (a.members.frozen(e, step, kParams)) continue;
-      const auto rate =
-          static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.slower[e]);
+      const double* row = a.control.row(step);
+      const auto rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
       bool good = true;
       for (std::int64_t l = 0; l < a.count; ++l) {
         const T* U = a.U + (e * a.count + l) * a.size;
-        T* W = a.params + e * a.P + a.offset + l * a.apart;
+        const std::int64_t at = e * a.P + a.offset + l * a.apart;
+        T* W = a.params + at;
         for (std::int64_t i = 0; i < a.size; ++i) good &= granpinn::descend(rate, U[i], W + i);
+        average(a, at, at + a.size, row[1]);
       }
       if (!good) note(a.members.fault + e, step, kParams);
     }
-  }
-
-  template <class T>
-  static void finish(const FinishArguments<T>& a) {
-    const std::int64_t step = a.control.counter[2];
-    for (std::int64_t e = 0; e < a.control.members; ++e) {
-      if (a.members.frozen(e, step, kLawScalars)) continue;
-      finish_law(a, e, step);
-      const auto weight = static_cast<T>(a.control.row(step)[1]);
-      if (weight > 0)
-        for (std::int64_t i = e * a.P; i < (e + 1) * a.P; ++i)
-          a.average_params[i] = interpolate(a.average_params[i], a.params[i], weight);
-    }
-    a.control.counter[0] = step + 1;
   }
 };
 

@@ -21,7 +21,7 @@ struct CudaStep {
   }
   template <class T>
   static void update(const UpdateArguments<T>& a) {
-    cuda::check(update_params(a, c10::cuda::getCurrentCUDAStream()), "update_params");
+    cuda::check(cuda::update(a, c10::cuda::getCurrentCUDAStream()), "update");
   }
   template <class T>
   static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
@@ -34,10 +34,6 @@ struct CudaStep {
     const at::Tensor factors = orthogonalize(G, precision);
     a.U = factors.const_data_ptr<T>();
     cuda::check(descend_matrices(a, stream), "descend");
-  }
-  template <class T>
-  static void finish(const FinishArguments<T>& a) {
-    cuda::check(finish_step(a, c10::cuda::getCurrentCUDAStream()), "finish_step");
   }
 };
 

@@ -11,6 +11,7 @@ namespace granpinn::cuda {
 namespace {
 
 constexpr int kThreads = 256;
+constexpr int kEach = 4;                    // values that a thread has on their way at once
 constexpr std::int64_t kMostBlocks = 1024;  // for a member
 
 __device__ std::int64_t first_index() {
@@ -47,6 +48,7 @@ __global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T>
   wait_for_earlier();
   const std::int64_t e = blockIdx.y, step = a.control.counter[0];
   bool bad = false;
+#pragma unroll 4
   for (std::int64_t i = first_index(); i < a.P; i += stride())
     bad |= !finite(a.grad_params[e * a.P + i]);
   bad = __syncthreads_or(bad);
@@ -54,6 +56,7 @@ __global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T>
   std::int64_t* fault = a.members.fault + e;
   if (bad) note(fault, step, kGradient);
   if (blockIdx.x != 0) return;
+  if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
   if (!finite(a.loss[e])) note(fault, step, kLoss);
   for (int i = 0; i < 3; ++i)
     if (!finite(a.grad_theta[3 * e + i])) note(fault, step, kLawGradient);
@@ -68,39 +71,87 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   return matrix;
 }
 
+// What thread 0 finds out for its block while the others wait for their values.
 template <class T>
-__global__ void __launch_bounds__(kThreads) update_kernel(const UpdateArguments<T> a) {
-  wait_for_earlier();
-  __shared__ T step_size, root_scale;
-  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
+struct Update {
+  bool frozen;
+  T weight;
+  AdamRates<T> rates;
+};
+
+template <class T>
+__device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
+  if (threadIdx.x != 0) return;
+  const std::int64_t step = a.control.counter[2];
+  if (e == 0) a.control.counter[0] = step + 1;
   if (a.members.frozen(e, step, kParams)) return;
+  if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+}
+
+// The first block of a member moves its friction law, the others have its parameters.
+template <class T>
+__global__ void __launch_bounds__(kThreads)
+    update_kernel(const __grid_constant__ UpdateArguments<T> a) {
+  __shared__ Update<T> update;
+  const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
+  if (blockIdx.x == 0) {
+    wait_for_earlier();
+    return move_law_by_one_thread(a, e);
+  }
+  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
-  AdamRates<T> rates{};
-  bool known = false, good = true;
-  for (std::int64_t i = first_index(); i - threadIdx.x < a.P; i += stride()) {
-    const std::int64_t at = e * a.P + i;
-    const bool inside = i < a.P, matrix = inside && in_matrix(a, i), other = inside && !matrix;
-    const T gradient = inside ? a.gradient[at] : T(0);
-    T first = inside ? a.first[at] : T(0), second = other ? a.second[at] : T(0);
-    T param = other ? a.params[at] : T(0), direction;
-    if (!known) {  // two warps make the rates while values are on their way
-      const auto t = static_cast<double>(a.members.counts[2 * e] + 1);
-      if (threadIdx.x == 0)
-        step_size = adam_step_size<T>(a.adam, a.control.row(step)[0] * a.members.slower[e], t);
-      if (threadIdx.x == 32) root_scale = adam_root_scale<T>(a.adam, t);
+  bool good = true;
+  std::int64_t step = 0;
+  for (std::int64_t from = begin; from - threadIdx.x < a.P; from += apart) {
+    T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
+    bool matrix[kEach], other[kEach];
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) {
+      const std::int64_t i = from + k * kThreads;
+      matrix[k] = i < a.P && in_matrix(a, i);
+      other[k] = i < a.P && !matrix[k];
+    }
+    const bool once = from == begin;
+    if (once) wait_for_earlier();
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) {
+      const std::int64_t at = e * a.P + from + k * kThreads;
+      const bool inside = matrix[k] || other[k];
+      gradient[k] = inside ? a.gradient[at] : T(0);
+      first[k] = inside ? a.first[at] : T(0);
+      second[k] = other[k] ? a.second[at] : T(0);
+      param[k] = other[k] ? a.params[at] : T(0);
+    }
+    if (once) {
+      step = a.control.counter[2];
+      if (threadIdx.x == 0) {
+        const double* row = a.control.row(step);
+        update.frozen = a.members.frozen(e, step, kParams);
+        update.weight = static_cast<T>(row[1]);
+        update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
+      }
       __syncthreads();
-      rates = adam_rates_from(a.adam, step_size, root_scale);
-      known = true;
+      if (update.frozen) return;
     }
-    if (matrix) {
-      good &= accumulate(momentum, gradient, &first, &direction);
-      a.direction[at] = direction;
-    } else if (other) {
-      good &= adam(rates, gradient, &param, &first, &second);
-      a.params[at] = param;
-      a.second[at] = second;
+    const T weight = update.weight;
+    if (weight > T(0))
+#pragma unroll
+      for (int k = 0; k < kEach; ++k)
+        average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) {
+      const std::int64_t at = e * a.P + from + k * kThreads;
+      if (matrix[k]) {
+        good &= accumulate(momentum, gradient[k], first + k, &direction);
+        a.direction[at] = direction;
+      } else if (other[k]) {
+        good &= adam(update.rates, gradient[k], param + k, first + k, second + k);
+        a.params[at] = param[k];
+        a.second[at] = second[k];
+        if (weight > T(0)) a.average_params[at] = interpolate(average[k], param[k], weight);
+      }
+      if (matrix[k] || other[k]) a.first[at] = first[k];
     }
-    if (inside) a.first[at] = first;
   }
   if (!good) note(a.members.fault + e, step, kParams);
 }
@@ -108,30 +159,20 @@ __global__ void __launch_bounds__(kThreads) update_kernel(const UpdateArguments<
 template <class T>
 __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArguments<T> a) {
   wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
-  if (a.members.frozen(e, step, kParams)) return;
-  const T rate = static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.slower[e]);
-  const std::int64_t count = a.count * a.size;
-  T* params = a.params + e * a.P + a.offset;
-  bool good = true;
-  for (std::int64_t i = first_index(); i < count; i += stride())
-    good &= descend(rate, a.U[e * count + i], params + i / a.size * a.apart + i % a.size);
-  if (!good) note(a.members.fault + e, step, kParams);
-}
-
-template <class T>
-__global__ void __launch_bounds__(kThreads) finish_kernel(const FinishArguments<T> a) {
-  wait_for_earlier();
   const std::int64_t e = blockIdx.y, step = a.control.counter[2];
-  if (e == 0 && blockIdx.x == 0 && threadIdx.x == 0) a.control.counter[0] = step + 1;
-  if (a.members.frozen(e, step, kLawScalars)) return;
-  if (blockIdx.x == 0 && threadIdx.x == 0) finish_law(a, e, step);
-  const T weight = static_cast<T>(a.control.row(step)[1]);
-  if (!(weight > T(0))) return;
-  for (std::int64_t i = first_index(); i < a.P; i += stride()) {
-    T* average = a.average_params + e * a.P + i;
-    *average = interpolate(*average, a.params[e * a.P + i], weight);
+  if (a.members.frozen(e, step, kParams)) return;
+  const double* row = a.control.row(step);
+  const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
+  const T weight = static_cast<T>(row[1]);
+  const std::int64_t count = a.count * a.size;
+  bool good = true;
+  for (std::int64_t i = first_index(); i < count; i += stride()) {
+    const std::int64_t at = e * a.P + a.offset + i / a.size * a.apart + i % a.size;
+    good &= descend(rate, a.U[e * count + i], a.params + at);
+    if (weight > T(0))
+      a.average_params[at] = interpolate(a.average_params[at], a.params[at], weight);
   }
+  if (!good) note(a.members.fault + e, step, kParams);
 }
 
 }  // namespace
@@ -146,13 +187,16 @@ cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream) {
 template <class T>
 cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0) return cudaSuccess;
-  return launch_after(check_kernel<T>, grid_of(a.P, a.control.members), kThreads, 0, stream, a);
+  const dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
+  return launch_after(check_kernel<T>, grid, kThreads, 0, stream, a);
 }
 
 template <class T>
-cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream) {
+cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0) return cudaSuccess;
-  return launch_after(update_kernel<T>, grid_of(a.P, a.control.members), kThreads, 0, stream, a);
+  dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
+  ++grid.x;  // for the law
+  return launch_after(update_kernel<T>, grid, kThreads, 0, stream, a);
 }
 
 template <class T>
@@ -162,18 +206,11 @@ cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) 
                       stream, a);
 }
 
-template <class T>
-cudaError_t finish_step(const FinishArguments<T>& a, cudaStream_t stream) {
-  if (a.control.members == 0) return cudaSuccess;
-  return launch_after(finish_kernel<T>, grid_of(a.P, a.control.members), kThreads, 0, stream, a);
-}
-
-#define GRANPINN_INSTANTIATE(T)                                                       \
-  template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t);         \
-  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t);         \
-  template cudaError_t update_params<T>(const UpdateArguments<T>&, cudaStream_t);     \
-  template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t); \
-  template cudaError_t finish_step<T>(const FinishArguments<T>&, cudaStream_t);
+#define GRANPINN_INSTANTIATE(T)                                               \
+  template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t); \
+  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t); \
+  template cudaError_t update<T>(const UpdateArguments<T>&, cudaStream_t);    \
+  template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t);
 
 GRANPINN_INSTANTIATE(float)
 GRANPINN_INSTANTIATE(double)

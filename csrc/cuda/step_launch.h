@@ -15,12 +15,9 @@ template <class T>
 cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream);
 
 template <class T>
-cudaError_t update_params(const UpdateArguments<T>& a, cudaStream_t stream);
+cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream);
 
 template <class T>
 cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream);
-
-template <class T>
-cudaError_t finish_step(const FinishArguments<T>& a, cudaStream_t stream);
 
 }  // namespace granpinn::cuda

@@ -50,8 +50,8 @@ GRANPINN_HD R logistic(const R& a) {
   return one / (one + exponential(-a));
 }
 #if defined(__CUDA_ARCH__)
-// Without the branches of a division: an estimate and a step of Newton's, as accurate. The bound on
-// the exponent keeps the estimate from 0 (and the step from a NaN) where the result is as good as 0.
+// Without the branches of a division: an estimate and a step of Newton's, as accurate. The bound
+// on the exponent keeps the estimate from 0 (and the step from a NaN) where the result is 0.
 GRANPINN_HD float logistic(const float& a) {
   const float b = 1 + expf(fminf(-a, 80.0f));
   float r;

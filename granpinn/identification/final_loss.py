@@ -13,7 +13,6 @@ import torch
 from granpinn import ops
 from granpinn.op_rules import TERMS
 from granpinn.results.findings import Loss
-from granpinn.training.problem import velocity_relaxation
 from granpinn.training.training import Training
 
 MOST_POINTS = 131072
@@ -22,13 +21,13 @@ CHUNK = 16384  # points per evaluation
 
 @torch.no_grad()
 def final_loss(training: Training, member: int) -> Loss | None:
-    """Mean terms of a member with its solution (its average where there is one).
+    """Mean terms of a member as the steps of the training have left it (`Training.trained`).
 
     Over every k-th point, so that at most `MOST_POINTS` are used. None where one is not finite.
     """
     objective, e = training.objective, member
     spec, form = objective.spec, objective.spec.form
-    params, theta = training.solution(e)
+    params, theta = training.trained(e)
     first, count, first_surface, count_surface = objective.places[e].tolist()
     inside = _every_kth(first, count)
     surface = _every_kth(first_surface, count_surface)
@@ -56,16 +55,13 @@ def final_loss(training: Training, member: int) -> Loss | None:
             sums[k] += term * len(j if name == "surface" else i)
     counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in TERMS]
     means = [total / n for total, n in zip(sums, counts, strict=True)]
-    weights = list(training.objective.members[e].problem.term_weights)
-    settings = training.config.weights
-    weights[0] *= float(velocity_relaxation(settings, weights[0], training.misfit[e], 1.0))
     if not all(map(math.isfinite, means)):
         return None
-    return Loss(len(inside), dict(zip(TERMS, means, strict=True)), _named(weights))
+    return Loss(len(inside), _named(means), _named(training.final_weights(e)))
 
 
-def _named(weights: list[float]) -> dict[str, float]:
-    return dict(zip(TERMS, weights, strict=True))
+def _named(values: list[float]) -> dict[str, float]:
+    return dict(zip(TERMS, values, strict=True))
 
 
 def _every_kth(first: int, count: int) -> torch.Tensor:

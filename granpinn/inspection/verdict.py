@@ -9,7 +9,7 @@ from granpinn.inspection.checks import LARGEST_MOVE
 from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import TRAINING_EXCESS
 
-NEGLIGIBLE_NOISE = 1e-4  # of the largest speed
+NEGLIGIBLE_NOISE, MUCH_NOISE = 1e-4, 0.1  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of mu_2
 MANY_INVALID = 0.1
@@ -102,6 +102,11 @@ def _noise(found: Inspection) -> list[str]:
         lines.append(
             f"The file states a standard deviation that the vectors contradict: they scatter "
             f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."
+        )
+    if relative > MUCH_NOISE:
+        lines.append(
+            f"Noise is {relative:.0%} of the largest speed: --recipe noisy errs half as much then, "
+            "but has no error bars."
         )
     p = found.precision
     excess = 0.0 if p is None else TRAINING_EXCESS["mu_2"] * p.mu_2 / GOOD

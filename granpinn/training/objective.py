@@ -108,6 +108,20 @@ class Objective:
             point, surface = point + len(s.points), surface + len(s.surface_points)
         return [places[i] for i in self.set_of]
 
+    def data(self, member: int) -> TrainingSet:
+        """The data of a member, on the device; of the surface, where the loss has it."""
+        first, count, first_surface, count_surface = self.places[member].tolist()
+        own = slice(first, first + count)
+        surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
+        return replace(
+            self.members[member].data,
+            points=self.points[own],
+            velocity=self.velocity[own],
+            point_weights=self.point_weights[own],
+            surface_points=self.surface_points[surface],
+            surface_pressure=self.surface_pressure[surface],
+        )
+
     def tensors(self) -> dict[str, Tensor]:
         """The data by name, for the check that they are finite."""
         return {

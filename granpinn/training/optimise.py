@@ -97,35 +97,32 @@ class BatchOptimizer:
         state = (c.counter, c.table, c.slower, c.fault, self.counts)
         rest = [BETA_1, s.beta_2, s.epsilon]
         _ops.check_step(*state, loss, grad_params, grad_theta)
-        _ops.update_params(
+        _ops.update(
             *state,
             grad_params,
             self.params,
             self.first,
             self.second,
             self.direction,
+            self.average_params,
             self.matrices,
             [s.learning_rate, *rest],
             s.momentum,
-        )
-        for g in self.groups:
-            rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
-            G = g.of(self.direction)
-            _ops.descend(*state, G, self.params, g.offset, g.apart, rate, self.precision)
-        _ops.finish_step(
-            *state,
             grad_theta,
             Q.values,
             self.first_q,
             self.second_q,
             Q.theta,
-            self.params,
-            self.average_params,
             self.average_q,
             [s.scalars_learning_rate, *rest],
             Q.variables,
             law_moves,
         )
+        for g in self.groups:
+            rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
+            G = g.of(self.direction)
+            places = (g.offset, g.apart, rate, self.precision)
+            _ops.descend(*state, G, self.params, self.average_params, *places)
 
     def reset(self) -> None:
         """Forget all momenta: the loss is another one from here on."""

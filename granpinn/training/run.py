@@ -138,6 +138,8 @@ class Run:
             where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
             signum = caught.received or signal.SIGTERM  # another process was told
             raise Interrupted(signum, f"stopped at step {training.step}{where}")
+        training.solve_last_layer()
+        self.wall_s = self.before + time.monotonic() - self.started
 
     def _stopping(self, caught: Signals) -> bool:
         return self.processes.stopping(caught.received is not None)
@@ -151,7 +153,7 @@ class Run:
             history.append(row)
         training.remember()
         self.progress.show(median([row for e, row in enumerate(rows) if e not in training.lost]))
-        if self.deadline is not None:
+        if self.deadline is not None and not training.finished:
             self._correct_plan(now, self.deadline)
 
     def _correct_plan(self, now: float, deadline: float) -> None:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granpinn import ops
 
-INTERIOR, SURFACE, MISFIT = 0, 1, 2
+INTERIOR, SURFACE, MISFIT, LAST_LAYER = 0, 1, 2, 3  # of which the last has three
 
 
 def draw(seed: int, step: int, stream: int, count: int, points: Tensor) -> Tensor:

@@ -22,10 +22,12 @@ from granpinn.training.control import Control
 from granpinn.training.engine import engine
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
+from granpinn.training.last_layer import last_layer
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Alone, Processes
 from granpinn.training.plan import Place, Plan
+from granpinn.training.problem import velocity_relaxation
 from granpinn.training.scalars import Scalars
 from granpinn.training.schedule import Schedule
 
@@ -38,6 +40,7 @@ class Training:
     Attributes:
         slower: factor on the learning rates of each member.
         lost: members that were given up, with the reason; they stay as they are.
+        solved: params [P] and theta [3] of the members whose last layer has been solved for.
     """
 
     def __init__(
@@ -74,6 +77,7 @@ class Training:
         self.slower = [1.0] * len(members)
         self.misfit = [0.0] * len(members)
         self.lost: dict[int, str] = {}
+        self.solved: dict[int, tuple[Tensor, Tensor]] = {}
         self.last: Evaluation | None = None
         self.engine = engine(self.one_step, self._changing(), device)
         weights = [m.problem.term_weights[0] for m in members]
@@ -220,8 +224,29 @@ class Training:
     def _copy(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
         return {name: t.clone() for name, t in self.tensors().items()}, self.plain_state()
 
+    def solve_last_layer(self) -> None:
+        """End the training of the members that are left (granpinn/training/last_layer.py)."""
+        if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
+            return
+        for e, member in enumerate(self.objective.members):
+            if e not in self.lost:
+                problem = dataclasses.replace(member.problem, term_weights=self.final_weights(e))
+                data, start = self.objective.data(e), self.trained(e)
+                self.solved[e] = last_layer(problem, data, *start, member.seed, self.step)
+
+    def final_weights(self, member: int) -> list[float]:
+        """1/sigma^2 of the terms at the end of the training."""
+        weights = list(self.objective.members[member].problem.term_weights)
+        settings, misfit = self.config.weights, self.misfit[member]
+        weights[0] *= float(velocity_relaxation(settings, weights[0], misfit, 1.0))
+        return weights
+
     def solution(self, member: int = 0) -> tuple[Tensor, Tensor]:
-        """params [P] and theta [3]: the average where the schedule has reached it."""
+        """params [P] and theta [3], at the end of a run with the last layer solved for."""
+        return self.solved.get(member) or self.trained(member)
+
+    def trained(self, member: int = 0) -> tuple[Tensor, Tensor]:
+        """The same as the steps have left them: the average where the schedule has reached it."""
         if self.averaged:
             theta = self.scalars.law(self.optimizer.average_q)
             return self.optimizer.average_params[member], theta[member]

@@ -126,12 +126,14 @@ def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType
     params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
     counter, counts = torch.zeros(3, dtype=torch.int64), torch.zeros(2, 2, dtype=torch.int64)
     table, slower = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    places = (group.offset, group.apart, 1.0, "fast")
     state = (counter, table, slower, torch.tensor([HEALTHY, 0]), counts)
     moves = {}
     for device in ("cpu", "cuda"):
         G, now = group.of(direction.to(device)), params.to(device, copy=True)
+        average = torch.zeros_like(now)
         there = (tensor.to(device) for tensor in state)
-        torch.ops.granpinn.descend(*there, G, now, group.offset, group.apart, 1.0, "fast")
+        torch.ops.granpinn.descend(*there, G, now, average, *places)
         moves[device] = now.cpu() - params
     assert not moves["cuda"][1].any()
     assert relative(moves["cuda"][0], moves["cpu"][0].double()) <= GROSS_FACTOR * TF32

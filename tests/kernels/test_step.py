@@ -77,14 +77,11 @@ def state(E: int, device: str = "cpu") -> list[Tensor]:
 
 
 def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    tensors = [torch.rand(E, P, dtype=dtype) for _ in range(5)]
-    return [*state(E), *tensors, [2, 4, 7, 3], [1e-3, 0.9, 0.99, 1e-8], 0.95]
-
-
-def finish_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    shapes = (3, 2, 2, 2, 3, P, P, 2)
-    tensors = [torch.rand(E, k, dtype=dtype) for k in shapes]
-    return [*state(E), *tensors, [1e-3, 0.9, 0.99, 1e-8], "log", True]
+    """The network's from 5 on, those of the friction law from 14 on."""
+    adam = [1e-3, 0.9, 0.99, 1e-8]
+    network = [torch.rand(E, P, dtype=dtype) for _ in range(6)]
+    law = [torch.rand(E, k, dtype=dtype) for k in (3, 2, 2, 2, 3, 2)]
+    return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, "log", True]
 
 
 def check_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
@@ -92,17 +89,17 @@ def check_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    direction, params = (torch.rand(E, P + 14, dtype=dtype) for _ in range(2))
+    direction, params, average = (torch.rand(E, P + 14, dtype=dtype) for _ in range(3))
     group = Group(3, 2, 2, 3)
-    return [*state(E), group.of(direction), params, group.offset, group.apart, 0.1, "fast"]
+    places = (group.offset, group.apart, 0.1, "fast")
+    return [*state(E), group.of(direction), params, average, *places]
 
 
 CALLS = {
     "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
     "check_step": check_arguments,
-    "update_params": update_arguments,
+    "update": update_arguments,
     "descend": descend_arguments,
-    "finish_step": finish_arguments,
     "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype), "fast"],
 }
 
@@ -116,21 +113,21 @@ def test_opcheck(name: str, dtype: torch.dtype) -> None:
 
 
 REFUSED: dict[str, tuple[str, int, Any, str]] = {
-    "type": ("update_params", 5, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
-    "shape": ("update_params", 7, torch.rand(3, 9), r"first must be \[3, 10\] and contiguous, got"),
-    "gaps": ("update_params", 6, torch.rand(10, 3).T, "params must be .* and contiguous"),
+    "type": ("update", 5, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
+    "shape": ("update", 7, torch.rand(3, 9), r"first must be \[3, 10\] and contiguous, got"),
+    "gaps": ("update", 6, torch.rand(10, 3).T, "params must be .* and contiguous"),
     "members": ("check_step", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
     "counter": ("check_step", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
-    "table": ("finish_step", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
-    "overlap": ("update_params", 10, [2, 6, 7, 3], "matrices must be ascending and apart"),
-    "beyond": ("update_params", 10, [2, 4, 7, 4], "matrices must end within 10 parameters"),
-    "odd": ("update_params", 10, [2], r"matrices must be \(begin, size\)"),
-    "rates": ("finish_step", 13, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("finish_step", 14, "exp", "variables must be 'log' or 'sigmoid', got 'exp'"),
-    "apart": ("descend", 8, 5, "the matrices must lie apart"),
+    "table": ("update", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
+    "overlap": ("update", 11, [2, 6, 7, 3], "matrices must be ascending and apart"),
+    "beyond": ("update", 11, [2, 4, 7, 4], "matrices must end within 10 parameters"),
+    "odd": ("update", 11, [2], r"matrices must be \(begin, size\)"),
+    "rates": ("update", 20, [0.1], r"adam must be \[learning_rate, beta_1"),
+    "variables": ("update", 21, "exp", "variables must be 'log', 'sigmoid' or 'theta'"),
+    "apart": ("descend", 9, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
     "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
-    "precision": ("descend", 10, "half", "precision must be 'fp32' or 'fast', got 'half'"),
+    "precision": ("descend", 11, "half", "precision must be 'fp32' or 'fast', got 'half'"),
     "its precision": ("orthogonalize", 1, "tf32", "precision must be 'fp32' or 'fast', got 'tf32'"),
     "stack": ("orthogonalize", 0, torch.rand(3), r"G must be \[..., m, n\], got \[3\]"),
     "no points": ("draw_batch", 4, torch.rand(0, 3), r"velocity must be \[0, 2\]"),
@@ -156,18 +153,45 @@ def test_there_is_no_batch_without_points() -> None:
     assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)
 
 
+def test_theta_itself_may_move(device: torch.device) -> None:
+    """All three numbers, as any other parameters do; nothing without a weight is averaged."""
+    arguments = update_arguments(3, 10, torch.float64)
+    theta = torch.rand(3, 3, dtype=torch.float64)
+    moments = [torch.zeros_like(theta) for _ in range(2)]
+    arguments[15:20] = [theta.clone(), *moments, torch.zeros_like(theta), torch.zeros_like(theta)]
+    arguments[21] = "theta"
+    arguments[1][:, 1] = 0
+    arguments[4][:, 0] = 1
+    averages = arguments[10].clone()
+    moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
+    torch.ops.granpinn.update(*moved)
+    leaf = theta.clone().requires_grad_()
+    leaf.grad = arguments[14]
+    torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8).step()
+    for found in (moved[15], moved[18]):
+        torch.testing.assert_close(found.cpu(), leaf.detach(), rtol=1e-14, atol=0)
+    assert moved[0].tolist() == [1, 0, 0]
+    assert moved[4].tolist() == [[1, 1]] * 3
+    assert torch.equal(moved[10].cpu(), averages)
+    assert not moved[19].any()
+
+
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("shape", [(2, 20, 30), (1, 128, 128), (3, 90, 33), (2, 40, 129)], ids=str)
 def test_descend_subtracts_the_orthogonal_factor(
     shape: tuple[int, int, int], dtype: torch.dtype, precision: str, device: torch.device
 ) -> None:
-    """Of sound members, from the matrices alone, at each one's own rate; and bit for bit again."""
+    """Of sound members, from the matrices alone, at each one's own rate; and bit for bit again.
+
+    So is the running average of them made.
+    """
     group, E = Group(5, *shape), 3
     P = group.offset + group.count * group.apart + 7
     direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
     counter, table, slower, fault, counts = state(E, str(device))
-    table[:, 0], slower[0], fault[1] = 0.5, 0.25, 0
+    table[:, 0], table[:, 1], slower[0], fault[1] = 0.5, 0.75, 0.25, 0
+    average = torch.zeros_like(params)
     expected = params.to(torch.float64, copy=True)
     U = torch.ops.granpinn.orthogonalize(group.of(direction), precision).double()
     rates = 0.1 * 0.5 * torch.tensor([0.25, 0.0, 1.0], dtype=torch.float64, device=device)
@@ -177,19 +201,24 @@ def test_descend_subtracts_the_orthogonal_factor(
         now = start.clone()
         places = (group.offset, group.apart, 0.1, precision)
         G = group.of(direction)
-        torch.ops.granpinn.descend(counter, table, slower, fault, counts, G, now, *places)
+        average.zero_()
+        torch.ops.granpinn.descend(counter, table, slower, fault, counts, G, now, average, *places)
         return now
 
     found = descend(params)
     atol = 4 * torch.finfo(dtype).eps * float(params.abs().max())
     torch.testing.assert_close(found.double(), expected, rtol=0, atol=atol)
     assert torch.equal(found[1], params[1])
+    mean = torch.zeros_like(expected)
+    group.of(mean).copy_(0.75 * group.of(expected))
+    mean[1] = 0
+    torch.testing.assert_close(average.double(), mean, rtol=0, atol=atol)
     still = torch.ones_like(params)
     group.of(still).zero_()
     assert torch.equal(found * still, params * still)
     assert torch.equal(found, descend(params))
     assert fault.tolist() == [HEALTHY, 0, HEALTHY]
     params[2, group.offset] = torch.inf
-    counter[0] = 4
+    counter[2] = 4
     assert torch.equal(descend(params)[:2], found[:2])
     assert fault.tolist() == [HEALTHY, 0, 4 * 8 + 3]

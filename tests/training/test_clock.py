@@ -62,6 +62,15 @@ def test_the_plan_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticking: 
         assert torch.equal(tensor, before[name])
 
 
+def test_the_last_row_of_the_history_adds_no_step(flow: Flow, ticking: Clock) -> None:
+    config = limited(steps=40)
+    run = Run(make_objective(config, flow), config, None, Silent(), 130.0)
+    ticking.attach(run.training)
+    run.train()
+    assert run.training.step == 40
+    assert run.stopped == "steps"
+
+
 def test_the_plan_has_no_more_steps_than_allowed(flow: Flow, ticking: Clock) -> None:
     training = make_training(tiny(), flow)
     ticking.attach(training)

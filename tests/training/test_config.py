@@ -21,6 +21,15 @@ def test_the_default_recipe_is_what_config_alone_gives() -> None:
     assert recipes.make() == Config()
 
 
+def test_the_noisy_recipe_costs_as_much_as_the_default_one() -> None:
+    """Multiplications of a step, of the hidden layers."""
+    default, noisy = (
+        len(c.network.widths[1:]) * c.network.widths[0] ** 2 * c.batch.interior
+        for c in (recipes.make(), recipes.make("noisy"))
+    )
+    assert noisy == default
+
+
 def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
     paper = recipes.make("paper")
     assert (paper.form, paper.level, paper.epochs, paper.steps) == ("strong", "V2", 20000, None)
@@ -33,7 +42,7 @@ def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
     assert paper.optimizer.prefit == 0
 
 
-@pytest.mark.parametrize("recipe", ["default", "paper"])
+@pytest.mark.parametrize("recipe", recipes.RECIPES)
 def test_a_config_survives_toml_exactly(recipe: str, tmp_path: Path) -> None:
     config = recipes.make(recipe, weights__sigma_surface=float("inf"), flow='a "b" ü\\.h5', out="x")
     path = tmp_path / "config.toml"

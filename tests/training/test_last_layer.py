@@ -1,31 +1,21 @@
-"""The last solve: the same loss as training, exact where the problem is linear, a whole run."""
+"""The end of a training: its loss is that of training; exact where the problem is linear."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import torch
 from torch import Tensor
 
-from bench import last_layer
-from bench.last_layer_solve import (
-    Data,
-    Features,
-    LastLayer,
-    LawWeight,
-    law_weights,
-    normal_equations,
-    pressure,
-    step,
-)
-from granpinn import identify, identify_many, ops
-from granpinn.data import Flow
+from granpinn import identify, ops
+from granpinn.data import Flow, TrainingSet
 from granpinn.network import NetworkSpec, initial_parameters, layer_offsets
+from granpinn.training import last_layer as module
+from granpinn.training.features import Features, coefficients, with_coefficients
+from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer, law_weights
 from granpinn.training.problem import Problem
 from tests.training.conftest import tiny
 
@@ -39,129 +29,185 @@ def problem(*weights: float) -> Problem:
     return Problem(SPEC, PHYSICS, list(weights or WEIGHTS))
 
 
-def draw(seed: int, points: int = 3000, surface: int = 200) -> tuple[Tensor, Features, Data]:
-    """A random network, and random data with more points than a chunk has."""
+def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
+    """Random data with more points than a chunk has."""
     g = torch.Generator().manual_seed(seed)
     rand = lambda *shape: torch.rand(*shape, generator=g, dtype=torch.float64)  # noqa: E731
-    params = initial_parameters(SPEC, seed)
-    data = Data(
-        rand(points, 3), rand(points, 2), 0.5 + rand(points, 2), rand(surface, 3), rand(surface)
+    x, velocity, weights = rand(points, 3), rand(points, 2), 0.5 + rand(points, 2)
+    return TrainingSet(x, velocity, weights, rand(surface, 3), rand(surface), x[0], x[0])
+
+
+def every_point(data: TrainingSet, features: Features) -> module.Data:
+    """All points once, in their order."""
+    moments = module.velocity_moments(
+        features, data.points, data.velocity, data.point_weights[:, 0]
     )
-    return params, Features(SPEC, params, THETA), data
+    weights = data.point_weights[:, 1]
+    return module.Data(data.points, weights, data.surface_points, data.surface_pressure, moments)
 
 
-def test_loss_and_gradient_are_those_of_the_fused_loss(seed: int) -> None:
-    params, features, data = draw(seed)
-    normal = normal_equations(features, features.start, problem(), data, "none")
+def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
+    features = Features(posed.spec, params)
+    return Sums(features, posed, every_point(data, features))
+
+
+@pytest.fixture
+def long_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For networks that are hardly trained."""
+    monkeypatch.setattr(module, "LONGEST", 3)
+
+
+def unweighted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "law_weights", lambda p, gamma_dot: torch.ones_like(p))
+
+
+def test_loss_and_gradient_are_those_of_the_fused_loss(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unweighted(monkeypatch)
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    at = Unknowns(coefficients(SPEC, params), THETA)
+    sums = sums_of(problem(), data, params)
+    of_data = (data.points, data.velocity, data.point_weights)
+    of_surface = (data.surface_points, data.surface_pressure)
     rest = (SPEC.widths, SPEC.input_shift, SPEC.input_scale, PHYSICS, "mixed")
     weights = torch.tensor(WEIGHTS, dtype=torch.float64)
     loss, _, by_params, by_theta = ops.residual_loss(
-        params, THETA, *vars(data).values(), weights, *rest
+        params, THETA, *of_data, *of_surface, weights, *rest
     )
-    assert normal.loss == pytest.approx(float(loss), rel=1e-12)
+    assert sums.loss(at) == pytest.approx(float(loss), rel=1e-12)
+    A, b = sums.normal_equations(at)
     last = by_params[layer_offsets(SPEC.widths)[-1] :]
     by_C = torch.cat([last[:35].view(5, 7), last[35:, None]], 1)
-    torch.testing.assert_close(normal.b[: 5 * 8], by_C.flatten(), rtol=1e-9, atol=1e-12)
-    torch.testing.assert_close(normal.b[-2:], by_theta[:2], rtol=1e-9, atol=1e-12)
+    torch.testing.assert_close(b[:40], by_C.flatten(), rtol=1e-9, atol=1e-12)
+    torch.testing.assert_close(b[-2:], by_theta[:2], rtol=1e-9, atol=1e-12)
+    assert float((A - A.T).abs().max()) <= 1e-12 * float(A.abs().max())
 
 
 def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int) -> None:
-    """Velocity and surface pressure of other coefficients of u, v and the pressure's own part."""
-    _, features, data = draw(seed)
-    C = features.start.C.clone()
+    """The velocity of other coefficients of u and v."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    C = coefficients(SPEC, params)
     g = torch.Generator().manual_seed(seed + 1)
-    C[[0, 1, 5]] += torch.randn(3, 8, generator=g, dtype=torch.float64)
-    inside, surface = (features.jet(x) @ C.T for x in (data.points, data.surface_points))
-    data = dataclasses.replace(
-        data,
-        velocity=PHYSICS[5] * inside[0, :, :2],
-        surface_pressure=pressure(surface, PHYSICS)[0],
-    )
-    # So little of the equations that they only make mu_s and mu_2 unknowns of the problem.
-    made = step(features, features.start, problem(1, 1, 1e-14, 1e-14, 1e-14), data, ridge=1e-13)
-    torch.testing.assert_close(made.unknowns.C[:2], C[:2], rtol=1e-5, atol=1e-5)
-    assert made.loss_after < 1e-10 * made.loss
+    C[:2] += torch.randn(2, 8, generator=g, dtype=torch.float64)
+    h = Features(SPEC, params).jet(data.points, 0)[0]
+    data = dataclasses.replace(data, velocity=PHYSICS[5] * h @ C[:2].T)
+    # So little of the rest that it only makes the other unknowns unknowns of the problem.
+    sums = sums_of(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), data, params)
+    start = Unknowns(coefficients(SPEC, params), THETA)
+    x = module.solve(*sums.normal_equations(start), ridge=1e-13)
+    assert x is not None
+    torch.testing.assert_close(start.C[:2] + x[:16].view(2, 8), C[:2], rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("law_weight", get_args(LawWeight))
-def test_steps_end_at_an_exact_solution(law_weight: LawWeight, seed: int) -> None:
-    r"""A uniform shear down a slope, u = y, p = cos(a) (1.2 - y), tau_xy = tan(a) p.
+def slope() -> tuple[Problem, Tensor]:
+    r"""A uniform shear down a slope, u = y, p = cos(a) (1.2 - y), tau_xy = tan(a) p, and its C.
 
     No term has a residual if mu(I) = tan(a) at all I, so at mu_s = mu_2 = tan(a); a network without
-    hidden layers has these fields. From other unknowns a few steps come there, and stay.
+    hidden layers has these fields, where softplus is as good as its argument.
     """
-    _, _, data = draw(seed)
     spec = NetworkSpec((3, 5), (0, 0, 0), (1, 1, 1), "mixed")
-    sin, cos = math.sin(0.4), math.cos(0.4)
-    U, P = 0.5, 0.2
+    sin, cos, U, P = math.sin(0.4), math.cos(0.4), 0.5, 0.005
     posed = Problem(spec, [0.3, sin, -cos, 0, math.inf, U, P, 1e-6], [1e4, 1e4, 400, 40, 40])
+    C = torch.zeros(5, 4, dtype=torch.float64)  # of x, y, t and 1
+    C[0, 1], C[2, 1], C[2, 3], C[4, 3] = 1 / U, -cos / P, 1.2 * cos / P, sin / cos
+    return posed, C
+
+
+def test_steps_end_at_an_exact_solution(seed: int) -> None:
+    """From other unknowns a few steps come there, and stay."""
+    posed, C = slope()
+    data, friction = draw(seed), math.tan(0.4)
     data = dataclasses.replace(
         data,
         velocity=data.points[:, 1:2] * data.points.new_tensor([1.0, 0.0]),
-        surface_pressure=cos * (1.2 - data.surface_points[:, 1]),
+        surface_pressure=math.cos(0.4) * (1.2 - data.surface_points[:, 1]),
     )
-    # of x, y, t and 1, for u, v, the argument of softplus, s_1, s_2 and p itself
-    C = torch.zeros(6, 4, dtype=torch.float64)
-    C[0, 1], C[2, 3], C[4, 3], C[5, 1] = 1 / U, -3, sin / cos, -cos / P
-    C[5, 3] = 1.2 * cos / P - math.log1p(math.exp(-3))
-    exact = LastLayer(C, THETA.new_tensor([sin / cos, sin / cos, 0.3]))
-    features = Features(spec, torch.zeros(20, dtype=torch.float64), THETA)
-    stays = step(features, exact, posed, data, law_weight)
-    assert stays.loss < 1e-20  # gamma_dot is 1 + SMOOTHING / 2
-    torch.testing.assert_close(stays.unknowns.theta, exact.theta, rtol=1e-9, atol=0)
     generator = torch.Generator().manual_seed(seed)
-    noise = torch.randn(6, 4, generator=generator, dtype=torch.float64)
-    at, off = LastLayer(C + 0.02 * noise, THETA.new_tensor([0.3, 0.6, 0.3])), []
+    noise = 1 + 0.02 * torch.randn(5, 4, generator=generator, dtype=torch.float64)
+    params = with_coefficients(posed.spec, torch.zeros(20, dtype=torch.float64), C)
+    sums = sums_of(posed, data, params)
+    exact = Unknowns(C, THETA.new_tensor([friction, friction, 0.3]))
+    assert sums.loss(exact) < 1e-20  # gamma_dot is 1 + SMOOTHING / 2
+    at, off = Unknowns(C * noise, THETA.new_tensor([0.41, 0.44, 0.3])), []
     for _ in range(8):
-        at = step(features, at, posed, data, law_weight).unknowns
+        x = module.solve(*sums.normal_equations(at))
+        assert x is not None
+        theta = at.theta + torch.cat([x[-2:], x.new_zeros(1)])
+        at = Unknowns(at.C + x[:-2].view_as(C), theta)
         off.append(float((at.theta - exact.theta).norm()))
     assert off[-1] < 1e-6, off
 
 
 def test_law_weights_fall_where_the_pressure_is_small() -> None:
     p = torch.tensor([0.3, 0.15, 0.1, 1e-9], dtype=torch.float64)
-    gamma_dot = torch.full_like(p, 3.0)
-    assert law_weights("none", p, gamma_dot).tolist() == [1, 1, 1, 1]
-    torch.testing.assert_close(law_weights("p", p, gamma_dot), p / 0.15)
-    depth = law_weights("depth", p, gamma_dot)
-    assert depth[2] == pytest.approx(2**-0.5)  # gamma_dot delta / p = sigma
-    assert bool((depth.diff() < 0).all())
-    assert depth[3] < 1e-7
+    w = law_weights(p, torch.full_like(p, 3.0))
+    assert w[2] == pytest.approx(2**-0.5)  # gamma_dot delta p / p = sigma
+    assert bool((w.diff() < 0).all())
+    assert 0 < w[3] < 1e-7
 
 
-def test_the_command_on_a_run_and_on_a_batch(tmp_path: Path, flow: Flow, flow_file: Path) -> None:
-    identify(flow_file, tiny(members=2), run_dir=tmp_path / "run")
-    identify_many([flow_file] * 2, tiny(), [3, 4], run_dir=tmp_path / "batch", keep_fields=False)
-    out = tmp_path / "rows.json"
-    runs = [str(tmp_path / "run"), str(tmp_path / "batch"), "--flows", str(flow_file)]
-    assert last_layer.main([*runs, "--points", "0", "--json", str(out)]) == 0
-    rows = json.loads(out.read_text())["rows"]
-    found = [json.loads((tmp_path / "batch" / f"00{e}/results.json").read_text()) for e in (0, 1)]
-    alone = json.loads((tmp_path / "run/results.json").read_text())
-    assert [row["seed"] for row in rows[2:]] == [3, 4]
-    for name in ("mu_s", "mu_2"):
-        values = [row[f"{name}_trained"] for row in rows]
-        assert values[:2] == pytest.approx(alone["members"][name])
-        assert values[2:] == pytest.approx([f["parameters"][name]["value"] for f in found])
-    for row in rows:
-        assert row["points"] == alone["data"]["n_points"]
-        assert row["loss_after"] < row["loss"]
-        true = flow.truth.mu_s if flow.truth else None
-        assert row["mu_s_solved_error_percent"] == pytest.approx(
-            100 * (row["mu_s_solved"] / true - 1)
-        )
-    assert (
-        last_layer.main([*runs, "--points", "0", "--without-bottom-row", "--json", str(out)]) == 0
-    )
-    lowest = flow.valid[flow.t > 0][:, 0].sum()
-    assert json.loads(out.read_text())["rows"][0]["points"] == rows[0]["points"] - lowest
+def test_a_step_lowers_the_loss_and_is_short(seed: int) -> None:
+    """Far from a solution the law does not move by more than a tenth, or nothing moves."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    sums = sums_of(problem(), data, params)
+    start = Unknowns(coefficients(SPEC, params), THETA)
+    found = improve(sums, start)
+    moved = (found.theta / start.theta - 1).abs()
+    assert float(moved.max()) <= module.LONGEST + 1e-12
+    assert sums.loss(found) < sums.loss(start) or found is start
+    broken = Unknowns(start.C * math.nan, start.theta)
+    assert improve(sums_of(problem(), data, params), broken) is broken
 
 
-def test_what_is_missing_is_said(
-    tmp_path: Path, flow_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    identify_many([flow_file], tiny(), run_dir=tmp_path / "batch", keep_fields=False)
-    assert last_layer.main([str(tmp_path / "batch")]) == 2
-    assert "give that file with --flows" in capsys.readouterr().err
-    assert last_layer.main([str(tmp_path)]) == 2
-    assert "has no checkpoint" in capsys.readouterr().err
+def test_points_are_a_function_of_seed_and_step(seed: int) -> None:
+    data = draw(seed)
+    features = Features(SPEC, initial_parameters(SPEC, seed))
+    first, again, other = (choose(data, features, s, 7).points for s in (seed, seed, seed + 1))
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+@pytest.mark.usefixtures("long_steps")
+def test_cuda_makes_the_step_of_the_cpu(seed: int) -> None:
+    (here, law), (there, other) = solved_on("cpu", seed), solved_on("cuda", seed)
+    torch.testing.assert_close(there.cpu(), here, rtol=1e-6, atol=1e-8)
+    torch.testing.assert_close(other.cpu(), law, rtol=1e-7, atol=0)
+
+
+def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
+    """Parameters and law after a step towards the velocity of a network with another last layer."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    other = with_coefficients(SPEC, params, 1.1 * coefficients(SPEC, params))
+    network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
+    velocity = PHYSICS[5] * ops.network_value(data.points, other, *network)[:, :2]
+    data = dataclasses.replace(data, velocity=velocity)
+    tensors = {name: value.to(device) for name, value in vars(data).items()}
+    posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
+    moved = TrainingSet(**tensors)
+    return last_layer(posed, moved, params.to(device), THETA.to(device), seed, 3)
+
+
+@pytest.mark.usefixtures("long_steps")
+def test_other_layers_stay(seed: int) -> None:
+    params, (found, _) = initial_parameters(SPEC, seed), solved_on("cpu", seed)
+    last = layer_offsets(SPEC.widths)[-1]
+    assert torch.equal(found[:last], params[:last])
+    assert not torch.equal(found[last:], params[last:])
+
+
+@pytest.mark.usefixtures("long_steps")
+def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
+    """The values are those after it; history and loss are those of the steps."""
+    config = tiny(steps=60)
+    with_step = identify(flow, config, run_dir=tmp_path / "run")
+    optimizer = dataclasses.replace(config.optimizer, last_layer=False)
+    without = identify(flow, dataclasses.replace(config, optimizer=optimizer))
+    row = (tmp_path / "run" / "history.csv").read_text().splitlines()
+    last = dict(zip(row[0].split(","), map(float, row[-1].split(",")), strict=True))
+    assert without.parameters.mu_s.value == pytest.approx(last["mu_s"], rel=1e-6)
+    assert with_step.parameters.mu_s.value != without.parameters.mu_s.value
+    assert with_step.loss == without.loss
+    again = identify(flow, dataclasses.replace(config, resume=True), run_dir=tmp_path / "run")
+    assert again.parameters == with_step.parameters

@@ -83,6 +83,28 @@ def test_adam_is_the_adam_of_torch(device: torch.device) -> None:
     torch.testing.assert_close(ours.scalars.theta.cpu(), twin.scalars.law(leaves[1].detach()))
 
 
+@pytest.mark.parametrize("t", [1, 2, 3, 1000, 40_001, 2**20 - 1])
+def test_rates_late_in_a_run(t: int, device: torch.device) -> None:
+    """Of Adam's update number t, from momenta of zero; the powers in it are made by squaring."""
+    one = Updates("adam", device=device, learning_rate=1e-3, scalars_learning_rate=1e-2)
+    one.optimizer.counts.fill_(t - 1)
+    params, q = one.params.cpu().clone(), one.scalars.values.cpu().clone()
+    slope = torch.autograd.functional.jacobian(lambda q: one.scalars.law(q).sum(0), q)
+    grad_params, grad_theta = gradients(0)
+    grad_q = torch.einsum("keq,ek->eq", slope[:2], grad_theta[:, :2])
+    one.step(0)
+    s = one.optimizer.settings
+    for start, grad, rate, found in (
+        (params, grad_params, 1e-3, one.params),
+        (q, grad_q, 1e-2, one.scalars.values),
+    ):
+        m = (1 - BETA_1) * grad / (1 - BETA_1**t)
+        v = (1 - s.beta_2) * grad**2 / (1 - s.beta_2**t)
+        expected = -rate * m / (v.sqrt() + s.epsilon)
+        torch.testing.assert_close(found.cpu() - start, expected, rtol=1e-9, atol=1e-12)
+    assert one.optimizer.counts.tolist() == [[t, t]] * E
+
+
 def test_muon_is_the_muon_of_torch_up_to_its_bfloat16(device: torch.device) -> None:
     ours = Updates("muon", device=device, muon_learning_rate=0.02, momentum=0.9)
     start = ours.params.cpu().clone()

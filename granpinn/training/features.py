@@ -1,0 +1,45 @@
+"""The outputs of the last hidden layer of a network, which its last layer combines."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from granpinn import ops
+from granpinn.network import NetworkSpec, layer_offsets, views
+
+
+class Features:
+    """h(x, y, t) of a trained network; one more, for the bias, is 1.
+
+    Args:
+        params: of the network [P], on the device to work on.
+    """
+
+    def __init__(self, spec: NetworkSpec, params: Tensor) -> None:
+        n, last = spec.widths[-2], layer_offsets(spec.widths)[-1]
+        identity = torch.eye(n, dtype=torch.float64, device=params.device).flatten()
+        self._params = torch.cat([params[:last].double(), identity, identity.new_zeros(n)])
+        self._network = ([*spec.widths[:-1], n], list(spec.input_shift), list(spec.input_scale))
+
+    def jet(self, points: Tensor, order: int = 1) -> Tensor:
+        """h and, for order 1, its derivatives by x, y, t: [4 or 1, N, F], float64."""
+        h = ops.network_jet(points.double(), self._params, *self._network, order)
+        one = torch.zeros_like(h[:, :, :1])
+        one[0] = 1
+        return torch.cat([h, one], 2)
+
+
+def coefficients(spec: NetworkSpec, params: Tensor) -> Tensor:
+    """C [5, F] float64 of the last layer of params [P]."""
+    W, b = views(params.double(), spec.widths)[-1]
+    return torch.cat([W, b[:, None]], 1)
+
+
+def with_coefficients(spec: NetworkSpec, params: Tensor, C: Tensor) -> Tensor:
+    """params [P] with another last layer."""
+    changed = params.clone()
+    W, b = views(changed, spec.widths)[-1]
+    W.copy_(C[:, :-1])
+    b.copy_(C[:, -1])
+    return changed
