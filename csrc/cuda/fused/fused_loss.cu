@@ -113,7 +113,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   const auto take = [&](bool tensor, Size size) {
     p.tensor_cores = tensor, p.size = size;
     p.compensated = compensated(a.form, tensor);
-    p.tile = tile_shape(a.form, tensor, size);
+    p.tile = tile_shape(a.form, tensor, size, p.H);
     p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
     resident = p.tile_bytes() > device.shared_per_block
@@ -122,12 +122,13 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
     return resident > 0;
   };
-  // the largest tiles that fit and of which there are enough for all multiprocessors
+  // the largest tiles that fit and of which there are enough for all multiprocessors; small ones of
+  // wide layers need more memory than medium ones, and more than some GPUs have
   const auto take_largest = [&](bool tensor) {
     for (const Size size : {Size::large, Size::medium})
       if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
         return true;
-    return take(tensor, Size::small);
+    return take(tensor, Size::small) || take(tensor, Size::medium);
   };
   if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;
   plan = p;

@@ -23,7 +23,7 @@ template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool t
           Size size>
 cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                            Chunk chunk, cudaStream_t stream) {
-  constexpr TileShape t = tile_shape(form, tensor_cores, size);
+  constexpr TileShape t = tile_shape(form, tensor_cores, size, H);
   constexpr int outputs = form == Form::strong ? 3 : 5;
   [[maybe_unused]] constexpr bool pieces = compensated(form, tensor_cores);
   [[maybe_unused]] constexpr bool surface_rows = pieces && form == Form::data;

@@ -42,7 +42,9 @@ constexpr bool compensated(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
-constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
+// A third stage of weights for the mixed form's larger tiles would cost wide layers a second block
+// on a multiprocessor.
+constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   const bool large = size == Size::large, split = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
   TileShape t{};
@@ -58,7 +60,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size) {
   }
   t.split = split ? 2 : 1;
   t.stage = split && !tensor_cores ? 256 : 512;
-  t.stages = split && tensor_cores ? 4 : 2;
+  t.stages = split ? 4 : tensor_cores && form == Form::mixed && H == 128 ? 3 : 2;
   return t;
 }
 

@@ -97,6 +97,7 @@ struct MmaEngine : Lanes<Width, Split> {
   // The weights kernel gets the exponents of the scales, one for each four of a tile's rows: these
   // are of the same channel. Behind the channels are rows of the value channel, or none.
   static __device__ void store_scales(int* to, int panel_rows, const unsigned* peaks) {
+#pragma unroll 1
     for (int i = threadIdx.x; i < panel_rows / 4; i += L::threads) {
       const int c = 4 * i < R ? 4 * i / PT : 0;
       const unsigned peak = c < C ? peaks[c] : 0;
@@ -104,15 +105,18 @@ struct MmaEngine : Lanes<Width, Split> {
     }
   }
 
+  // Of channel c of the operands; a channel of padding has none.
+  static __device__ float scale_of(int c, const unsigned* peaks) {
+    return c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
+  }
+
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
   // `stored` is what the weights kernel gets, `rest` what is left then. With two pieces, a row
   // holds for every four inputs these inputs and then what rounding took from them.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned* peaks,
-                             const float (&v)[neurons], Stored& stored,
-                             [[maybe_unused]] Stored& rest) {
+  static __device__ void put(float* panel, int c, int q, float scale, const float (&v)[neurons],
+                             Stored& stored, [[maybe_unused]] Stored& rest) {
     constexpr bool two_pieces = Forward || Compensated;
-    const float scale = c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
     unsigned halves[neurons];
 #pragma unroll
     for (int j = 0; j < neurons; j += 2) {

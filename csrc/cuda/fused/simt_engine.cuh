@@ -29,11 +29,12 @@ struct SimtEngine : Lanes<Width, Split> {
   static __device__ void note_peaks(const Values&, unsigned*) {}
   static __device__ void remove_scales(Values&, const unsigned*) {}
   static __device__ void store_scales(int*, int, const unsigned*) {}
+  static __device__ float scale_of(int, const unsigned*) { return 1; }
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
   // `stored` is what the weights kernel gets.
   template <bool Forward>
-  static __device__ void put(float* panel, int c, int q, const unsigned*, const float (&v)[neurons],
+  static __device__ void put(float* panel, int c, int q, float, const float (&v)[neurons],
                              Stored& stored, Stored&) {
     L::copy_to(panel + row(c, q) * ld + L::column(), v);
 #pragma unroll

@@ -131,37 +131,40 @@ class Tile {
   }
 
   // Into the panel, for the next product, and to global memory, for the weights' gradient: to the
-  // member's panel and scales number `layer`.
+  // member's panel and scales number `layer`. Instructions are few, as each is fetched for one use.
   template <bool Forward>
   __device__ void put(const Values& a, int layer, void* panels, int* scales) {
-    using Element = typename E::Element;
-    using Stored = typename E::Stored;
     const Plan& plan = net_.plan;
-    Element* to = static_cast<Element*>(panels) + layer * plan.panel();
+    const int point0 = E::point(0);
+    auto* to = static_cast<typename E::Element*>(panels) + layer * plan.panel() +
+               (first_row_ + point0) * E::H;
     E::note_peaks(a, m_.peaks[turn_]);
     __syncthreads();
+    float scale[E::CP];
+#pragma unroll
+    for (int c = 0; c < E::CP; ++c) scale[c] = E::scale_of(c, m_.peaks[turn_]);
     E::store_scales(scales + layer * plan.scales() + first_row_ / 4, plan.tile.panel_rows,
                     m_.peaks[turn_]);
 #pragma unroll
     for (int c = 0; c < E::CP; ++c)
 #pragma unroll
       for (int q = 0; q < E::PPT; ++q) {
-        Stored v;
-        [[maybe_unused]] Stored rest;
-        E::template put<Forward>(m_.panel, c, q, m_.peaks[turn_], a[c * E::PPT + q], v, rest);
-        const std::int64_t row = first_row_ + E::row(c, q);
-        E::store(to + row * E::H, v);
+        [[maybe_unused]] typename E::Stored v, rest;
+        E::template put<Forward>(m_.panel, c, q, scale[c], a[c * E::PPT + q], v, rest);
+        auto* row = to + (E::row(c, q) - point0) * E::H;
+        E::store(row, v);
         if constexpr (E::more_rows)
           if (c == 0) {
             // A and G hold the value channel thrice: (v, v, rest) against (v, rest, v)
-            E::store(to + (row + E::R) * E::H, Forward ? v : rest);
-            E::store(to + (row + E::R + E::PT) * E::H, Forward ? rest : v);
+            E::store(row + E::R * E::H, Forward ? v : rest);
+            E::store(row + (E::R + E::PT) * E::H, Forward ? rest : v);
           }
       }
-    const Stored none = {};
-    for (int r = E::R + (E::more_rows ? 2 * E::PT : 0) + E::point_lane(); r < plan.tile.panel_rows;
-         r += 4)
-      E::store(to + (first_row_ + r) * E::H, none);
+    const typename E::Stored none = {};
+#pragma unroll 1
+    for (int r = (E::more_rows ? E::R + 2 * E::PT : E::R) + E::point_lane();
+         r < plan.tile.panel_rows; r += 4)
+      E::store(to + (r - point0) * E::H, none);
     if (threadIdx.x < kRow) m_.peaks[1 - turn_][threadIdx.x] = 0;
     __syncthreads();
   }

@@ -172,30 +172,32 @@ __global__ void __launch_bounds__(P::threads, 1)
   }
   __pipeline_wait_prior(0);
 
-  // the groups, one after another: a thread of each has the same weights
+  // A thread of each group has the same weights; of these, each adds up and stores its share.
   using Run = typename P::Run;
-  constexpr int runs = P::values * sizeof(float) / sizeof(Run);
-  constexpr int group_threads = P::threads / P::groups;
+  constexpr int groups = P::groups, group_threads = P::threads / groups;
+  constexpr int share = P::values * sizeof(float) / sizeof(Run) / groups;
   Run* others = reinterpret_cast<Run*>(memory) + threadIdx.x % group_threads;
-  if (P::groups > 1) {
+  const auto place = [&](int from, int q) {  // of run q in the memory of its adder
+    const int adder = q / share;
+    return ((adder * (groups - 1) + from - (from > adder)) * share + q % share) * group_threads;
+  };
+  if (groups > 1) {
     __syncthreads();
-    if (group > 0)
 #pragma unroll
-      for (int q = 0; q < runs; ++q)
-        others[((group - 1) * runs + q) * group_threads] = P::run(sum, q);
+    for (int q = 0; q < share * groups; ++q)
+      if (q / share != group) others[place(group, q)] = P::run(sum, q);
     __syncthreads();
-    if (group > 0) return;
   }
   float* to = scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H +
               out0 * H + in0;
   // out of the scales, in two steps: one power of two may be no normal number
   const float scale[2] = {power_of_two(-least / 2), power_of_two(-least - -least / 2)};
 #pragma unroll
-  for (int q = 0; q < runs; ++q) {
+  for (int q = 0; q < share * groups; ++q) {
+    if (q / share != group) continue;
     Run total = P::run(sum, q);
 #pragma unroll
-    for (int g = 1; g < P::groups; ++g)
-      total = total + others[((g - 1) * runs + q) * group_threads];
+    for (int g = 1; g < groups; ++g) total = total + others[place((q / share + g) % groups, q)];
     if constexpr (P::scaled) total = total * scale[0] * scale[1];
     Run* at = reinterpret_cast<Run*>(to + P::row_of(q) * H + P::column_of(q));
     *at = chunk.begin == 0 ? total : *at + total;
