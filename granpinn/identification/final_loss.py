@@ -28,22 +28,19 @@ def final_loss(training: Training, member: int) -> Loss | None:
     objective, e = training.objective, member
     spec, form = objective.spec, objective.spec.form
     params, theta = training.trained(e)
-    first, count, first_surface, count_surface = objective.places[e].tolist()
-    inside = _every_kth(first, count)
-    surface = _every_kth(first_surface, count_surface)
-    if objective.batch.surface == 0:
-        surface = surface[:0]
+    data = objective.data(e)
+    inside, surface = _every_kth(len(data.points)), _every_kth(len(data.surface_points))
     sums = [0.0] * len(TERMS)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
         _, terms, _, _ = ops.residual_loss(
             params,
             theta,
-            objective.points[i],
-            objective.velocity[i],
-            objective.point_weights[i],
-            objective.surface_points[j],
-            objective.surface_pressure[j],
+            data.points[i],
+            data.velocity[i],
+            data.point_weights[i],
+            data.surface_points[j],
+            data.surface_pressure[j],
             objective.term_weights[e],
             spec.widths,
             objective.input_shift[e],
@@ -64,6 +61,6 @@ def _named(values: list[float]) -> dict[str, float]:
     return dict(zip(TERMS, values, strict=True))
 
 
-def _every_kth(first: int, count: int) -> torch.Tensor:
+def _every_kth(count: int) -> torch.Tensor:
     """Indices of at most `MOST_POINTS` points, spread evenly."""
-    return torch.arange(first, first + count, max(1, -(-count // MOST_POINTS)))
+    return torch.arange(0, count, max(1, -(-count // MOST_POINTS)))

@@ -181,17 +181,17 @@ class Objective:
         """For every member, by how much one velocity component is off: rms over many points."""
         squares = []
         for e, member in enumerate(self.members):
-            start, population, _, _ = self.places[e].tolist()
-            own = slice(start, start + population)
-            i = draw(member.seed, step, MISFIT, min(MISFIT_POINTS, population), self.points[own])
+            data = self.data(e)
+            count = min(MISFIT_POINTS, len(data.points))
+            i = draw(member.seed, step, MISFIT, count, data.points)
             _, terms, _, _ = ops.residual_loss(
                 params[e],
                 theta[e],
-                self.points[own][i],
-                self.velocity[own][i],
-                self.point_weights[own][i],
-                self.surface_points[:0],
-                self.surface_pressure[:0],
+                data.points[i],
+                data.velocity[i],
+                data.point_weights[i],
+                data.surface_points[:0],
+                data.surface_pressure[:0],
                 self.term_weights[e],
                 self.spec.widths,
                 self.input_shift[e],
