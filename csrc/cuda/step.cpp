@@ -16,10 +16,6 @@ struct CudaStep {
     cuda::check(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
   }
   template <class T>
-  static void check(const CheckArguments<T>& a) {
-    cuda::check(check_step(a, c10::cuda::getCurrentCUDAStream()), "check_step");
-  }
-  template <class T>
   static void update(const UpdateArguments<T>& a) {
     cuda::check(cuda::update(a, c10::cuda::getCurrentCUDAStream()), "update");
   }

@@ -44,26 +44,6 @@ __global__ void __launch_bounds__(kThreads) draw_kernel(const BatchArguments<T> 
 }
 
 template <class T>
-__global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T> a) {
-  wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
-  bool bad = false;
-#pragma unroll 4
-  for (std::int64_t i = first_index(); i < a.P; i += stride())
-    bad |= !finite(a.grad_params[e * a.P + i]);
-  bad = __syncthreads_or(bad);
-  if (threadIdx.x != 0) return;
-  std::int64_t* fault = a.members.fault + e;
-  if (bad) note(fault, step, kGradient);
-  if (blockIdx.x != 0) return;
-  if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
-  if (!finite(a.loss[e])) note(fault, step, kLoss);
-  for (int i = 0; i < 3; ++i)
-    if (!finite(a.grad_theta[3 * e + i])) note(fault, step, kLawGradient);
-  if (e == 0) a.control.counter[2] = step;
-}
-
-template <class T>
 __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   bool matrix = false;
   for (int r = 0; r < a.regions && i >= a.region[r].begin; ++r)
@@ -71,21 +51,50 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   return matrix;
 }
 
-// What thread 0 finds out for its block while the others wait for their values.
+// What thread 0 finds out for its block while the others wait for their values; the block of the
+// friction law has rates of its own.
 template <class T>
 struct Update {
   bool frozen;
+  std::int64_t step;
   T weight;
   AdamRates<T> rates;
 };
 
+// Frozen is who had a fault before this step, and who has one that every block finds by itself.
 template <class T>
-__device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
+__device__ void find_out(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
+  const std::int64_t step = a.control.counter[0];
+  const double* row = a.control.row(step);
+  const bool sound = check_numbers(a, e, [&](Fault what) {
+    if (blockIdx.x == 0) note(a.members.fault + e, step, what);
+  });
+  update.frozen = a.members.frozen(e, step, kLoss) || !sound;
+  update.step = step;
+  update.weight = static_cast<T>(row[1]);
+  if (blockIdx.x == 0) return;
+  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e] + 1);
+}
+
+// By one thread of every block, after the block has read the state of the step: whether all have.
+__device__ bool arrive_last(const Control& control) {
+  const unsigned long long one = 1, blocks = gridDim.x * static_cast<unsigned long long>(gridDim.y);
+  unsigned long long before;
+  asm volatile("atom.acq_rel.gpu.global.add.u64 %0, [%1], %2;"
+               : "=l"(before)
+               : "l"(control.counter + 2), "l"(one)
+               : "memory");
+  return before + 1 == blocks;
+}
+
+// By the block for which it does: on to the next step.
+template <class T>
+__device__ void advance(const UpdateArguments<T>& a, std::int64_t step) {
+  for (std::int64_t e = threadIdx.x; e < a.control.members; e += kThreads)
+    if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
   if (threadIdx.x != 0) return;
-  const std::int64_t step = a.control.counter[2];
-  if (e == 0) a.control.counter[0] = step + 1;
-  if (a.members.frozen(e, step, kParams)) return;
-  if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+  a.control.counter[0] = step + 1;
+  a.control.counter[2] = 0;
 }
 
 // The first block of a member moves its friction law, the others have its parameters.
@@ -94,15 +103,11 @@ __global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {
   __shared__ Update<T> update;
   const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
-  if (blockIdx.x == 0) {
-    wait_for_earlier();
-    return move_law_by_one_thread(a, e);
-  }
-  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
+  const std::int64_t begin =
+      blockIdx.x == 0 ? a.P : (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
-  bool good = true;
-  std::int64_t step = 0;
-  for (std::int64_t from = begin; from - threadIdx.x < a.P; from += apart) {
+  bool good = true, good_gradient = true, last = false;
+  for (std::int64_t from = begin;; from += apart) {
     T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
     bool matrix[kEach], other[kEach];
 #pragma unroll
@@ -123,43 +128,45 @@ __global__ void __launch_bounds__(kThreads)
       param[k] = other[k] ? a.params[at] : T(0);
     }
     if (once) {
-      step = a.control.counter[2];
-      if (threadIdx.x == 0) {
-        const double* row = a.control.row(step);
-        update.frozen = a.members.frozen(e, step, kParams);
-        update.weight = static_cast<T>(row[1]);
-        update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
-      }
+      if (threadIdx.x == 0) find_out(a, e, update);
       __syncthreads();
-      if (update.frozen) return;
+      if (threadIdx.x == kThreads - 1) last = arrive_last(a.control);
     }
     const T weight = update.weight;
     if (weight > T(0))
 #pragma unroll
       for (int k = 0; k < kEach; ++k)
         average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
+    const bool moves = !update.frozen;
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
-      if (matrix[k]) {
+      good_gradient &= finite(gradient[k]);
+      if (matrix[k] && moves) {
         good &= accumulate(momentum, gradient[k], first + k, &direction);
         a.direction[at] = direction;
-      } else if (other[k]) {
+      } else if (other[k] && moves) {
         good &= adam(update.rates, gradient[k], param + k, first + k, second + k);
         a.params[at] = param[k];
         a.second[at] = second[k];
         if (weight > T(0)) a.average_params[at] = interpolate(average[k], param[k], weight);
       }
-      if (matrix[k] || other[k]) a.first[at] = first[k];
+      if ((matrix[k] || other[k]) && moves) a.first[at] = first[k];
     }
+    if (from + apart - threadIdx.x >= a.P) break;
   }
+  const std::int64_t step = update.step;
+  if (!good_gradient) note(a.members.fault + e, step, kGradient);
   if (!good) note(a.members.fault + e, step, kParams);
+  if (blockIdx.x == 0 && threadIdx.x == 0 && !update.frozen)
+    if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+  if (__syncthreads_or(last)) advance(a, step);
 }
 
 template <class T>
 __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArguments<T> a) {
   wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[2];
+  const std::int64_t e = blockIdx.y, step = a.control.updated();
   if (a.members.frozen(e, step, kParams)) return;
   const double* row = a.control.row(step);
   const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
@@ -185,13 +192,6 @@ cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream) {
 }
 
 template <class T>
-cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream) {
-  if (a.control.members == 0) return cudaSuccess;
-  const dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
-  return launch_after(check_kernel<T>, grid, kThreads, 0, stream, a);
-}
-
-template <class T>
 cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0) return cudaSuccess;
   dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
@@ -208,7 +208,6 @@ cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) 
 
 #define GRANPINN_INSTANTIATE(T)                                               \
   template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t); \
-  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t); \
   template cudaError_t update<T>(const UpdateArguments<T>&, cudaStream_t);    \
   template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t);
 

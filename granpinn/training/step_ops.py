@@ -36,5 +36,5 @@ def _nothing(*arguments: object) -> None:
     """The shapes of what an operator changes in place."""
 
 
-for _name in ("check_step", "update", "descend"):
+for _name in ("update", "descend"):
     library.register_fake(f"granpinn::{_name}")(_nothing)
