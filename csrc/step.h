@@ -1,9 +1,9 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
 // write. Everything lives on the device; the step finds its row of the control table by itself.
 //
-// Order of a step: draw_batch, residual_loss, update, descend. The first fault of a member freezes
-// it: it is not updated any more. What its last update leaves, that of the step with the fault, is
-// to be taken back: parts that find no fault themselves may have made it.
+// Order of a step: batch_loss, update, descend. The first fault of a member freezes it: it is not
+// updated any more. What its last update leaves, that of the step with the fault, is to be taken
+// back: parts that find no fault themselves may have made it.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars
 constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
 constexpr std::int64_t kHealthy = INT64_MAX;
 
-// Where the run is. `counter` is (step, step of the table's first row, 0): update advances the step,
-// and on a GPU its blocks count in the last number which of them have read what it changes.
+// Where the run is. `counter` is (step, step of the table's first row, 0): update advances the
+// step; on a GPU it counts in the last number which of its blocks have read what it changes then.
 struct Control {
   std::int64_t* counter;  // [3]
   const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
@@ -83,16 +83,14 @@ struct UpdateArguments {
   LawArguments<T> law;
 };
 
-// Notes, with note(what), whether the loss of member e and its gradient by the friction law are
-// finite; false where they are not.
-template <class T, class Note>
-GRANPINN_HD bool check_numbers(const UpdateArguments<T>& a, std::int64_t e, Note note) {
-  const bool loss = finite(a.loss[e]);
-  bool law = true;
-  for (int i = 0; i < 3; ++i) law &= finite(a.law.gradient[3 * e + i]);
-  if (!loss) note(kLoss);
-  if (!law) note(kLawGradient);
-  return loss && law;
+// Whether the loss of member e is finite, and whether its gradient by the friction law is.
+struct Sound {
+  bool loss, law;
+};
+template <class T>
+GRANPINN_HD Sound sound(const UpdateArguments<T>& a, std::int64_t e) {
+  const T* g = a.law.gradient + 3 * e;
+  return {finite(a.loss[e]), finite(g[0]) && finite(g[1]) && finite(g[2])};
 }
 
 // The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.

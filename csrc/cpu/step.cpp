@@ -52,6 +52,11 @@ struct CpuStep {
     });
   }
 
+  template <class... Arguments>
+  static LossResult loss(const Arguments&... arguments) {
+    return residual_loss_cpu(arguments...);
+  }
+
   template <class T>
   static void update(const UpdateArguments<T>& a) {
     const std::int64_t step = a.control.counter[0]++;
@@ -59,7 +64,9 @@ struct CpuStep {
       std::int64_t* fault = a.members.fault + e;
       if (a.members.frozen(e, step, kLoss)) continue;
       ++a.members.counts[2 * e];
-      check_numbers(a, e, [&](Fault what) { note(fault, step, what); });
+      const auto [loss, law] = sound(a, e);
+      if (!loss) note(fault, step, kLoss);
+      if (!law) note(fault, step, kLawGradient);
       if (!all_finite(a.gradient + e * a.P, a.P)) note(fault, step, kGradient);
       if (a.members.frozen(e, step, kParams)) continue;
       const double* row = a.control.row(step);

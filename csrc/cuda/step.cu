@@ -51,50 +51,64 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   return matrix;
 }
 
-// What thread 0 finds out for its block while the others wait for their values; the block of the
-// friction law has rates of its own.
+// What thread 0 finds out for its block while the others wait for their values.
 template <class T>
 struct Update {
-  bool frozen;
+  bool frozen;  // who had a fault before this step, or has one that each block finds by itself
   std::int64_t step;
   T weight;
   AdamRates<T> rates;
 };
 
-// Frozen is who had a fault before this step, and who has one that every block finds by itself.
 template <class T>
 __device__ void find_out(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
-  const std::int64_t step = a.control.counter[0];
+  const std::int64_t step = a.control.counter[0], count = a.members.counts[2 * e] + 1;
+  const Sound now = sound(a, e);
   const double* row = a.control.row(step);
-  const bool sound = check_numbers(a, e, [&](Fault what) {
-    if (blockIdx.x == 0) note(a.members.fault + e, step, what);
-  });
-  update.frozen = a.members.frozen(e, step, kLoss) || !sound;
+  update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
   update.step = step;
   update.weight = static_cast<T>(row[1]);
-  if (blockIdx.x == 0) return;
-  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e] + 1);
+  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], count);
 }
 
-// By one thread of every block, after the block has read the state of the step: whether all have.
-__device__ bool arrive_last(const Control& control) {
-  const unsigned long long one = 1, blocks = gridDim.x * static_cast<unsigned long long>(gridDim.y);
-  unsigned long long before;
-  asm volatile("atom.acq_rel.gpu.global.add.u64 %0, [%1], %2;"
-               : "=l"(before)
-               : "l"(control.counter + 2), "l"(one)
-               : "memory");
-  return before + 1 == blocks;
+// By one thread of every block: the block has read the state of the step.
+__device__ void arrive(const Control& control) {
+  asm volatile("red.release.gpu.global.add.u64 [%0], 1;" ::"l"(control.counter + 2) : "memory");
 }
 
-// By the block for which it does: on to the next step.
+// By one block, when all have arrived, and they need not wait for it: on to the next step.
 template <class T>
-__device__ void advance(const UpdateArguments<T>& a, std::int64_t step) {
+__device__ void advance(const UpdateArguments<T>& a) {
+  const std::int64_t step = a.control.counter[0];
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    const std::int64_t blocks = std::int64_t{gridDim.x} * gridDim.y;
+    std::int64_t arrived = 0;
+    while (arrived < blocks)
+      asm volatile("ld.acquire.gpu.global.u64 %0, [%1];"
+                   : "=l"(arrived)
+                   : "l"(a.control.counter + 2)
+                   : "memory");
+    a.control.counter[0] = step + 1;
+    a.control.counter[2] = 0;
+  }
+  __syncthreads();
   for (std::int64_t e = threadIdx.x; e < a.control.members; e += kThreads)
     if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
+}
+
+template <class T>
+__device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
   if (threadIdx.x != 0) return;
-  a.control.counter[0] = step + 1;
-  a.control.counter[2] = 0;
+  const std::int64_t step = a.control.counter[0];
+  const bool frozen = a.members.frozen(e, step, kLoss);
+  arrive(a.control);
+  const Sound now = sound(a, e);
+  std::int64_t* fault = a.members.fault + e;
+  if (!now.loss) note(fault, step, kLoss);
+  if (!now.law) note(fault, step, kLawGradient);
+  if (frozen || !now.loss || !now.law) return;
+  if (!move_law(a, e, step)) note(fault, step, kLawScalars);
 }
 
 // The first block of a member moves its friction law, the others have its parameters.
@@ -103,11 +117,16 @@ __global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {
   __shared__ Update<T> update;
   const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
-  const std::int64_t begin =
-      blockIdx.x == 0 ? a.P : (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
+  if (blockIdx.x == 0) {
+    wait_for_earlier();
+    move_law_by_one_thread(a, e);
+    if (e == 0) advance(a);
+    return;
+  }
+  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
-  bool good = true, good_gradient = true, last = false;
-  for (std::int64_t from = begin;; from += apart) {
+  bool good = true, good_gradient = true;
+  for (std::int64_t from = begin; from == begin || from - threadIdx.x < a.P; from += apart) {
     T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
     bool matrix[kEach], other[kEach];
 #pragma unroll
@@ -130,37 +149,33 @@ __global__ void __launch_bounds__(kThreads)
     if (once) {
       if (threadIdx.x == 0) find_out(a, e, update);
       __syncthreads();
-      if (threadIdx.x == kThreads - 1) last = arrive_last(a.control);
+      if (threadIdx.x == kThreads - 1) arrive(a.control);
     }
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) good_gradient &= finite(gradient[k]);
+    if (update.frozen) continue;
     const T weight = update.weight;
     if (weight > T(0))
 #pragma unroll
       for (int k = 0; k < kEach; ++k)
         average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
-    const bool moves = !update.frozen;
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
-      good_gradient &= finite(gradient[k]);
-      if (matrix[k] && moves) {
+      if (matrix[k]) {
         good &= accumulate(momentum, gradient[k], first + k, &direction);
         a.direction[at] = direction;
-      } else if (other[k] && moves) {
+      } else if (other[k]) {
         good &= adam(update.rates, gradient[k], param + k, first + k, second + k);
         a.params[at] = param[k];
         a.second[at] = second[k];
         if (weight > T(0)) a.average_params[at] = interpolate(average[k], param[k], weight);
       }
-      if ((matrix[k] || other[k]) && moves) a.first[at] = first[k];
+      if (matrix[k] || other[k]) a.first[at] = first[k];
     }
-    if (from + apart - threadIdx.x >= a.P) break;
   }
-  const std::int64_t step = update.step;
-  if (!good_gradient) note(a.members.fault + e, step, kGradient);
-  if (!good) note(a.members.fault + e, step, kParams);
-  if (blockIdx.x == 0 && threadIdx.x == 0 && !update.frozen)
-    if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
-  if (__syncthreads_or(last)) advance(a, step);
+  if (!good_gradient) note(a.members.fault + e, update.step, kGradient);
+  if (!good) note(a.members.fault + e, update.step, kParams);
 }
 
 template <class T>
