@@ -12,7 +12,6 @@ namespace granpinn::cuda::fused {
 
 namespace {
 
-constexpr int kDeepest = 8;                              // hidden layers
 constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
@@ -43,7 +42,8 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 template <int H>
 cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
                  cudaStream_t stream) {
-  const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
+  const std::int64_t threads = pack_threads<H>(plan);
+  const std::int64_t longest = std::max<std::int64_t>(threads, plan.narrow());
   const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
     return launch_after(pack_kernel<H, true>, grid, kPackThreads, 0, stream, a, plan, s);
@@ -89,8 +89,8 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
         if (const auto error = weights<H>(a, plan, s, chunk, stream)) return error;
     }
   }
-  const dim3 grid((plan.hidden - 1) * H * H / (32 * kShares) + ceil_div(plan.narrow(), 32) + 1,
-                  a.net.members);
+  const std::int64_t hidden_blocks = std::int64_t(plan.hidden - 1) * H * H / kBlockWeights;
+  const dim3 grid(hidden_blocks + ceil_div(plan.narrow(), 32) + 1, a.net.members);
   return launch_after(collect_kernel<H>, grid, dim3(32, kShares), 0, stream, a, plan, s);
 }
 
@@ -100,12 +100,13 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
                Plan& plan) {
   const int L = a.net.layers - 1;
   const std::int64_t E = a.net.members;
-  if (L < 1 || L > kDeepest || E > 65535 / kDeepest) return false;
+  if (L < 1 || L > kDeepest || E > 65535 / kDeepest || a.net.count > INT32_MAX) return false;
   const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
   if (widest > kWidest) return false;
   Plan p{};
   p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
+  for (int l = 0; l <= L; ++l) p.offsets[l] = static_cast<int>(a.net.offset(l));
   p.H = widest <= 128 ? 128 : 256;
 
   // blocks that a multiprocessor holds, by registers and by shared memory

@@ -23,10 +23,27 @@ struct Lanes {
   static __device__ int part() { return threadIdx.x / H; }  // of the warps of a slab
   static __device__ int column() { return slab() * kSlab + neuron_lane() * 4 + part() * neurons; }
 
-  // sums over the lanes with the same neurons, or with the same points
-  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
+  // Sums over the lanes with the same neurons: lane j of these gets number j, if there is one.
+  static __device__ float sum_points(const float (&a)[neurons]) {
+    if constexpr (neurons == 4)
+      return halve(halve(a[0], a[2], 2), halve(a[1], a[3], 2), 1);
+    else
+      return add_lanes(halve(a[0], a[1], 1), 2);
+  }
+  // Sums over the lanes with the same points; of eight, lane n of these gets number n.
   static __device__ float sum_neurons(float a) {
     return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
+  }
+  static __device__ float sum_neurons(const float (&a)[8]) {
+    float v[4];
+#pragma unroll
+    for (int i = 0; i < 4; ++i) v[i] = halve(a[i], a[i + 4], 16);
+    return halve(halve(v[0], v[2], 8), halve(v[1], v[3], 8), 4);
+  }
+  // Of two sums over two lanes: the upper one gets the second.
+  static __device__ float halve(float a, float b, int apart) {
+    const bool upper = lane() & apart;
+    return (upper ? b : a) + __shfl_xor_sync(~0u, upper ? a : b, apart);
   }
 
   // this thread's neurons of a row of H

@@ -16,9 +16,10 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kWidest = 256;
-constexpr int kSlab = 32;  // neurons of a warp, or of the two that share them
-constexpr int kRow = 8;    // outputs of a row, padded
-constexpr int kSums = 8;   // squares of the five terms, then theta
+constexpr int kDeepest = 8;  // hidden layers
+constexpr int kSlab = 32;    // neurons of a warp, or of the two that share them
+constexpr int kRow = 8;      // outputs of a row, padded
+constexpr int kSums = 8;     // squares of the five terms, then theta
 
 // How a tile is cut. Tensor cores take rows by eights: a tile of four points of the strong form has
 // a channel of padding.
@@ -42,8 +43,8 @@ constexpr bool compensated(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
-// A third stage of weights for the mixed form's larger tiles would cost wide layers a second block
-// on a multiprocessor.
+// More stages of weights for the mixed form's larger tiles would cost wide layers a second block on
+// a multiprocessor.
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   const bool large = size == Size::large, split = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
@@ -60,7 +61,8 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   }
   t.split = split ? 2 : 1;
   t.stage = split && !tensor_cores ? 256 : 512;
-  t.stages = split ? 4 : tensor_cores && form == Form::mixed && H == 128 ? 3 : 2;
+  t.stages = split ? 4 : 2;
+  if (!split && tensor_cores && form == Form::mixed && H == 128) t.stages = large ? 3 : 4;
   return t;
 }
 
@@ -76,12 +78,13 @@ constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
 
 // How a problem is cut up. Everything follows from its shape and the GPU.
 struct Plan {
-  int H;              // padded width
-  int hidden;         // hidden layers L
-  int outputs;        // K
-  bool tensor_cores;  // products on tensor cores
-  bool compensated;   // see above
-  Size size;          // of the tiles
+  int H;                      // padded width
+  int hidden;                 // hidden layers L
+  int outputs;                // K
+  int offsets[kDeepest + 1];  // of the layers in a member's parameters
+  bool tensor_cores;          // products on tensor cores
+  bool compensated;           // see above
+  Size size;                  // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
   int tiles;           // with those of the surface
@@ -112,6 +115,18 @@ struct Plan {
   std::int64_t panel_bytes() const { return panel() * (tensor_cores ? 2 : 4); }
   GRANPINN_HD std::int64_t scales() const { return std::int64_t(chunk) * tile.panel_rows / 4; }
 };
+
+// Position of a narrow parameter (Plan::narrow) among the network's, -1 for padding.
+template <int H>
+GRANPINN_HD int narrow_position(const DeviceNetwork<float>& net, const Plan& plan, int i) {
+  const int row = i / H, n = i % H, L = plan.hidden, K = plan.outputs;
+  if (row < 3) return n < net.out(0) ? 3 * n + row : -1;
+  const int layer = row < 3 + L ? row - 3 : L;
+  const int in = static_cast<int>(net.in(layer)), out = static_cast<int>(net.out(layer));
+  const int at = plan.offsets[layer];
+  if (row < 3 + L || row == 3 + L + K) return n < out ? at + in * out + n : -1;
+  return n < in ? at + (row - 3 - L) * in + n : -1;
+}
 
 struct Scratch {
   float* packed;            // [E][packed] hidden weights, as streamed

@@ -41,9 +41,11 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
                 const Scratch scratch, const Chunk chunk) {
   static_assert(I::R >= S::R && I::threads == S::threads, "tiles share their memory");
   extern __shared__ __align__(16) unsigned char memory[];
-  wait_for_earlier();
   auto& m = *reinterpret_cast<TileMemory<I>*>(memory);
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
+  for (int i = threadIdx.x; i < plan.narrow(); i += I::threads) gradient[i] = 0;
+  if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
+  wait_for_earlier();
 
   const std::int64_t e = blockIdx.y, block = e * plan.slots + blockIdx.x;
   const int L = plan.hidden, narrow = plan.narrow();
@@ -58,8 +60,6 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
                         gradient};
   typename I::Stream weights(scratch.packed + e * plan.packed(), plan.stream(),
                              m.ring + threadIdx.x / 32 * I::Stream::floats);
-  for (int i = threadIdx.x; i < narrow; i += I::threads) gradient[i] = 0;
-  if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
   if (threadIdx.x < 3) m.scale[threadIdx.x] = a.net.input.scale_of(e, threadIdx.x);
 
   double sum = 0;
