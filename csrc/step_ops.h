@@ -1,7 +1,8 @@
 // The operators of one optimization step, from tensors to plain structs: the same for all devices.
 //
 // `Backend` runs the kernels: static functions draw, update and descend, each taking its arguments
-// struct; descend also takes the matrices that it has to orthogonalize, and how.
+// struct; descend also takes the matrices that it has to orthogonalize, and how. Its loss is
+// residual_loss right after a draw.
 // In-place on the tensors that the schemas mark; nothing is synchronised.
 #pragma once
 
@@ -10,8 +11,8 @@
 
 #include <tuple>
 
-#include "arguments.h"
 #include "batch.h"
+#include "loss_tensors.h"
 
 namespace granpinn {
 
@@ -113,6 +114,28 @@ struct StepOps {
           to(std::get<5>(out))});
     });
     return out;
+  }
+
+  // Of the batch that draw_batch draws.
+  static LossResult batch_loss(const at::Tensor& counter, const at::Tensor& table,
+                               const at::Tensor& seeds, const at::Tensor& places,
+                               const at::Tensor& points, const at::Tensor& velocity,
+                               const at::Tensor& point_weights, const at::Tensor& surface_points,
+                               const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                               std::int64_t interior, std::int64_t surface, std::int64_t share,
+                               const at::Tensor& params, const at::Tensor& theta, Ints widths,
+                               const at::Tensor& input_shift, const at::Tensor& input_scale,
+                               const at::Tensor& physics, c10::string_view form,
+                               c10::string_view precision) {
+    const Six batch =
+        draw_batch(counter, table, seeds, places, points, velocity, point_weights, surface_points,
+                   surface_pressure, term_weights, interior, surface, share);
+    return std::apply(
+        [&](const auto&... drawn) {
+          return Backend::loss(params, theta, drawn..., widths, input_shift, input_scale, physics,
+                               form, precision);
+        },
+        batch);
   }
 
   static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
@@ -225,6 +248,7 @@ struct StepOps {
 template <class Backend>
 void register_step(torch::Library& m) {
   m.impl("draw_batch", &StepOps<Backend>::draw_batch);
+  m.impl("batch_loss", &StepOps<Backend>::batch_loss);
   m.impl("update", &StepOps<Backend>::update);
   m.impl("descend", &StepOps<Backend>::descend);
 }

@@ -38,6 +38,12 @@ TORCH_LIBRARY(granpinn, m) {
       "Tensor term_weights, int interior, int surface, int share) "
       "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
   m.def(
+      "batch_loss(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
+      "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
+      "Tensor term_weights, int interior, int surface, int share, Tensor params, Tensor theta, "
+      "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, "
+      "str precision) -> (Tensor, Tensor, Tensor, Tensor)");
+  m.def(
       "update(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
       "Tensor(c!) counts, Tensor loss, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "
       "Tensor(f!) second, Tensor(g!) direction, Tensor(h!) average_params, int[] matrices, "

@@ -15,6 +15,10 @@ struct CudaStep {
   static void draw(const BatchArguments<T>& a) {
     cuda::check(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
   }
+  template <class... Arguments>
+  static LossResult loss(const Arguments&... arguments) {
+    return drawn_loss(arguments...);
+  }
   template <class T>
   static void update(const UpdateArguments<T>& a) {
     cuda::check(cuda::update(a, c10::cuda::getCurrentCUDAStream()), "update");

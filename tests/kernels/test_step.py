@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from granpinn import ops
+from granpinn.network import n_params
 from granpinn.training import step_ops  # noqa: F401
 from granpinn.training.control import HEALTHY
 from granpinn.training.optimise import Group
@@ -65,6 +66,37 @@ def test_batches_may_be_empty(device: torch.device) -> None:
     assert shapes == [(3, 0, 3), (3, 0, 2), (3, 0, 2), (3, 0, 3), (3, 0), (3, 5)]
 
 
+def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu") -> list[Any]:
+    """Behind those of draw_batch: params, theta, widths, input map, physics, form, precision."""
+    widths = [3, 20, 30, 5]
+    tensors = [
+        torch.randn(E, n_params(widths), dtype=dtype) / 4,
+        torch.tensor([[0.4, 0.7, 0.3]], dtype=dtype).repeat(E, 1),
+        *(torch.rand(E, 3, dtype=dtype) for _ in range(2)),
+        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3]], dtype=dtype).repeat(E, 1),
+    ]
+    params, theta, *rest = (tensor.to(device) for tensor in tensors)
+    return [params, theta, widths, *rest, "mixed", "fast"]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("sizes", [(13, 6), (0, 0)], ids=str)
+def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
+    sizes: tuple[int, int], dtype: torch.dtype, device: torch.device
+) -> None:
+    """Bit for bit, also when something has just changed the parameters."""
+    arguments = batch_arguments(dtype, device)
+    params, theta, *rest = loss_arguments(len(MEMBERS), dtype, device)
+    for _ in range(5):
+        params.mul_(1.01)
+        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, 1, params, theta, *rest)
+        drawn = torch.ops.granpinn.draw_batch(*arguments, *sizes, 1)
+        expected = torch.ops.granpinn.residual_loss(params, theta, *drawn, *rest)
+        for a, b in zip(found, expected, strict=True):
+            assert torch.equal(a, b)
+    assert found[0].isfinite().all()
+
+
 def state(E: int, device: str = "cpu") -> list[Tensor]:
     """counter, table, slower, fault, counts."""
     return [
@@ -93,6 +125,13 @@ def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 CALLS = {
     "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
+    "batch_loss": lambda E, P, dtype: [
+        *batch_arguments(dtype),
+        P,
+        E,
+        0,
+        *loss_arguments(len(MEMBERS), dtype),
+    ],
     "update": update_arguments,
     "descend": descend_arguments,
     "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype), "fast"],

@@ -127,12 +127,17 @@ __device__ void pack_share(const DeviceLoss<float>& a, const Plan& plan, const S
     pack_floats<H>(a.net, plan, params, stream, i);
 }
 
+// Runs beside the draw of the batch, where that comes before: the two share no memory.
 template <int H, bool TensorCores>
 __global__ void __launch_bounds__(kPackThreads)
     pack_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                 const Scratch scratch) {
-  wait_for_earlier();
+  if (a.drawn)
+    let_next_start();
+  else
+    wait_for_earlier();
   pack_share<H, TensorCores>(a, plan, scratch);
+  if (a.drawn) wait_for_earlier();
 }
 
 }  // namespace granpinn::cuda::fused
