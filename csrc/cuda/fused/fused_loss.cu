@@ -117,18 +117,22 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
     p.tile = tile_shape(a.form, tensor, size, p.H);
     p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
-    resident = p.tile_bytes() > device.shared_per_block
-                   ? 0
-                   : std::min(512 / (p.H * p.tile.split),
-                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    resident =
+        p.tile_bytes() > device.shared_per_block
+            ? 0
+            : std::min(p.tile.blocks, device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
     return resident > 0;
   };
-  // the largest tiles that fit and of which there are enough for all multiprocessors; small ones of
-  // wide layers need more memory than medium ones, and more than some GPUs have
+  // the largest tiles that fit and of which there are enough for all multiprocessors, but medium
+  // ones only if that takes one round; small ones of wide layers need more memory than medium ones,
+  // and more than some GPUs have
+  const auto enough = [&] { return 4 * E * p.tiles >= 3 * device.multiprocessors * resident; };
   const auto take_largest = [&](bool tensor) {
-    for (const Size size : {Size::large, Size::medium})
-      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
-        return true;
+    if (take(tensor, Size::large) && enough()) return true;
+    if (take(tensor, Size::medium) && enough()) {
+      const bool one_round = E * p.tiles <= device.multiprocessors * resident;
+      return one_round || take(tensor, Size::large) || take(tensor, Size::medium);
+    }
     return take(tensor, Size::small) || take(tensor, Size::medium);
   };
   if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;

@@ -7,10 +7,10 @@
 
 namespace granpinn::cuda::fused {
 
-template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
+template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
 cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
-  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs>;
+  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs, Blocks>;
   const int bytes = plan.tile_bytes();
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
@@ -30,8 +30,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
     static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
-    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs>(a, plan, scratch, chunk,
-                                                                            stream);
+    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs, t.blocks>(
+        a, plan, scratch, chunk, stream);
   };
   if constexpr (tensor_cores)
     return run(MmaEngine<H, C, t.points, t.split, t.stages, pieces, pieces>{},

@@ -29,6 +29,7 @@ struct TileShape {
   int panel_rows;              // of either, in the panels of the weights kernel
   int split;                   // warps of a slab
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
+  int blocks;                  // that share a multiprocessor, by registers
 };
 
 // Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
@@ -43,8 +44,9 @@ constexpr bool compensated(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
-// More stages of weights for the mixed form's larger tiles would cost wide layers a second block on
-// a multiprocessor.
+// A thread has 128 registers; 168 in the mixed form's medium tiles, of which three share a
+// multiprocessor, with a longer ring. More stages for its large tiles would cost wide layers a
+// second block.
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   const bool large = size == Size::large, split = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
@@ -62,7 +64,11 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   t.split = split ? 2 : 1;
   t.stage = split && !tensor_cores ? 256 : 512;
   t.stages = split ? 4 : 2;
-  if (!split && tensor_cores && form == Form::mixed && H == 128) t.stages = large ? 3 : 4;
+  t.blocks = 512 / (H * t.split);
+  if (!split && tensor_cores && form == Form::mixed && H == 128) {
+    t.stages = large ? 3 : 6;
+    if (!large) t.blocks = 3;
+  }
   return t;
 }
 
