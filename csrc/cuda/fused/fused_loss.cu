@@ -113,7 +113,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   int resident = 0;
   const auto take = [&](bool tensor, Size size) {
     p.tensor_cores = tensor, p.size = size;
-    p.compensated = compensated(a.form, tensor);
+    p.fine_weights = fine_weights(a.form, tensor);
     p.tile = tile_shape(a.form, tensor, size, p.H);
     p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));

@@ -25,8 +25,9 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                            Chunk chunk, cudaStream_t stream) {
   constexpr TileShape t = tile_shape(form, tensor_cores, size, H);
   constexpr int outputs = form == Form::strong ? 3 : 5;
-  [[maybe_unused]] constexpr bool pieces = compensated(form, tensor_cores);
-  [[maybe_unused]] constexpr bool surface_rows = pieces && form == Form::data;
+  [[maybe_unused]] constexpr bool fine = fine_weights(form, tensor_cores);
+  [[maybe_unused]] constexpr bool more_rows = compensated(tensor_cores);
+  [[maybe_unused]] constexpr bool surface_rows = more_rows && form == Form::data;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
     static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
@@ -34,8 +35,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
         a, plan, scratch, chunk, stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stages, pieces, pieces>{},
-               MmaEngine<H, 1, t.surface_points, t.split, t.stages, pieces, surface_rows>{});
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, fine, more_rows>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages, fine, surface_rows>{});
   else
     return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
                SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});

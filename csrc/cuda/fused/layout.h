@@ -36,11 +36,14 @@ struct TileShape {
 enum class Size { small, medium, large };
 
 // Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
-// it an error that shows (three times that of float32 in the mixed form). With these forms both
-// products of the way back take that channel in two pieces; in the panels, the products of the
-// pieces are rows of their own (which the few points of the surface do without). The strong form
-// has no need of it.
-constexpr bool compensated(Form form, bool tensor_cores) {
+// it an error that shows (three times that of float32 in the mixed form). Both products of the way
+// back therefore take that channel in two pieces; in the panels, the products of the pieces are
+// rows of their own (which the few points of the surface do without).
+constexpr bool compensated(bool tensor_cores) { return tensor_cores; }
+
+// The weights, too, are in two pieces there. Their rounding is the same for all points and cancels
+// with the rest, so that the strong form does without.
+constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
@@ -57,7 +60,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   t.rows = channels * t.points;
   if (tensor_cores) t.rows = (t.rows + 7) / 8 * 8;
   t.surface_points = t.panel_rows = t.rows;
-  if (compensated(form, tensor_cores)) {
+  if (compensated(tensor_cores)) {
     t.panel_rows = t.rows + 2 * t.points;
     if (form == Form::data) t.surface_points = t.panel_rows / 3;
   }
@@ -89,7 +92,7 @@ struct Plan {
   int outputs;                // K
   int offsets[kDeepest + 1];  // of the layers in a member's parameters
   bool tensor_cores;          // products on tensor cores
-  bool compensated;           // see above
+  bool fine_weights;          // see above
   Size size;                  // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
@@ -112,7 +115,7 @@ struct Plan {
   GRANPINN_HD int stash() const { return (hidden - 1) * tile.rows * H; }
   // streamed weights: float32, or two halves on the way forward and one or two on the way back
   GRANPINN_HD std::int64_t packed() const {
-    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !compensated ? 3 : 4) / 2;
+    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !fine_weights ? 3 : 4) / 2;
   }
   GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
   int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }

@@ -58,7 +58,7 @@ __device__ void pack_halves(const DeviceNetwork<float>& net, const Plan& plan, c
   const int L = plan.hidden;
   const int product = i * stream.parts / (kSlab * H / 8), threads = kSlab * H / 8 / stream.parts;
   const int at = i - product * threads, lane = at % 32, m = at / 32 % 2;  // of a product
-  const bool forward = product < L - 1, pieces = forward || plan.compensated;
+  const bool forward = product < L - 1, pieces = forward || plan.fine_weights;
   const int layer = forward ? product + 1 : 2 * L - 2 - product;
   const int in = static_cast<int>(net.in(layer)), out = static_cast<int>(net.out(layer));
   const int k0 =
