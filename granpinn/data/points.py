@@ -209,9 +209,10 @@ def outline(flow: Flow) -> Surface:
     """Where the grains end upwards: half way between the highest grains and what is above them.
 
     One point for every time and place along the ground, known from the points that hold grains and
-    no better than their spacing. A point that stands for a cell of a solver (`grid_spacing_of_solver`
-    of the file) holds grains only if all of the cell does, so that they end half a cell higher on
-    average. Grains at the edge of the grid are left out: what is above them was not seen.
+    no better than their spacing. A point that stands for a cell of a solver (the file states
+    `grid_spacing_of_solver`) holds grains only if all of the cell does, so that they end half a
+    cell higher on average. Grains at the edge of the grid are left out: what is above them was not
+    seen.
     """
     g_x, g_y = flow.gravity
     grains, up, along, falls = flow.material, flow.y, flow.x, g_y
