@@ -118,7 +118,7 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
     resident = p.tile_bytes() > device.shared_per_block
                    ? 0
-                   : std::min(512 / (p.H * p.tile.split),
+                   : std::min(p.tile.resident(p.H),
                               device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
     return resident > 0;
   };

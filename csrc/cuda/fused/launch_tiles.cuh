@@ -29,7 +29,7 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
   [[maybe_unused]] constexpr bool surface_rows = pieces && form == Form::data;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
-    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
+    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, H), "layout.h");
     return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs>(a, plan, scratch, chunk,
                                                                             stream);
   };
@@ -37,8 +37,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
     return run(MmaEngine<H, C, t.points, t.split, t.stages, pieces, pieces>{},
                MmaEngine<H, 1, t.surface_points, t.split, t.stages, pieces, surface_rows>{});
   else
-    return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
-               SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
+    return run(SimtEngine<H, C, t.points, t.parts, t.stage, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.parts, t.stage, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>

@@ -33,15 +33,19 @@ __device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net
 template <int H, bool TensorCores>
 __device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* params, int L,
                                  int slab, int part, int parts, bool compensated, int i) {
-  const int inputs = H / parts, fours = kSlab * inputs / 4;  // of a product in float32
+  const int inputs = H / parts;
   if (!TensorCores) {
+    constexpr int fours = kSlab * H / 4;  // of a product
     const int product = i / fours, at = i % fours;
     const bool forward = product < L - 1;
     const auto w =
         product_weights(net, params, forward ? product + 1 : 2 * L - 2 - product, forward);
-    const int k = part * inputs + at / (kSlab / 4), n = slab * kSlab + at % (kSlab / 4) * 4;
-    return {w(k, n), w(k, n + 1), w(k, n + 2), w(k, n + 3)};
+    // of `parts` slabs, the warp's own first, see SimtEngine::add_parts
+    const int k = slab % parts * inputs + at / (kSlab / 4 * parts);
+    const int n = (slab ^ at / (kSlab / 4) % parts) * kSlab + at % (kSlab / 4) * 4;
+    return {w(k, n ^ kSwap), w(k, (n + 1) ^ kSwap), w(k, (n + 2) ^ kSwap), w(k, (n + 3) ^ kSwap)};
   }
+  const int fours = kSlab * inputs / 4;  // of a product in float32
   // [quarter of the stage][lane][register]: two halves in each, see MmaEngine::multiply
   const bool forward = i < (L - 1) * fours;
   const bool pieces = forward || compensated;
@@ -104,7 +108,8 @@ __global__ void __launch_bounds__(kPackThreads)
   const std::int64_t length = plan.stream();
   if (4 * i < length)
     reinterpret_cast<float4*>(scratch.packed + e * plan.packed() + warp * length)[i] =
-        packed_weights<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split,
+        packed_weights<H, TensorCores>(a.net, params, L, slab, part,
+                                       TensorCores ? plan.tile.split : plan.tile.parts,
                                        plan.compensated, i);
 }
 

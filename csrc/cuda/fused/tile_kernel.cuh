@@ -23,9 +23,9 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
   tile.backward();
 }
 
-// Blocks that share a multiprocessor: as many as have 128 registers per thread.
+// Blocks that share a multiprocessor, see TileShape::resident.
 template <class E>
-constexpr int kResident = 512 / E::threads;
+constexpr int kResident = (E::parts == 1 ? 512 : 256) / E::threads;
 
 // The panels of a member.
 template <class E>
