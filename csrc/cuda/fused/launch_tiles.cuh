@@ -30,7 +30,7 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
   [[maybe_unused]] constexpr bool surface_rows = more_rows && form == Form::data;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
-    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
+    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, H), "layout.h");
     return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs, t.blocks>(
         a, plan, scratch, chunk, stream);
   };
@@ -38,8 +38,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
     return run(MmaEngine<H, C, t.points, t.split, t.stages, fine, more_rows>{},
                MmaEngine<H, 1, t.surface_points, t.split, t.stages, fine, surface_rows>{});
   else
-    return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
-               SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
+    return run(SimtEngine<H, C, t.points, t.parts, t.stage, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.parts, t.stage, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>

@@ -2,8 +2,10 @@
 //
 // Layers are padded to one width H (zeros change nothing: swish(0) = 0). A block takes a tile of
 // points through the network and back. Its warps own slabs of 32 neurons of every layer, for all
-// rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only,
-// two warps share a slab: each sums over half of the inputs, then they halve the neurons.
+// rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only, on
+// tensor cores two warps share a slab: each sums over half of the inputs, then they halve the
+// neurons. In float32, four warps then share their four slabs: each sums over a quarter of the
+// inputs, with more registers and so fewer loads for a product.
 //   pack      brings the weights into the order in which the warps stream them;
 //   tile      forward, physics, backward; leaves activations A and adjoints G of all rows (on
 //             tensor cores as the halves that its products took);
@@ -28,6 +30,7 @@ struct TileShape {
   int rows;                    // of an interior tile, in shared memory
   int panel_rows;              // of either, in the panels of the weights kernel
   int split;                   // warps of a slab
+  int parts;                   // of a product's inputs, in float32, each taken by a warp
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
   int blocks;                  // that share a multiprocessor, by registers
 };
@@ -47,16 +50,16 @@ constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
-// A thread has 128 registers; 168 in the mixed form's medium tiles, of which three share a
-// multiprocessor, with a longer ring. More stages for its large tiles would cost wide layers a
-// second block.
+// A thread has 128 registers; 255 in the small tiles of float32; 168 in the mixed form's medium
+// tiles, of which three share a multiprocessor, with a longer ring. More stages for its large tiles
+// would cost wide layers a second block.
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
-  const bool large = size == Size::large, split = size == Size::small;
+  const bool large = size == Size::large, small = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
   TileShape t{};
   t.points = large ? 8 : 4;
-  if (form == Form::mixed && !split) t.points = large ? 16 : 8;
-  if (form == Form::data) t.points = large ? 64 : split ? 8 : 32;
+  if (form == Form::mixed && !small) t.points = large ? 16 : 8;
+  if (form == Form::data) t.points = large ? 64 : small ? 8 : 32;
   t.rows = channels * t.points;
   if (tensor_cores) t.rows = (t.rows + 7) / 8 * 8;
   t.surface_points = t.panel_rows = t.rows;
@@ -64,25 +67,27 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
     t.panel_rows = t.rows + 2 * t.points;
     if (form == Form::data) t.surface_points = t.panel_rows / 3;
   }
-  t.split = split ? 2 : 1;
-  t.stage = split && !tensor_cores ? 256 : 512;
-  t.stages = split ? 4 : 2;
-  t.blocks = 512 / (H * t.split);
-  if (!split && tensor_cores && form == Form::mixed && H == 128) {
+  t.split = small && tensor_cores ? 2 : 1;
+  t.parts = small && !tensor_cores ? 4 : 1;
+  t.stage = t.parts > 1 ? 1024 : 512;
+  t.stages = t.split > 1 ? 4 : t.parts > 1 ? 3 : 2;
+  t.blocks = (t.parts > 1 ? 256 : 512) / (H * t.split);
+  if (!small && tensor_cores && form == Form::mixed && H == 128) {
     t.stages = large ? 3 : 6;
     if (!large) t.blocks = 3;
   }
   return t;
 }
 
-// A row of the panel in shared memory, in floats.
-constexpr int row_floats(bool tensor_cores, int H) { return H + (tensor_cores ? 8 : 4); }
+// A row of the panel in shared memory, in floats: rows are eight banks apart.
+constexpr int row_floats(int H) { return H + 8; }
 
 // Of TileMemory (tile_memory.cuh).
-constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
+constexpr int tile_floats(TileShape tile, int H) {
   const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
-  const int halves = tile.split == 1 ? 2 : 2 * tile.rows * H / 2;
-  return tile.rows * row_floats(tensor_cores, H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
+  const int halves =
+      tile.split * tile.parts == 1 ? 4 : (tile.split * tile.parts - 1) * tile.rows * H;
+  return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
 }
 
 // How a problem is cut up. Everything follows from its shape and the GPU.
@@ -118,7 +123,7 @@ struct Plan {
     return std::int64_t(hidden - 1) * H * H * (tensor_cores && !fine_weights ? 3 : 4) / 2;
   }
   GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
-  int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }
+  int tile_bytes() const { return 4 * (tile_floats(tile, H) + narrow()); }
   GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.panel_rows * H; }
   // halves on tensor cores, and an exponent of their scale for every four rows
   std::int64_t panel_bytes() const { return panel() * (tensor_cores ? 2 : 4); }

@@ -38,15 +38,17 @@ struct WarpStream {
 template <int H>
 __device__ void pack_floats(const DeviceNetwork<float>& net, const Plan& plan, const float* params,
                             const WarpStream& stream, int i) {
-  const int L = plan.hidden;
-  const int inputs = H / stream.parts, fours = kSlab * inputs / 4;  // of a product
+  const int L = plan.hidden, parts = plan.tile.parts;
+  constexpr int fours = kSlab * H / 4;  // of a product
   const int product = i / fours, at = i % fours;
   const bool forward = product < L - 1;
   const auto w =
       product_weights(net, plan, params, forward ? product + 1 : 2 * L - 2 - product, forward);
-  const int k = stream.part * inputs + at / (kSlab / 4);
-  const int n = stream.slab * kSlab + at % (kSlab / 4) * 4;
-  stream.to[i] = {w(k, n), w(k, n + 1), w(k, n + 2), w(k, n + 3)};
+  // of `parts` slabs, the warp's own first, see SimtEngine::add_parts
+  const int k = stream.slab % parts * (H / parts) + at / (kSlab / 4 * parts);
+  const int n = (stream.slab ^ at / (kSlab / 4) % parts) * kSlab + at % (kSlab / 4) * 4;
+  stream.to[i] = {w(k, n ^ kSwap), w(k, (n + 1) ^ kSwap), w(k, (n + 2) ^ kSwap),
+                  w(k, (n + 3) ^ kSwap)};
 }
 
 // Eight weights of a stream in halves, in one piece or in two; thread i of it. A stage is
