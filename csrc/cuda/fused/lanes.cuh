@@ -48,7 +48,7 @@ struct Lanes {
     float v[4];
 #pragma unroll
     for (int i = 0; i < 4; ++i) v[i] = halve(a[i], a[i + 4], 16);
-    return halve(halve(v[0], v[2], 8), halve(v[1], v[3], 8), 4);
+    return halve(halve(v[0], v[2], 8), halve(v[1], v[3], 8), first_neuron);
   }
   // Of two sums over two lanes: the upper one gets the second.
   static __device__ float halve(float a, float b, int apart) {

@@ -62,7 +62,6 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
   static constexpr int ld = row_floats(H);  // rows eight banks apart
-  static constexpr int parts = 1;           // of the inputs, apart from Split
   static constexpr int exchange = Split == 1 ? 2 : CP * PPT * L::threads;
   // in the panels, of the value channel's second pieces: compensated() and fine_weights(), layout.h
   static constexpr bool more_rows = MoreRows;
