@@ -25,9 +25,8 @@ import numpy.typing as npt
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.identification import resimulation, scoring
+from granpinn.identification import resimulation
 from granpinn.identification.comparison import interpolation
-from granpinn.results.fields import Fields
 from granpinn.results.findings import Closure
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
@@ -80,7 +79,7 @@ def close(
     usable = usable_frames(flow)
     if isinstance(usable, str):
         return {}, Closure(usable)
-    ever_full: Mask = np.asarray(flow.c[usable] >= 0.5).any(axis=0)
+    ever_full = np.asarray((flow.c[usable] >= 0.5).any(axis=0))
     everywhere = resimulation.extent(flow, ever_full)
     try:
         collapse = resimulation.collapse_of(flow, everywhere, law, cells)
@@ -132,8 +131,8 @@ def usable_frames(flow: Flow) -> list[int] | str:
         return f"the grains {resimulation.CORNER}"
     if resimulation.box_of(flow) is None:
         # A picture may cut grains off. A simulation knows its box, and its grid ends at the grains.
-        full: Mask = np.asarray(flow.c >= 0.5)
-        cut_off = full[:, :, -1].any(axis=1) | full[:, -1].any(axis=1)
+        edges = np.concatenate([flow.c[:, :, -1], flow.c[:, -1]], axis=1)
+        cut_off = np.asarray((edges >= 0.5).any(axis=1))
         standing = [k for k in standing if not cut_off[k]]
     return standing or NO_FRAME
 
@@ -182,7 +181,7 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse) -> Array:
 def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
     """The pressure of a state at the grid of a flow [Y, X]; 0 beyond its window."""
     ny, nx = state.p.shape
-    centers = Nodes((np.arange(ny) + 0.5) * spacing, (np.arange(nx) + 0.5) * spacing)
+    centers = Nodes(*(spacing * (np.arange(n, dtype=np.float64) + 0.5) for n in (ny, nx)))
     p = interpolation(centers, _within(Nodes(flow.y, flow.x), centers.y, centers.x))(state.p)
     p[flow.y > ny * spacing] = 0.0
     p[:, flow.x > nx * spacing] = 0.0
@@ -191,8 +190,7 @@ def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
 
 def _within(nodes: Nodes, y: Array, x: Array) -> Nodes:
     """Nodes moved to the ends of other axes where they lie beyond."""
-    inside: list[Array] = [np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1])]
-    return Nodes(*inside)
+    return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
 
 
 def _grown(mask: Mask, cells: int) -> Mask:
@@ -205,26 +203,3 @@ def _grown(mask: Mask, cells: int) -> Mask:
         wider[:, :-1] |= mask[:, 1:]
         mask = wider
     return mask
-
-
-def with_closed(fields: Fields, closed: dict[int, Array]) -> Fields:
-    """The fields with `p_closed`, which is NaN at all other frames; as they are without any."""
-    if not closed:
-        return fields
-    size = fields.y.size * fields.x.size
-    frame, place = np.divmod(fields.index, size)
-    values = np.full(len(fields.index), np.nan, np.float32)
-    for k, p in closed.items():
-        values[frame == k] = p.ravel()[place[frame == k]]
-    return replace(fields, values=fields.values | {"p_closed": values})
-
-
-def difference(flow: Flow, fields: Fields) -> dict[str, float | None]:
-    """How far the predicted pressure is from the closed one, for the record."""
-    p, closed = fields.values["p"], fields.values["p_closed"]
-    known = np.isfinite(closed)
-    zones = scoring.zones_of(flow, fields)
-    return {
-        f"{name}_percent": scoring.relative_l2(p[known & zone], closed[known & zone])
-        for name, zone in (("flowing", zones.flowing), ("stagnant", zones.stagnant))
-    }

@@ -207,4 +207,5 @@ def test_a_time_limit_leaves_time_for_the_report(
     monkeypatch.setattr(Run, "train", train)
     for max_time in (40.0, 600.0):
         identify(flow, tiny(max_time=max_time))
-    assert deadlines == pytest.approx([30, 570], abs=5)
+    identify(flow, tiny(max_time=600.0, closure__frames=0))
+    assert deadlines == pytest.approx([30, 540, 570], abs=5)
