@@ -169,6 +169,8 @@ class Closure:
         """The line for the terminal."""
         if self.objection is not None:
             return f"pressure not closed where nothing flows: {self.objection}"
+        if not self.frames:
+            return f"pressure closed by the simulator at no time{self.left_out}"
         differences = {"flows": self.flowing_percent, "rests": self.stagnant_percent}
         parts = [f"{p:.1f} % where it {zone}" for zone, p in differences.items() if p is not None]
         return (

@@ -31,7 +31,8 @@ FORMAT_VERSION = 1
 LEVELS = ("V0", "V1", "V2")
 FORMS = ("mixed", "strong")
 PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
-FIELD_ERRORS = ("velocity", *PRESSURES, *(f"pressure_closed{name[8:]}" for name in PRESSURES))
+CLOSED = ("pressure_closed", "pressure_closed_flowing", "pressure_closed_stagnant")
+FIELD_ERRORS = ("velocity", *PRESSURES, *CLOSED)
 
 
 class ResultsFileError(ValueError):
