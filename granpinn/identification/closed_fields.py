@@ -39,13 +39,6 @@ def close(
     case: Case, run: Run, model: Model, maps: Fields, threads: int | None
 ) -> tuple[Fields, Closure]:
     """The fields with `p_closed` where there is any, and the record of it."""
-    flow, p, axes = case.flow, model.problem, Axes.of(case.flow.gravity)
-
-    def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
-        points = model.scales.points_to_dimensionless(x, y, t)
-        u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, model.scales)
-        return u, v
-
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -57,12 +50,13 @@ def close(
     deadline = None
     if run.deadline is not None:
         deadline = run.deadline + CLOSING_PART * kept_after_training(case.config)
+    flow = case.flow
     mu_s, mu_2, I0 = model.theta.tolist()
     settings = case.config.closure
     closed, record = closure.close(
         flow,
         (mu_s, mu_2, I0),
-        velocity,
+        velocity_of(flow, model),
         settings.frames,
         settings.cells,
         threads=threads,
@@ -74,6 +68,18 @@ def close(
     maps = with_closed(maps, closed)
     flowing, stagnant = difference(flow, maps)
     return maps, replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
+
+
+def velocity_of(flow: Flow, model: Model) -> closure.Velocity:
+    """The predicted velocity at any point, in the units and axes of a flow."""
+    axes, p, scales = Axes.of(flow.gravity), model.problem, model.scales
+
+    def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
+        points = scales.points_to_dimensionless(x, y, t)
+        u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, scales)
+        return u, v
+
+    return velocity
 
 
 def with_closed(fields: Fields, closed: dict[int, Array]) -> Fields:

@@ -27,20 +27,24 @@ PROJECTIONS = 3
 PROJECTION_STEP = 3e-7  # of sqrt(height / |g|)
 
 
-def settle(collapse: Collapse, start: Start) -> State:
+def settle(collapse: Collapse, start: Start, steps: int = STEPS, step: float = STEP) -> State:
     """The state whose pressure belongs to the velocity of `start`.
+
+    Args:
+        collapse: the box and the material; its height is the unit of time, sqrt(height / |g|).
+        steps, step: how many, and how long in that unit.
 
     Raises:
         SimulationError: a solve did not converge.
     """
-    time = math.sqrt(collapse.height / math.hypot(*collapse.gravity))
+    unit = math.sqrt(collapse.height / math.hypot(*collapse.gravity))
     for _ in range(PROJECTIONS):
         engine = Engine(collapse, start)
-        engine.step(PROJECTION_STEP * time)
+        engine.step(PROJECTION_STEP * unit)
         state = engine.state()
         start = Start(start.c, _widened(state.u, start.u), _widened(state.v, start.v))
-    for _ in range(STEPS):
-        engine.step(STEP * time)
+    for _ in range(steps):
+        engine.step(step * unit)
     return engine.state()
 
 
