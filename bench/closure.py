@@ -38,7 +38,7 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.identification import closed_fields, closure, resimulation, scoring
 from granpinn.identification.identification import Model, pose, predict
-from granpinn.results import Fields
+from granpinn.results import Fields, number
 from granpinn.simulation import settling
 
 Array = npt.NDArray[np.float64]
@@ -123,7 +123,7 @@ def study(
 
 def line(row: dict[str, Any]) -> str:
     parts = [
-        f"{name} {' '.join(f'{value:6.2f}' for value in row[name].values())}"
+        f"{name} {' '.join(f'{number(value, ".2f"):>6}' for value in row[name].values())}"
         for name in ("network", "closed", "difference")
     ]
     how = f"{row['cells']} cells, {row['steps']} x {row['step']:g}"
