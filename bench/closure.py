@@ -122,10 +122,12 @@ def study(
 
 
 def line(row: dict[str, Any]) -> str:
-    parts = [
-        f"{name} {' '.join(f'{number(value, ".2f"):>6}' for value in row[name].values())}"
-        for name in ("network", "closed", "difference")
-    ]
+    """The errors of a row: all, flowing, stagnant of each kind."""
+
+    def of(name: str) -> str:
+        return name + "".join(f"{number(value, '.2f'):>7}" for value in row[name].values())
+
+    parts = [of(name) for name in ("network", "closed", "difference")]
     how = f"{row['cells']} cells, {row['steps']} x {row['step']:g}"
     return f"{row['flow']:22s} seed {row['seed']} {how:24s} {'  '.join(parts)}"
 

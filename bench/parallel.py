@@ -69,9 +69,9 @@ def measure(processes: int, settings: dict[str, Any], seconds: float) -> dict[st
 def per_hour(row: dict[str, Any], steps: int) -> dict[str, float]:
     """Identifications per hour: as measured, and with as many steps as the default recipe has.
 
-    The latter adds the time that was not spent in steps to that of the whole number of steps.
+    The latter adds the steps that are missing, at the rate of those that were done.
     """
-    whole = row["seconds"] - row["training_s"] + row["training_s"] * WHOLE_RUN / steps
+    whole = row["seconds"] + (WHOLE_RUN - steps) / row["steps_per_s"]
     return {
         "per_hour_measured": 3600 * row["members"] / row["seconds"],
         "per_hour": 3600 * row["members"] / whole,

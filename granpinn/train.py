@@ -20,10 +20,12 @@ from granpinn import report, results
 from granpinn.command.arguments import parse
 from granpinn.command.parser import fail
 from granpinn.config import Config, ConfigError
-from granpinn.data import FlowFileError, read_flow
-from granpinn.identification import comparison, resimulation
+from granpinn.data import FlowFileError, add_noise, read_flow
+from granpinn.identification import comparison, resimulation, simulator_fit
 from granpinn.identification.identification import identify
 from granpinn.identification.inertial_profile import profile_I0
+from granpinn.identification.resimulation import Column
+from granpinn.identification.simulator_fit import Simulations
 from granpinn.results.findings import Resimulation
 from granpinn.simulation import SimulationError
 from granpinn.simulation import progress as simulation_progress
@@ -87,12 +89,15 @@ def _train(config: Config, rank: int) -> int:
 
 
 def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:
-    """The check by simulation, with its numbers in resimulation.json."""
+    """The check by simulation and the fit of the simulator, in resimulation.json."""
     assert config.flow is not None
-    flow = read_flow(config.flow)
-    summary, compared = resimulation.resimulate(
-        flow, result.parameters, config.resimulation.cells, simulation_progress.automatic()
-    )
+    flow, cells, found = read_flow(config.flow), config.resimulation.cells, result.parameters
+    summary, compared = resimulation.resimulate(flow, found, cells, simulation_progress.automatic())
+    if summary.column is not None:
+        seen = add_noise(flow, config.noise, config.seed)
+        simulations = Simulations(seen, Column(*summary.column), found.I0.value, cells)
+        start = found.mu_s.value, found.mu_2.value
+        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, simulations, start))
     comparison.write_comparison(summary, compared, folder / comparison.FILE)
     return summary
 

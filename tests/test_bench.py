@@ -141,9 +141,9 @@ def test_rate_of_a_training_leaves_the_prefit_out() -> None:
 
 
 def test_identifications_per_hour() -> None:
-    found = parallel.per_hour({"members": 2, "seconds": 10.0, "training_s": 8.0}, 20000)
+    found = parallel.per_hour({"members": 2, "seconds": 10.0, "steps_per_s": 5000.0}, 20000)
     assert found["per_hour_measured"] == 720
-    assert found["per_hour"] == 3600 * 2 / (2 + 8.0 * parallel.WHOLE_RUN / 20000)
+    assert found["per_hour"] == 3600 * 2 / (10 + (parallel.WHOLE_RUN - 20000) / 5000)
 
 
 def test_lines_of_a_process_that_fails() -> None:

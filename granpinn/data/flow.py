@@ -136,3 +136,10 @@ class Flow:
         g_x, g_y = self.gravity
         along = g_x * np.asarray(x, dtype=np.float64) + g_y * np.asarray(y, dtype=np.float64)
         return np.asarray(-along / math.hypot(g_x, g_y))
+
+    def stated(self, name: str) -> float | None:
+        """A positive number among the further attributes; None where there is none."""
+        value = self.attributes.get(name)
+        if isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0:
+            return float(value)
+        return None

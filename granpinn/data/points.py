@@ -209,8 +209,10 @@ def outline(flow: Flow) -> Surface:
     """Where the grains end upwards: half way between the highest grains and what is above them.
 
     One point for every time and place along the ground, known from the points that hold grains and
-    no better than their spacing. Grains at the edge of the grid are left out: what is above them
-    was not seen.
+    no better than their spacing. A point that stands for a cell of a solver (the file states
+    `grid_spacing_of_solver`) holds grains only if all of the cell does, so that they end half a
+    cell higher on average. Grains at the edge of the grid are left out: what is above them was not
+    seen.
     """
     g_x, g_y = flow.gravity
     grains, up, along, falls = flow.material, flow.y, flow.x, g_y
@@ -221,6 +223,9 @@ def outline(flow: Flow) -> Surface:
     highest = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
     frame, place = np.nonzero(grains.any(axis=1) & (highest < up.size - 1))
     k = highest[frame, place]
-    height, position = (up[k] + up[k + 1]) / 2, along[place]
+    cell = flow.stated("grid_spacing_of_solver") or 0.0
+    gap = up[k + 1] - up[k]  # negative where the ground is at large coordinates
+    above = (gap + np.sign(gap) * np.minimum(cell, np.abs(gap))) / 2
+    height, position = up[k] + above, along[place]
     x, y = (height, position) if abs(g_x) > abs(g_y) else (position, height)
     return Surface(flow.t[frame], x, y)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Callable
@@ -152,7 +153,7 @@ def write_comparison(summary: Resimulation, comparison: Comparison | None, path:
     content = {
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
-        "summary": vars(summary),
+        "summary": dataclasses.asdict(summary),
         "comparison": None if comparison is None else comparison._asdict(),
     }
     with atomic_path(path) as temporary:

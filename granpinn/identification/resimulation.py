@@ -95,21 +95,13 @@ def extent(flow: Flow, full: npt.NDArray[np.bool_]) -> Column:
 
 def _stated(flow: Flow, name: str, measured: float, spacing: float) -> float:
     """A length that the file states, where it agrees with the first frame; else the measured."""
-    stated = _number(flow, name)
+    stated = flow.stated(name)
     return stated if stated is not None and abs(stated - measured) <= spacing else measured
 
 
 def box_of(flow: Flow) -> float | None:
     """The width of the box, where the file states it."""
-    return _number(flow, "box_width") or _number(flow, "domain_size")
-
-
-def _number(flow: Flow, name: str) -> float | None:
-    """A positive number among the further attributes of the file."""
-    value = flow.attributes.get(name)
-    if isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0:
-        return float(value)
-    return None
+    return flow.stated("box_width") or flow.stated("domain_size")
 
 
 def collapse_of(
@@ -122,10 +114,10 @@ def collapse_of(
         cells: across the box, None for the grid of the data.
     """
     width = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
-    height = _number(flow, "box_height") or _number(flow, "domain_size") or 1.2 * column.height
+    height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     dx = float(np.median(np.diff(flow.x)))
     if cells is None:
-        finest = width / (_number(flow, "grid_spacing_of_solver") or dx)
+        finest = width / (flow.stated("grid_spacing_of_solver") or dx)
         whole = CELLS_MULTIPLE * round(finest / CELLS_MULTIPLE)
         cells = min(max(whole, FEWEST_CELLS), MOST_CELLS)
     mu_s, mu_2, I0 = law
@@ -149,9 +141,9 @@ def collapse_of(
         stride=max(1, min(round(dx * cells / width), int(narrow))),
         eta_min=flow.eta_min or None,
         eta_max=flow.eta_max or None,
-        air_density=_number(flow, "air_density"),
-        air_viscosity=_number(flow, "air_viscosity"),
-        cohesion=_number(flow, "cohesion") or 0.0,
+        air_density=flow.stated("air_density"),
+        air_viscosity=flow.stated("air_viscosity"),
+        cohesion=flow.stated("cohesion") or 0.0,
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )

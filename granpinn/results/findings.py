@@ -104,6 +104,39 @@ class Profile:
 
 
 @dataclass(frozen=True)
+class SimulatorFit:
+    """The law by which the simulator comes closest (identification/simulator_fit.py).
+
+    Attributes:
+        mu_s, mu_2: of the least misfit.
+        std: of both, by the scatter of the misfit alone: the error of the simulator is not in it.
+        misfit_percent: of the velocity, relative to its root mean square.
+        common_percent: share of the points that all simulations have.
+        inside: whether the least misfit lies among the laws that were simulated.
+        cells: across the box; runs: simulations.
+    """
+
+    mu_s: float
+    mu_2: float
+    std: tuple[float, float]
+    misfit_percent: float
+    common_percent: float
+    inside: bool
+    cells: int
+    runs: int
+    seconds: float
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        doubt = "" if self.inside else "; NOT a minimum: the laws tried do not enclose it"
+        return (
+            f"fitted by the simulator: mu_s {self.mu_s:.4f} +- {self.std[0]:.4f}, mu_2 "
+            f"{self.mu_2:.4f} +- {self.std[1]:.4f} ({self.runs} runs of {self.cells} cells, misfit "
+            f"{self.misfit_percent:.2f} %{doubt})"
+        )
+
+
+@dataclass(frozen=True)
 class Resimulation:
     """The data against a simulation with the identified law (identification/resimulation.py).
 
@@ -117,6 +150,7 @@ class Resimulation:
         front_percent, front_worst_percent: rms and largest difference of the fronts, of the initial
             height.
         profile_percent: rms difference of the surface profiles, of the initial height.
+        fit: the law by which the simulator itself would come closest to the data.
     """
 
     objection: str | None
@@ -128,16 +162,18 @@ class Resimulation:
     front_percent: float | None = None
     front_worst_percent: float | None = None
     profile_percent: float | None = None
+    fit: SimulatorFit | None = None
 
     def __str__(self) -> str:
-        """The line for the terminal."""
+        """The lines for the terminal."""
         if self.objection is not None:
             return f"not simulated again: {self.objection}"
-        return (
+        check = (
             f"simulated again with this law: velocity off by {self.velocity_percent:.2f} % on "
             f"{self.common_percent:.0f} % of the points, front by {self.front_percent:.2f} % and "
             f"surface by {self.profile_percent:.2f} % of the initial height (rms)"
         )
+        return check if self.fit is None else f"{check}\n{self.fit}"
 
 
 @dataclass(frozen=True)
@@ -152,8 +188,8 @@ class Closure:
         failed: frames at which a solve did not converge.
         late: frames for which the time limit left no time.
         seconds: for all frames.
-        flowing_percent, stagnant_percent: rms of the closed pressure less the predicted one over
-            that of the closed one, by zones (identification/scoring.py); None for an empty zone.
+        flowing_percent, stagnant_percent: rms of the predicted less the closed pressure over that
+            of the closed one, by zones (identification/scoring.py); None for an empty zone.
     """
 
     objection: str | None

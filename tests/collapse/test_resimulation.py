@@ -188,6 +188,8 @@ def test_the_command_shows_it(
     assert found.velocity_percent is not None
     page = (out / "report.html").read_text()
     assert "Simulated with the identified law" in page
+    assert found.fit is not None
+    assert f"{found.fit.mu_s:.4f} ± {found.fit.std[0]:.4f}" in page
     assert f"{found.velocity_percent:.2f}" in page
     assert (out / "figures" / "resimulation.png").exists()
     (out / "resimulation.json").write_text("{}")

@@ -99,6 +99,17 @@ def test_the_outline_is_the_surface_to_a_spacing(down: tuple[float, float]) -> N
     assert np.abs(y - height).max() <= (FLOW.y[1] - FLOW.y[0]) * (1 + 1e-9)
 
 
+def test_grains_end_half_a_cell_of_the_solver_higher() -> None:
+    """A cell is full where its upper side is below the surface."""
+    spacing = FLOW.y[1] - FLOW.y[0]
+    lower, middle, most = (
+        outline(replace(FLOW, attributes={"grid_spacing_of_solver": cell})).y
+        for cell in (0.0, spacing / 4, 9 * spacing)
+    )
+    np.testing.assert_allclose(middle - lower, spacing / 8)
+    np.testing.assert_allclose(most - lower, spacing / 2)
+
+
 def test_without_an_outline_v0_has_no_surface() -> None:
     full = replace(FLOW, c=np.ones_like(FLOW.c))  # the grains go on beyond the picture
     assert training_set(full, SCALES, "V0").surface_points.shape == (0, 3)
