@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import threading
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
-CLOSING = 30.0  # more of them, where the pressure is closed
+CLOSING = 2.0  # more of them for every frame that is closed, by the cores that share the work
 AFTER_TRAINING_PART = 0.25  # at most this part of a time limit
 CLOSING_PART = 0.5  # of what is kept: no frame is begun to be closed after it
 SAY_EVERY = 10.0  # seconds
@@ -31,7 +33,7 @@ SAY_EVERY = 10.0  # seconds
 
 def kept_after_training(config: Config) -> float:
     """Seconds of a time limit that are left when the training ends; 0 without a limit."""
-    wanted = AFTER_TRAINING + (CLOSING if config.closure.frames else 0.0)
+    wanted = AFTER_TRAINING + CLOSING * config.closure.frames / len(os.sched_getaffinity(0))
     return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
@@ -73,10 +75,12 @@ def close(
 def velocity_of(flow: Flow, model: Model) -> closure.Velocity:
     """The predicted velocity at any point, in the units and axes of a flow."""
     axes, p, scales = Axes.of(flow.gravity), model.problem, model.scales
+    one_at_a_time = threading.Lock()  # torch takes all cores for each
 
     def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
         points = scales.points_to_dimensionless(x, y, t)
-        u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, scales)
+        with one_at_a_time:
+            u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, scales)
         return u, v
 
     return velocity
