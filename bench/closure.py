@@ -46,37 +46,27 @@ Settling = tuple[int, float]
 USUAL: Settling = (settling.STEPS, settling.STEP)
 
 
-def some_frames(flow: Flow, count: int) -> Flow:
-    """A flow at the frames that are closed, and no others."""
-    usable = closure.usable_frames(flow)
-    if isinstance(usable, str):
-        raise ConfigError(f"{flow.path}: {usable}")
-    k = closure.evenly(usable, count)
-    parts = {name: getattr(flow, name)[k] for name in ("t", "u", "v", "c", "p")}
-    return dataclasses.replace(flow, **parts)
-
-
 def frames_of(
-    flow: Flow, model: Model, cells: int | None, how: Settling
-) -> tuple[dict[int, Array], int, float]:
-    """Closed pressures of all frames, cells across the box, and CPU seconds of a frame."""
+    flow: Flow, chosen: Sequence[int], model: Model, cells: int | None, how: Settling
+) -> tuple[list[Array], int, float]:
+    """Closed pressures of some frames, cells across the box, and CPU seconds of a frame."""
     mu_s, mu_2, I0 = model.theta.tolist()
     whole = resimulation.extent(flow, np.asarray((flow.c >= 0.5).any(axis=0)))
     collapse = resimulation.collapse_of(flow, whole, (mu_s, mu_2, I0), cells)
     collapse = dataclasses.replace(collapse, threads=1).resolved()
     velocity = closed_fields.velocity_of(flow, model)
+    before = settling.settled_after(collapse, *how)
 
     def one(k: int) -> tuple[Array, float]:
         begin = time.thread_time()
-        state = settling.settle(collapse, closure.start_of(flow, k, collapse, velocity), *how)
+        start = closure.start_of(flow, k, collapse, velocity, before)
+        state = settling.settle(collapse, start, *how)
         p = closure.pressure_at(flow, state, collapse.spacing)
         return p, time.thread_time() - begin
 
-    chosen = range(len(flow.t))
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         found = list(pool.map(one, chosen))
-    closed = {k: p for k, (p, _) in zip(chosen, found, strict=True)}
-    return closed, collapse.cells, statistics.median(seconds for _, seconds in found)
+    return [p for p, _ in found], collapse.cells, statistics.median(s for _, s in found)
 
 
 def errors(flow: Flow, fields: Fields) -> dict[str, Any]:
@@ -105,17 +95,22 @@ def study(
     variants: list[dict[str, Any]] = []
     for i, path in enumerate(flows):
         case = pose(path, recipes.make())
-        flow = some_frames(case.flow, frames)
+        flow, usable = case.flow, closure.usable_frames(case.flow)
+        if isinstance(usable, str):
+            raise ConfigError(f"{path}: {usable}")
+        chosen = closure.evenly(usable, frames)
+        parts = {name: getattr(flow, name)[chosen] for name in ("t", "u", "v", "c", "p")}
+        scored = dataclasses.replace(flow, **parts)
         for seed in range(seeds):
             params, theta = (tensors[name][i * seeds + seed] for name in ("params", "theta"))
             model = Model(case.member.problem, params, theta, case.scales)
-            maps = predict(flow, model)
+            maps = predict(scored, model)
             for how in [USUAL, *(others if seed == 0 else ())]:
-                closed, used, seconds = frames_of(flow, model, cells, how)
+                closed, used, seconds = frames_of(flow, chosen, model, cells, how)
                 row = {"flow": path.stem, "source": flow.attributes.get("source")}
                 row |= {"seed": seed, "cells": used, "steps": how[0], "step": how[1]}
                 row |= {"frames": len(closed), "seconds_of_frame": seconds}
-                row |= errors(flow, closed_fields.with_closed(maps, closed))
+                row |= errors(scored, closed_fields.with_closed(maps, dict(enumerate(closed))))
                 (rows if how == USUAL else variants).append(row)
                 print(line(row), flush=True)
     return {"rows": rows, "variants": variants}

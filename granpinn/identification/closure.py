@@ -30,7 +30,7 @@ from granpinn.identification.comparison import interpolation
 from granpinn.results.findings import Closure
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
-from granpinn.simulation.settling import settle
+from granpinn.simulation.settling import settle, settled_after
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -87,6 +87,7 @@ def close(
         return {}, Closure(str(error))
     collapse = replace(collapse, threads=1).resolved()
     chosen = evenly(usable, frames)
+    before = settled_after(collapse)
     begin = time.monotonic()
     lock, done = threading.Lock(), 0
 
@@ -96,7 +97,7 @@ def close(
         if deadline is not None and time.monotonic() > deadline:
             return LATE
         try:
-            state = settle(collapse, start_of(flow, k, collapse, velocity))
+            state = settle(collapse, start_of(flow, k, collapse, velocity, before))
         except SimulationError:
             return FAILED
         p = pressure_at(flow, state, collapse.spacing)
@@ -144,10 +145,15 @@ def evenly(frames: list[int], count: int) -> list[int]:
     return [frames[math.ceil(n * k / count) - 1] for k in range(1, count + 1)]
 
 
-def start_of(flow: Flow, k: int, collapse: Collapse, velocity: Velocity) -> Start:
-    """Frame k on the grid of a resolved collapse: grains, and the velocity on its faces."""
+def start_of(
+    flow: Flow, k: int, collapse: Collapse, velocity: Velocity, before: float = 0.0
+) -> Start:
+    """Frame k on the grid of a resolved collapse: grains, and the velocity on its faces.
+
+    Both are those of the time `before` the frame: that long the simulator will take.
+    """
     nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
-    c = fraction_of(flow, k, collapse)
+    c = fraction_of(flow, k, collapse, before)
     near = _grown(c > 0, NEAR)
     # Nothing passes the plane of symmetry, the floor and the other sides.
     on_x, on_y = np.zeros((ny, nx + 1), bool), np.zeros((ny + 1, nx), bool)
@@ -156,16 +162,20 @@ def start_of(flow: Flow, k: int, collapse: Collapse, velocity: Velocity) -> Star
     (row, column), (row_y, column_y) = np.nonzero(on_x), np.nonzero(on_y)
     x = np.concatenate([column, column_y + 0.5]) * h
     y = np.concatenate([row + 0.5, row_y]) * h
-    along, up = velocity(x, y, float(flow.t[k]))
+    along, up = velocity(x, y, max(float(flow.t[k]) - before, 0.0))
     u, v = np.zeros(on_x.shape), np.zeros(on_y.shape)
     u[on_x], v[on_y] = along[: len(row)], up[len(row) :]
     return Start(c, u, v)
 
 
-def fraction_of(flow: Flow, k: int, collapse: Collapse) -> Array:
-    """Fraction of grains in the cells of a collapse [ny, nx], which ends where c of the flow is a
-    half by bilinear interpolation.
+def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> Array:
+    """Fraction of grains in the cells of a collapse [ny, nx] at the time `before` frame k.
+
+    Grains end where c of the flow is a half by interpolation, linear in time and bilinear in space.
     """
+    c = flow.c[k]
+    if k > 0:
+        c = c + min(before / (flow.t[k] - flow.t[k - 1]), 1.0) * (flow.c[k - 1] - c)
     n, h = SUBCELLS, collapse.spacing
     nx, ny = collapse.cells, collapse.cells_y
     x, y = ((np.arange(n * count) + 0.5) * h / n for count in (nx, ny))
@@ -173,7 +183,7 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse) -> Array:
     rows, columns = y < flow.y[-1] + dy / 2, x < flow.x[-1] + dx / 2
     full = np.zeros((n * ny, n * nx))
     at = interpolation(flow, _within(Nodes(y[rows], x[columns]), flow.y, flow.x))
-    full[np.ix_(rows, columns)] = at(flow.c[k]) >= 0.5
+    full[np.ix_(rows, columns)] = at(c) >= 0.5
     share: Array = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
     return share
 

@@ -7,9 +7,8 @@ divergence on the grid, whatever impulse that takes: three steps of almost no le
 velocity of the one before and none from its pressure. Then the rotational form of the pressure
 update (csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
 
-STEPS and STEP were measured on six collapses at 256 and 512 cells (docs/method.md, section 9): with
-steps twice as short, or ten fewer, plugs are not at their end; with steps twice as long the flow
-has begun to change.
+The pressure changes by up to 1 % in that time, so the start has to be as much earlier.  STEPS and
+STEP were measured on six collapses (docs/method.md, section 9).
 """
 
 from __future__ import annotations
@@ -21,10 +20,15 @@ import numpy as np
 from granpinn.simulation.engine import Array, Engine, Start, State
 from granpinn.simulation.parameters import Collapse
 
-STEPS = 30
+STEPS = 40
 STEP = 6e-5  # of sqrt(height / |g|)
 PROJECTIONS = 3
 PROJECTION_STEP = 3e-7  # of sqrt(height / |g|)
+
+
+def settled_after(collapse: Collapse, steps: int = STEPS, step: float = STEP) -> float:
+    """How much later than `start` the state of `settle` is."""
+    return steps * step * math.sqrt(collapse.height / math.hypot(*collapse.gravity))
 
 
 def settle(collapse: Collapse, start: Start, steps: int = STEPS, step: float = STEP) -> State:
