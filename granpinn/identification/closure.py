@@ -6,7 +6,7 @@ at one time, with the grains where they are then and the identified law, it find
 momentum balance, the law clamped at eta_max, the floor and the plane of symmetry demand
 (simulation/settling.py). Where grains flow the two agree; where they rest, the closed one is that
 of a material that creeps at eta_max between these walls, and their difference shows what the data
-leave open. Frames know nothing of each other and are closed side by side.
+leave open. Frames are closed side by side.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def close(
 
     Args:
         law: (mu_s, mu_2, I0).
-        velocity: of the grains, at any point.
+        velocity: of the grains, at any point and any time.
         frames: how many, at most; the last of the flow is one of them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
         threads: that work side by side, None for all cores at hand.
