@@ -39,6 +39,22 @@ def mu_of_I(
     return mu_s + (mu_2 - mu_s) * I / (I_0 + I)
 
 
+def ill_posedness(
+    I: Tensor,  # noqa: E741
+    mu_s: Tensor | float,
+    mu_2: Tensor | float,
+    I_0: Tensor | float,
+) -> Tensor:
+    """C(I), positive where the equations of mu(I) are ill-posed: the shortest waves grow fastest.
+
+    C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2, a = I mu'(I) / mu(I) (Barker, Schaeffer, Bohorquez, Gray,
+    J. Fluid Mech. 779, 2015).
+    """
+    mu = mu_of_I(I, mu_s, mu_2, I_0)
+    a = I * (mu_2 - mu_s) * I_0 / (I_0 + I) ** 2 / mu
+    return 4 * a**2 - 4 * a + mu**2 * (1 - a / 2) ** 2
+
+
 def viscosity(
     gamma_dot: Tensor,
     p: Tensor,

@@ -14,6 +14,9 @@ free surface, that is more than anything else; there the law has the weight
 
 $$ w^{-2} = 1 + \left( \frac{\dot\gamma\, \delta p}{p\, \sigma} \right)^2 . $$
 
+Where mu(I) is ill-posed, strain gathers in bands as thin as data can show, which no longer obey the
+law point by point: if that is where most of the law's weight lies, there is no step.
+
 docs/method.md, section 8, has the measurements behind it. Everything is dimensionless and float64.
 """
 
@@ -40,6 +43,8 @@ PRESSURE_ERROR = 5e-4  # delta p: what the pressure may be off by
 RATE_ERROR = 0.015  # sigma: and the strain rate
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
+MOST_ILL_POSED = 0.5  # of the weight of the law
+CERTAIN = 0.25  # C of rheology.ill_posedness that counts in full
 LONGEST = 0.1  # step of mu_s and mu_2, relative: a longer one is not a correction
 
 
@@ -159,6 +164,17 @@ class Sums:
             rows = [r.square().sum() for r, *_ in self._rows(at)]
         return (float(torch.stack(rows).sum()) + self._misfit(at)[0]) / 2
 
+    def ill_posed(self, at: Unknowns) -> float:
+        """The share of the law's weight, (w gamma_dot)^2, that lies where mu(I) is ill-posed."""
+        d, *_, U, P, p_floor = self.problem.physics
+        z = torch.cat([h @ at.C.T for h in self.h], 1)
+        p = P * torch.nn.functional.softplus(z[0, :, 2])
+        gamma_dot = U * torch.hypot(z[1, :, 0] - z[2, :, 1], z[2, :, 0] + z[1, :, 1]) + SMOOTHING
+        I = rheology.inertial_number(gamma_dot, p, d, p_floor)  # noqa: E741
+        weight = (law_weights(p, gamma_dot) * gamma_dot) ** 2
+        certain = (rheology.ill_posedness(I, *at.theta) / CERTAIN).clamp(0, 1)
+        return float((weight * certain).sum() / weight.sum())
+
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
         """J^T J [K, K] and J^T r [K]; K = 5 F + 2: C row by row, then mu_s and mu_2."""
         F = at.C.shape[1]
@@ -256,7 +272,7 @@ def improve(sums: Sums, at: Unknowns) -> Unknowns:
 def last_layer(
     problem: Problem, data: TrainingSet, params: Tensor, theta: Tensor, seed: int, step: int
 ) -> tuple[Tensor, Tensor]:
-    """params [P] and theta [3] of a trained network of the mixed form after the step.
+    """params [P] and theta [3] of a trained network of the mixed form after the step, if any.
 
     Args:
         problem: with the weights of the end of the training.
@@ -266,7 +282,10 @@ def last_layer(
     spec = problem.spec
     features = Features(spec, params)
     sums = Sums(features, problem, choose(data, features, seed, step))
-    found = improve(sums, Unknowns(coefficients(spec, params), theta.double()))
+    at = Unknowns(coefficients(spec, params), theta.double())
+    if sums.ill_posed(at) > MOST_ILL_POSED:
+        return params, theta
+    found = improve(sums, at)
     return with_coefficients(spec, params, found.C), found.theta.to(theta)
 
 

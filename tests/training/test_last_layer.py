@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import identify, ops
+from granpinn import identify, ops, rheology
 from granpinn.data import Flow, TrainingSet
 from granpinn.network import NetworkSpec, initial_parameters, layer_offsets
 from granpinn.training import last_layer as module
@@ -211,3 +211,28 @@ def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
     assert with_step.loss == without.loss
     again = identify(flow, dataclasses.replace(config, resume=True), run_dir=tmp_path / "run")
     assert again.parameters == with_step.parameters
+
+
+def test_no_step_where_most_of_the_law_is_ill_posed(
+    long_steps: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """mu_s of 0.6 is ill-posed almost everywhere, one of 0.2 hardly anywhere."""
+    data, posed = draw(3), problem()
+    params = initial_parameters(SPEC, 3).double()
+    I = torch.logspace(-3, 0, 50, dtype=torch.float64)  # noqa: E741
+    for mu_s, stays in ((0.2, False), (0.6, True)):
+        theta = THETA.new_tensor([mu_s, mu_s + 0.24, 0.3])
+        share = float((rheology.ill_posedness(I[I < 0.1], *theta) > 0).double().mean())
+        assert (share > 0.9) == stays
+        sums = sums_of(posed, data, params)
+        at = Unknowns(coefficients(SPEC, params), theta)
+        assert 0 <= sums.ill_posed(at) <= 1
+    calm = sums_of(problem(), data, 0.02 * params)  # slow everywhere: I is small
+    start = coefficients(SPEC, 0.02 * params)
+    slow, steep = THETA.new_tensor([0.2, 0.44, 0.3]), THETA.new_tensor([0.6, 0.84, 0.3])
+    assert calm.ill_posed(Unknowns(start, slow)) < 0.5 < calm.ill_posed(Unknowns(start, steep))
+    assert not torch.equal(last_layer(posed, data, params, THETA, 3, 0)[1], THETA)
+    monkeypatch.setattr(module, "MOST_ILL_POSED", -1)
+    found, theta = last_layer(posed, data, params, THETA, 3, 0)
+    assert torch.equal(found, params)
+    assert torch.equal(theta, THETA)
