@@ -19,7 +19,7 @@ _ops = torch.ops.granpinn
 class OwnAdam:
     """Adam on params [P] and theta [3], or [E, P] and [E, 3], in place.
 
-    Tests for numbers that are not finite, updates, counts: the launches of a step of training,
+    Tests for numbers that are not finite, updates, counts: the launch of a step of training,
     which moves the friction law in variables of its own; here theta itself moves, as that of the
     rivals does.
     """
@@ -39,6 +39,5 @@ class OwnAdam:
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
         """One update; the shapes are those of residual_loss."""
         grad_params, grad_theta = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
-        _ops.check_step(*self.state, loss.view(-1), grad_params, grad_theta)
-        network = (grad_params, self.params, *self.moments, [], ADAM, 0.0)
+        network = (loss.view(-1), grad_params, self.params, *self.moments, [], ADAM, 0.0)
         _ops.update(*self.state, *network, grad_theta, *self.law, ADAM, "theta", True)

@@ -1,9 +1,9 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
 // write. Everything lives on the device; the step finds its row of the control table by itself.
 //
-// Order of a step: draw_batch, residual_loss, check_step, update, descend. The first fault of a
-// member freezes it: it is not updated any more. What its last update leaves, that of the step with
-// the fault, is to be taken back: parts that find no fault themselves may have made it.
+// Order of a step: batch_loss, update, descend. The first fault of a member freezes it: it is not
+// updated any more. What its last update leaves, that of the step with the fault, is to be taken
+// back: parts that find no fault themselves may have made it.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,8 @@ enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars
 constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
 constexpr std::int64_t kHealthy = INT64_MAX;
 
-// Where the run is. `counter` is (step, step of the table's first row, step of this update):
-// check_step copies the first to the last, which is what later kernels read: update advances the
-// first meanwhile.
+// Where the run is. `counter` is (step, step of the table's first row, 0): update advances the
+// step; on a GPU it counts in the last number which of its blocks have read what it changes then.
 struct Control {
   std::int64_t* counter;  // [3]
   const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
@@ -32,29 +31,20 @@ struct Control {
     const std::int64_t i = step - counter[1];
     return table + (i < 0 ? 0 : i < rows ? i : rows - 1) * (2 + members);
   }
+  // The step of the last update.
+  GRANPINN_HD std::int64_t updated() const { return counter[0] - 1; }
 };
 
 // The learning rates and the faults of the members.
 struct Members {
   const double* slower;  // [E] factor on every learning rate
   std::int64_t* fault;   // [E]
-  std::int64_t* counts;  // [E, 2] updates since a reset: of the network, this one counted from
-                         // check_step on, and of the friction law
+  std::int64_t* counts;  // [E, 2] updates since a reset: of the network and of the friction law
 
   // Whether something before `what` went wrong, in this step or an earlier one.
   GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
     return fault[e] < step * kFaults + what;
   }
-};
-
-template <class T>
-struct CheckArguments {
-  Control control;
-  Members members;
-  std::int64_t P;
-  const T* loss;         // [E]
-  const T* grad_params;  // [E, P]
-  const T* grad_theta;   // [E, 3]
 };
 
 // A part of the parameters that Muon updates: a matrix.
@@ -83,6 +73,7 @@ struct UpdateArguments {
   double momentum;
   int regions;
   Region region[kMaxRegions];  // ascending
+  const T* loss;               // [E]
   const T* gradient;           // [E, P]
   T* params;                   // [E, P]
   T* first;                    // [E, P] first moment of Adam, momentum of Muon
@@ -91,6 +82,16 @@ struct UpdateArguments {
   T* average_params;           // [E, P] running average, outside the matrices alone
   LawArguments<T> law;
 };
+
+// Whether the loss of member e is finite, and whether its gradient by the friction law is.
+struct Sound {
+  bool loss, law;
+};
+template <class T>
+GRANPINN_HD Sound sound(const UpdateArguments<T>& a, std::int64_t e) {
+  const T* g = a.law.gradient + 3 * e;
+  return {finite(a.loss[e]), finite(g[0]) && finite(g[1]) && finite(g[2])};
+}
 
 // The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.
 template <class T>

@@ -1,7 +1,8 @@
 // The operators of one optimization step, from tensors to plain structs: the same for all devices.
 //
-// `Backend` runs the kernels: static functions draw, check, update and descend, each taking its
-// arguments struct; descend also takes the matrices that it has to orthogonalize, and how.
+// `Backend` runs the kernels: static functions draw, update and descend, each taking its arguments
+// struct; descend also takes the matrices that it has to orthogonalize, and how. Its loss is
+// residual_loss right after a draw.
 // In-place on the tensors that the schemas mark; nothing is synchronised.
 #pragma once
 
@@ -10,8 +11,8 @@
 
 #include <tuple>
 
-#include "arguments.h"
 #include "batch.h"
+#include "loss_tensors.h"
 
 namespace granpinn {
 
@@ -115,38 +116,42 @@ struct StepOps {
     return out;
   }
 
-  static void check_step(const at::Tensor& counter, const at::Tensor& table,
-                         const at::Tensor& slower, const at::Tensor& fault,
-                         const at::Tensor& counts, const at::Tensor& loss,
-                         const at::Tensor& grad_params, const at::Tensor& grad_theta) {
-    const c10::DeviceGuard guard(grad_params.device());
-    const auto [E, P] = ensemble_of(grad_params);
-    const at::ScalarType type = grad_params.scalar_type();
-    expect("grad_params", grad_params, type, grad_params, {E, P});
-    expect("loss", loss, type, grad_params, {E});
-    expect("grad_theta", grad_theta, type, grad_params, {E, 3});
-    const Control control = control_of(counter, table, E);
-    const Members members = members_of(slower, fault, counts, grad_params, E);
-    AT_DISPATCH_FLOATING_TYPES(type, "check_step", [&] {
-      using T = scalar_t;
-      Backend::check(CheckArguments<T>{control, members, P, loss.const_data_ptr<T>(),
-                                       grad_params.const_data_ptr<T>(),
-                                       grad_theta.const_data_ptr<T>()});
-    });
+  // Of the batch that draw_batch draws.
+  static LossResult batch_loss(const at::Tensor& counter, const at::Tensor& table,
+                               const at::Tensor& seeds, const at::Tensor& places,
+                               const at::Tensor& points, const at::Tensor& velocity,
+                               const at::Tensor& point_weights, const at::Tensor& surface_points,
+                               const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                               std::int64_t interior, std::int64_t surface, std::int64_t share,
+                               const at::Tensor& params, const at::Tensor& theta, Ints widths,
+                               const at::Tensor& input_shift, const at::Tensor& input_scale,
+                               const at::Tensor& physics, c10::string_view form,
+                               c10::string_view precision) {
+    const Six batch =
+        draw_batch(counter, table, seeds, places, points, velocity, point_weights, surface_points,
+                   surface_pressure, term_weights, interior, surface, share);
+    return std::apply(
+        [&](const auto&... drawn) {
+          return Backend::loss(params, theta, drawn..., widths, input_shift, input_scale, physics,
+                               form, precision);
+        },
+        batch);
   }
 
   static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
-                     const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& gradient,
-                     const at::Tensor& params, const at::Tensor& first, const at::Tensor& second,
-                     const at::Tensor& direction, const at::Tensor& average_params, Ints matrices,
-                     Doubles adam, double momentum, const at::Tensor& grad_theta,
-                     const at::Tensor& q, const at::Tensor& first_q, const at::Tensor& second_q,
-                     const at::Tensor& theta, const at::Tensor& average_q, Doubles law_adam,
-                     c10::string_view variables, bool law_moves) {
+                     const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& loss,
+                     const at::Tensor& gradient, const at::Tensor& params, const at::Tensor& first,
+                     const at::Tensor& second, const at::Tensor& direction,
+                     const at::Tensor& average_params, Ints matrices, Doubles adam, double momentum,
+                     const at::Tensor& grad_theta, const at::Tensor& q, const at::Tensor& first_q,
+                     const at::Tensor& second_q, const at::Tensor& theta,
+                     const at::Tensor& average_q, Doubles law_adam, c10::string_view variables,
+                     bool law_moves) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
     expect("params", params, type, params, {E, P});
+    expect("loss", loss, type, params, {E});
     expect("gradient", gradient, type, params, {E, P});
     expect("first", first, type, params, {E, P});
     expect("second", second, type, params, {E, P});
@@ -185,6 +190,7 @@ struct StepOps {
                            momentum,
                            regions,
                            {},
+                           loss.const_data_ptr<T>(),
                            gradient.const_data_ptr<T>(),
                            at(params),
                            at(first),
@@ -242,7 +248,7 @@ struct StepOps {
 template <class Backend>
 void register_step(torch::Library& m) {
   m.impl("draw_batch", &StepOps<Backend>::draw_batch);
-  m.impl("check_step", &StepOps<Backend>::check_step);
+  m.impl("batch_loss", &StepOps<Backend>::batch_loss);
   m.impl("update", &StepOps<Backend>::update);
   m.impl("descend", &StepOps<Backend>::descend);
 }

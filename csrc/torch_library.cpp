@@ -38,11 +38,14 @@ TORCH_LIBRARY(granpinn, m) {
       "Tensor term_weights, int interior, int surface, int share) "
       "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
   m.def(
-      "check_step(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
-      "Tensor(c!) counts, Tensor loss, Tensor grad_params, Tensor grad_theta) -> ()");
+      "batch_loss(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
+      "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
+      "Tensor term_weights, int interior, int surface, int share, Tensor params, Tensor theta, "
+      "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, "
+      "str precision) -> (Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "update(Tensor(a!) counter, Tensor table, Tensor slower, Tensor(b!) fault, "
-      "Tensor(c!) counts, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "
+      "Tensor(c!) counts, Tensor loss, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "
       "Tensor(f!) second, Tensor(g!) direction, Tensor(h!) average_params, int[] matrices, "
       "float[] adam, float momentum, Tensor grad_theta, Tensor(i!) q, Tensor(j!) first_q, "
       "Tensor(k!) second_q, Tensor(l!) theta, Tensor(m!) average_q, float[] law_adam, "

@@ -52,24 +52,22 @@ struct CpuStep {
     });
   }
 
-  template <class T>
-  static void check(const CheckArguments<T>& a) {
-    const std::int64_t step = a.control.counter[0];
-    a.control.counter[2] = step;
-    for (std::int64_t e = 0; e < a.control.members; ++e) {
-      std::int64_t* fault = a.members.fault + e;
-      if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
-      if (!finite(a.loss[e])) note(fault, step, kLoss);
-      if (!all_finite(a.grad_params + e * a.P, a.P)) note(fault, step, kGradient);
-      if (!all_finite(a.grad_theta + e * 3, 3)) note(fault, step, kLawGradient);
-    }
+  template <class... Arguments>
+  static LossResult loss(const Arguments&... arguments) {
+    return residual_loss_cpu(arguments...);
   }
 
   template <class T>
   static void update(const UpdateArguments<T>& a) {
-    const std::int64_t step = a.control.counter[2];
-    a.control.counter[0] = step + 1;
+    const std::int64_t step = a.control.counter[0]++;
     for (std::int64_t e = 0; e < a.control.members; ++e) {
+      std::int64_t* fault = a.members.fault + e;
+      if (a.members.frozen(e, step, kLoss)) continue;
+      ++a.members.counts[2 * e];
+      const auto [loss, law] = sound(a, e);
+      if (!loss) note(fault, step, kLoss);
+      if (!law) note(fault, step, kLawGradient);
+      if (!all_finite(a.gradient + e * a.P, a.P)) note(fault, step, kGradient);
       if (a.members.frozen(e, step, kParams)) continue;
       const double* row = a.control.row(step);
       const AdamRates<T> rates =
@@ -87,8 +85,8 @@ struct CpuStep {
             good &= accumulate(static_cast<T>(a.momentum), a.gradient[at], a.first + at,
                                a.direction + at);
       }
-      if (!good) note(a.members.fault + e, step, kParams);
-      if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+      if (!good) note(fault, step, kParams);
+      if (!move_law(a, e, step)) note(fault, step, kLawScalars);
     }
   }
 
@@ -96,7 +94,7 @@ struct CpuStep {
   static void descend(DescendArguments<T> a, const at::Tensor& G, c10::string_view precision) {
     const at::Tensor factors = orthogonalize_cpu(G, precision);
     a.U = factors.const_data_ptr<T>();
-    const std::int64_t step = a.control.counter[2];
+    const std::int64_t step = a.control.updated();
     for (std::int64_t e = 0; e < a.control.members; ++e) {
       if (a.members.frozen(e, step, kParams)) continue;
       const double* row = a.control.row(step);

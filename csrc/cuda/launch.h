@@ -73,6 +73,7 @@ struct DeviceLoss {
   T* terms;                     // [members, kTerms]
   T* grad_params;               // [members, count]
   T* grad_theta;                // [members, 3]
+  bool drawn;                   // the launch before was draw_batch's, which changes no parameters
 };
 
 // network_jet and its adjoint, for all members.

@@ -9,13 +9,21 @@
 
 namespace granpinn::cuda {
 
+// The next kernel may be started.
+__device__ inline void let_next_start() {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  asm volatile("griddepcontrol.launch_dependents;" ::: "memory");
+#endif
+}
+
 // To be called before global memory is touched; all earlier kernels have ended after it, and the
-// next one may be started.
+// next one may be started. A kernel that does not share memory with the one before may call it at
+// its end, for those that come later; it then starts when that one's blocks have all come to this.
 __device__ inline void wait_for_earlier() {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
   asm volatile("griddepcontrol.wait;" ::: "memory");
-  asm volatile("griddepcontrol.launch_dependents;" ::: "memory");
 #endif
+  let_next_start();
 }
 
 template <class... Parameters, class... Arguments>

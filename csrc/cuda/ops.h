@@ -24,6 +24,14 @@ LossResult residual_loss(const at::Tensor& params, const at::Tensor& theta,
                          const at::Tensor& physics, c10::string_view form,
                          c10::string_view precision);
 
+// The same when the last launch was that of draw_batch, for at least one member.
+LossResult drawn_loss(const at::Tensor& params, const at::Tensor& theta, const at::Tensor& points,
+                      const at::Tensor& velocity, const at::Tensor& point_weights,
+                      const at::Tensor& surface_points, const at::Tensor& surface_pressure,
+                      const at::Tensor& term_weights, Ints widths, const at::Tensor& input_shift,
+                      const at::Tensor& input_scale, const at::Tensor& physics,
+                      c10::string_view form, c10::string_view precision);
+
 at::Tensor viscosity(const at::Tensor& gamma_dot, const at::Tensor& p, const at::Tensor& theta,
                      double d, double eta_min, double eta_max, double p_floor);
 

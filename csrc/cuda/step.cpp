@@ -15,9 +15,9 @@ struct CudaStep {
   static void draw(const BatchArguments<T>& a) {
     cuda::check(draw_batch(a, c10::cuda::getCurrentCUDAStream()), "draw_batch");
   }
-  template <class T>
-  static void check(const CheckArguments<T>& a) {
-    cuda::check(check_step(a, c10::cuda::getCurrentCUDAStream()), "check_step");
+  template <class... Arguments>
+  static LossResult loss(const Arguments&... arguments) {
+    return drawn_loss(arguments...);
   }
   template <class T>
   static void update(const UpdateArguments<T>& a) {

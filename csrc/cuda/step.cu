@@ -44,26 +44,6 @@ __global__ void __launch_bounds__(kThreads) draw_kernel(const BatchArguments<T> 
 }
 
 template <class T>
-__global__ void __launch_bounds__(kThreads) check_kernel(const CheckArguments<T> a) {
-  wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[0];
-  bool bad = false;
-#pragma unroll 4
-  for (std::int64_t i = first_index(); i < a.P; i += stride())
-    bad |= !finite(a.grad_params[e * a.P + i]);
-  bad = __syncthreads_or(bad);
-  if (threadIdx.x != 0) return;
-  std::int64_t* fault = a.members.fault + e;
-  if (bad) note(fault, step, kGradient);
-  if (blockIdx.x != 0) return;
-  if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
-  if (!finite(a.loss[e])) note(fault, step, kLoss);
-  for (int i = 0; i < 3; ++i)
-    if (!finite(a.grad_theta[3 * e + i])) note(fault, step, kLawGradient);
-  if (e == 0) a.control.counter[2] = step;
-}
-
-template <class T>
 __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   bool matrix = false;
   for (int r = 0; r < a.regions && i >= a.region[r].begin; ++r)
@@ -74,18 +54,61 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
 // What thread 0 finds out for its block while the others wait for their values.
 template <class T>
 struct Update {
-  bool frozen;
+  bool frozen;  // who had a fault before this step, or has one that each block finds by itself
+  std::int64_t step;
   T weight;
   AdamRates<T> rates;
 };
 
 template <class T>
+__device__ void find_out(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
+  const std::int64_t step = a.control.counter[0], count = a.members.counts[2 * e] + 1;
+  const Sound now = sound(a, e);
+  const double* row = a.control.row(step);
+  update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
+  update.step = step;
+  update.weight = static_cast<T>(row[1]);
+  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], count);
+}
+
+// By one thread of every block: the block has read the state of the step.
+__device__ void arrive(const Control& control) {
+  asm volatile("red.release.gpu.global.add.u64 [%0], 1;" ::"l"(control.counter + 2) : "memory");
+}
+
+// By one block, when all have arrived, and they need not wait for it: on to the next step.
+template <class T>
+__device__ void advance(const UpdateArguments<T>& a) {
+  const std::int64_t step = a.control.counter[0];
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    const std::int64_t blocks = std::int64_t{gridDim.x} * gridDim.y;
+    std::int64_t arrived = 0;
+    while (arrived < blocks)
+      asm volatile("ld.acquire.gpu.global.u64 %0, [%1];"
+                   : "=l"(arrived)
+                   : "l"(a.control.counter + 2)
+                   : "memory");
+    a.control.counter[0] = step + 1;
+    a.control.counter[2] = 0;
+  }
+  __syncthreads();
+  for (std::int64_t e = threadIdx.x; e < a.control.members; e += kThreads)
+    if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
+}
+
+template <class T>
 __device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
   if (threadIdx.x != 0) return;
-  const std::int64_t step = a.control.counter[2];
-  if (e == 0) a.control.counter[0] = step + 1;
-  if (a.members.frozen(e, step, kParams)) return;
-  if (!move_law(a, e, step)) note(a.members.fault + e, step, kLawScalars);
+  const std::int64_t step = a.control.counter[0];
+  const bool frozen = a.members.frozen(e, step, kLoss);
+  arrive(a.control);
+  const Sound now = sound(a, e);
+  std::int64_t* fault = a.members.fault + e;
+  if (!now.loss) note(fault, step, kLoss);
+  if (!now.law) note(fault, step, kLawGradient);
+  if (frozen || !now.loss || !now.law) return;
+  if (!move_law(a, e, step)) note(fault, step, kLawScalars);
 }
 
 // The first block of a member moves its friction law, the others have its parameters.
@@ -96,13 +119,14 @@ __global__ void __launch_bounds__(kThreads)
   const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
   if (blockIdx.x == 0) {
     wait_for_earlier();
-    return move_law_by_one_thread(a, e);
+    move_law_by_one_thread(a, e);
+    if (e == 0) advance(a);
+    return;
   }
   const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
-  bool good = true;
-  std::int64_t step = 0;
-  for (std::int64_t from = begin; from - threadIdx.x < a.P; from += apart) {
+  bool good = true, good_gradient = true;
+  for (std::int64_t from = begin; from == begin || from - threadIdx.x < a.P; from += apart) {
     T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
     bool matrix[kEach], other[kEach];
 #pragma unroll
@@ -123,16 +147,13 @@ __global__ void __launch_bounds__(kThreads)
       param[k] = other[k] ? a.params[at] : T(0);
     }
     if (once) {
-      step = a.control.counter[2];
-      if (threadIdx.x == 0) {
-        const double* row = a.control.row(step);
-        update.frozen = a.members.frozen(e, step, kParams);
-        update.weight = static_cast<T>(row[1]);
-        update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
-      }
+      if (threadIdx.x == 0) find_out(a, e, update);
       __syncthreads();
-      if (update.frozen) return;
+      if (threadIdx.x == kThreads - 1) arrive(a.control);
     }
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) good_gradient &= finite(gradient[k]);
+    if (update.frozen) continue;
     const T weight = update.weight;
     if (weight > T(0))
 #pragma unroll
@@ -153,13 +174,14 @@ __global__ void __launch_bounds__(kThreads)
       if (matrix[k] || other[k]) a.first[at] = first[k];
     }
   }
-  if (!good) note(a.members.fault + e, step, kParams);
+  if (!good_gradient) note(a.members.fault + e, update.step, kGradient);
+  if (!good) note(a.members.fault + e, update.step, kParams);
 }
 
 template <class T>
 __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArguments<T> a) {
   wait_for_earlier();
-  const std::int64_t e = blockIdx.y, step = a.control.counter[2];
+  const std::int64_t e = blockIdx.y, step = a.control.updated();
   if (a.members.frozen(e, step, kParams)) return;
   const double* row = a.control.row(step);
   const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
@@ -185,13 +207,6 @@ cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream) {
 }
 
 template <class T>
-cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream) {
-  if (a.control.members == 0) return cudaSuccess;
-  const dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
-  return launch_after(check_kernel<T>, grid, kThreads, 0, stream, a);
-}
-
-template <class T>
 cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0) return cudaSuccess;
   dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
@@ -208,7 +223,6 @@ cudaError_t descend_matrices(const DescendArguments<T>& a, cudaStream_t stream) 
 
 #define GRANPINN_INSTANTIATE(T)                                               \
   template cudaError_t draw_batch<T>(const BatchArguments<T>&, cudaStream_t); \
-  template cudaError_t check_step<T>(const CheckArguments<T>&, cudaStream_t); \
   template cudaError_t update<T>(const UpdateArguments<T>&, cudaStream_t);    \
   template cudaError_t descend_matrices<T>(const DescendArguments<T>&, cudaStream_t);
 

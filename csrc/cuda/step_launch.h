@@ -12,9 +12,6 @@ template <class T>
 cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream);
 
 template <class T>
-cudaError_t check_step(const CheckArguments<T>& a, cudaStream_t stream);
-
-template <class T>
 cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream);
 
 template <class T>

@@ -31,7 +31,7 @@ class Control:
     Attributes:
         table: [ROWS, 2 + E] float64: factor on the learning rates, weight of the parameters in
             their running average, factor on the weight of each member's velocity term.
-        counter: int64 [3]: step, step of the table's first row, and a copy of the step.
+        counter: int64 [3]: step, step of the table's first row, and 0 (the update's own).
         slower: float64 [E], a factor on the learning rates of a member.
         fault: int64 [E], the first thing of a member that was not finite; HEALTHY if none.
     """
@@ -51,7 +51,7 @@ class Control:
     ) -> None:
         """Set the next step and the rows [n, 2 + E] from it on; members in `lost` stay frozen."""
         self.table[: len(rows)].copy_(torch.from_numpy(rows))
-        self.counter.copy_(torch.tensor([step, step, step]))
+        self.counter.copy_(torch.tensor([step, step, 0]))
         self.slower.copy_(torch.tensor(slower, dtype=torch.float64))
         frozen = torch.full((len(slower),), HEALTHY)
         frozen[list(lost)] = 0

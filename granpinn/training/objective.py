@@ -143,31 +143,23 @@ class Objective:
             velocity_alone: leave out the equations and the surface: the derivatives of the network
                 are not needed then.
         """
-        points, velocity, weights, surface_points, surface_pressure, terms = _ops.draw_batch(
-            control.counter,
-            control.table,
-            self.seeds,
-            self.places,
-            self.points,
-            self.velocity,
-            self.point_weights,
-            self.surface_points,
-            self.surface_pressure,
-            self.term_weights,
-            self.batch.interior,
-            0 if velocity_alone else self.batch.surface,
-            self.share,
-        )
         return Evaluation(
-            *ops.residual_loss(
+            *_ops.batch_loss(
+                control.counter,
+                control.table,
+                self.seeds,
+                self.places,
+                self.points,
+                self.velocity,
+                self.point_weights,
+                self.surface_points,
+                self.surface_pressure,
+                self.term_weights,
+                self.batch.interior,
+                0 if velocity_alone else self.batch.surface,
+                self.share,
                 params,
                 theta,
-                points,
-                velocity,
-                weights,
-                surface_points,
-                surface_pressure,
-                terms,
                 self.spec.widths,
                 self.input_shift,
                 self.input_scale,

@@ -96,9 +96,9 @@ class BatchOptimizer:
         s, c, Q = self.settings, self.control, self.scalars
         state = (c.counter, c.table, c.slower, c.fault, self.counts)
         rest = [BETA_1, s.beta_2, s.epsilon]
-        _ops.check_step(*state, loss, grad_params, grad_theta)
         _ops.update(
             *state,
+            loss,
             grad_params,
             self.params,
             self.first,

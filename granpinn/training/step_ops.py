@@ -1,8 +1,12 @@
 """The operators of one optimization step, for E members at a time: csrc/step.h says what each does.
 
 In an optimization step nothing crosses to the host: `counter` int64 [3] says which step it is and
-`table` [rows, 2 + E] float64 what the schedule has for it (granpinn/training/control.py). All but
-`draw_batch` and `orthogonalize` change tensors in place.
+`table` [rows, 2 + E] float64 what the schedule has for it (granpinn/training/control.py). `update`
+and `descend` change tensors in place.
+
+`batch_loss` is `residual_loss` of what `draw_batch` draws: for its arguments, followed by params,
+theta and what comes after the term weights in granpinn.ops.residual_loss. As one operator, a GPU
+brings the weights into order while it draws.
 
 `orthogonalize` gives U V^T of matrices G = U S V^T [..., m, n], to about 30 %, by five steps of
 Newton-Schulz (csrc/cpu/orthogonalize.h); `descend` subtracts it, times a learning rate, from
@@ -27,6 +31,14 @@ def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-
     return tuple(points.new_empty([E, *shape]) for shape in shapes)
 
 
+@library.register_fake("granpinn::batch_loss")
+def _(counter, table, seeds, *rest):  # type: ignore[no-untyped-def]
+    params = rest[-8]
+    E = params.shape[0]
+    shapes = ((E,), (E, 5), params.shape, (E, 3))
+    return tuple(params.new_empty(shape) for shape in shapes)
+
+
 @library.register_fake("granpinn::orthogonalize")
 def _(G, precision="fp32"):  # type: ignore[no-untyped-def]
     return G.new_empty(G.shape)
@@ -36,5 +48,5 @@ def _nothing(*arguments: object) -> None:
     """The shapes of what an operator changes in place."""
 
 
-for _name in ("check_step", "update", "descend"):
+for _name in ("update", "descend"):
     library.register_fake(f"granpinn::{_name}")(_nothing)

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from granpinn import ops
+from granpinn.network import n_params
 from granpinn.training import step_ops  # noqa: F401
 from granpinn.training.control import HEALTHY
 from granpinn.training.optimise import Group
@@ -65,6 +66,37 @@ def test_batches_may_be_empty(device: torch.device) -> None:
     assert shapes == [(3, 0, 3), (3, 0, 2), (3, 0, 2), (3, 0, 3), (3, 0), (3, 5)]
 
 
+def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu") -> list[Any]:
+    """Behind those of draw_batch: params, theta, widths, input map, physics, form, precision."""
+    widths = [3, 20, 30, 5]
+    tensors = [
+        torch.randn(E, n_params(widths), dtype=dtype) / 4,
+        torch.tensor([[0.4, 0.7, 0.3]], dtype=dtype).repeat(E, 1),
+        *(torch.rand(E, 3, dtype=dtype) for _ in range(2)),
+        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3]], dtype=dtype).repeat(E, 1),
+    ]
+    params, theta, *rest = (tensor.to(device) for tensor in tensors)
+    return [params, theta, widths, *rest, "mixed", "fast"]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("sizes", [(13, 6), (0, 0)], ids=str)
+def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
+    sizes: tuple[int, int], dtype: torch.dtype, device: torch.device
+) -> None:
+    """Bit for bit, also when something has just changed the parameters."""
+    arguments = batch_arguments(dtype, device)
+    params, theta, *rest = loss_arguments(len(MEMBERS), dtype, device)
+    for _ in range(5):
+        params.mul_(1.01)
+        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, 1, params, theta, *rest)
+        drawn = torch.ops.granpinn.draw_batch(*arguments, *sizes, 1)
+        expected = torch.ops.granpinn.residual_loss(params, theta, *drawn, *rest)
+        for a, b in zip(found, expected, strict=True):
+            assert torch.equal(a, b)
+    assert found[0].isfinite().all()
+
+
 def state(E: int, device: str = "cpu") -> list[Tensor]:
     """counter, table, slower, fault, counts."""
     return [
@@ -77,15 +109,11 @@ def state(E: int, device: str = "cpu") -> list[Tensor]:
 
 
 def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    """The network's from 5 on, those of the friction law from 14 on."""
+    """Loss and network from 5 on, those of the friction law from 15 on."""
     adam = [1e-3, 0.9, 0.99, 1e-8]
-    network = [torch.rand(E, P, dtype=dtype) for _ in range(6)]
+    network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(7)]
     law = [torch.rand(E, k, dtype=dtype) for k in (3, 2, 2, 2, 3, 2)]
     return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, "log", True]
-
-
-def check_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    return [*state(E), *(torch.rand(E, *k, dtype=dtype) for k in ((), (P,), (3,)))]
 
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
@@ -97,7 +125,13 @@ def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 CALLS = {
     "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
-    "check_step": check_arguments,
+    "batch_loss": lambda E, P, dtype: [
+        *batch_arguments(dtype),
+        P,
+        E,
+        0,
+        *loss_arguments(len(MEMBERS), dtype),
+    ],
     "update": update_arguments,
     "descend": descend_arguments,
     "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype), "fast"],
@@ -113,17 +147,18 @@ def test_opcheck(name: str, dtype: torch.dtype) -> None:
 
 
 REFUSED: dict[str, tuple[str, int, Any, str]] = {
-    "type": ("update", 5, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
-    "shape": ("update", 7, torch.rand(3, 9), r"first must be \[3, 10\] and contiguous, got"),
-    "gaps": ("update", 6, torch.rand(10, 3).T, "params must be .* and contiguous"),
-    "members": ("check_step", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
-    "counter": ("check_step", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
+    "loss": ("update", 5, torch.rand(3, 1), r"loss must be \[3\] and contiguous, got"),
+    "type": ("update", 6, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
+    "shape": ("update", 8, torch.rand(3, 9), r"first must be \[3, 10\] and contiguous, got"),
+    "gaps": ("update", 7, torch.rand(10, 3).T, "params must be .* and contiguous"),
+    "members": ("update", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
+    "counter": ("update", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
     "table": ("update", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
-    "overlap": ("update", 11, [2, 6, 7, 3], "matrices must be ascending and apart"),
-    "beyond": ("update", 11, [2, 4, 7, 4], "matrices must end within 10 parameters"),
-    "odd": ("update", 11, [2], r"matrices must be \(begin, size\)"),
-    "rates": ("update", 20, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("update", 21, "exp", "variables must be 'log', 'sigmoid' or 'theta'"),
+    "overlap": ("update", 12, [2, 6, 7, 3], "matrices must be ascending and apart"),
+    "beyond": ("update", 12, [2, 4, 7, 4], "matrices must end within 10 parameters"),
+    "odd": ("update", 12, [2], r"matrices must be \(begin, size\)"),
+    "rates": ("update", 21, [0.1], r"adam must be \[learning_rate, beta_1"),
+    "variables": ("update", 22, "exp", "variables must be 'log', 'sigmoid' or 'theta'"),
     "apart": ("descend", 9, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
     "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
@@ -158,22 +193,21 @@ def test_theta_itself_may_move(device: torch.device) -> None:
     arguments = update_arguments(3, 10, torch.float64)
     theta = torch.rand(3, 3, dtype=torch.float64)
     moments = [torch.zeros_like(theta) for _ in range(2)]
-    arguments[15:20] = [theta.clone(), *moments, torch.zeros_like(theta), torch.zeros_like(theta)]
-    arguments[21] = "theta"
+    arguments[16:21] = [theta.clone(), *moments, torch.zeros_like(theta), torch.zeros_like(theta)]
+    arguments[22] = "theta"
     arguments[1][:, 1] = 0
-    arguments[4][:, 0] = 1
-    averages = arguments[10].clone()
+    averages = arguments[11].clone()
     moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
     torch.ops.granpinn.update(*moved)
     leaf = theta.clone().requires_grad_()
-    leaf.grad = arguments[14]
+    leaf.grad = arguments[15]
     torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8).step()
-    for found in (moved[15], moved[18]):
+    for found in (moved[16], moved[19]):
         torch.testing.assert_close(found.cpu(), leaf.detach(), rtol=1e-14, atol=0)
     assert moved[0].tolist() == [1, 0, 0]
     assert moved[4].tolist() == [[1, 1]] * 3
-    assert torch.equal(moved[10].cpu(), averages)
-    assert not moved[19].any()
+    assert torch.equal(moved[11].cpu(), averages)
+    assert not moved[20].any()
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
@@ -190,7 +224,7 @@ def test_descend_subtracts_the_orthogonal_factor(
     P = group.offset + group.count * group.apart + 7
     direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
     counter, table, slower, fault, counts = state(E, str(device))
-    table[:, 0], table[:, 1], slower[0], fault[1] = 0.5, 0.75, 0.25, 0
+    table[:, 0], table[:, 1], slower[0], fault[1], counter[0] = 0.5, 0.75, 0.25, 0, 1
     average = torch.zeros_like(params)
     expected = params.to(torch.float64, copy=True)
     U = torch.ops.granpinn.orthogonalize(group.of(direction), precision).double()
@@ -219,6 +253,6 @@ def test_descend_subtracts_the_orthogonal_factor(
     assert torch.equal(found, descend(params))
     assert fault.tolist() == [HEALTHY, 0, HEALTHY]
     params[2, group.offset] = torch.inf
-    counter[2] = 4
+    counter[0] = 5
     assert torch.equal(descend(params)[:2], found[:2])
     assert fault.tolist() == [HEALTHY, 0, 4 * 8 + 3]

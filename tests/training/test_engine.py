@@ -164,7 +164,7 @@ def test_the_precision_reaches_all_products_of_a_step(precision: str, flow: Flow
         for func, args, _, _ in recording.calls
         if "precision" in (names := [argument.name for argument in func._schema.arguments])
     }
-    assert found == {"residual_loss": precision, "descend": precision}
+    assert found == {"batch_loss": precision, "descend": precision}
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

@@ -7,42 +7,33 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kShares = 8;  // threads that share the sum of one narrow parameter
+constexpr int kCollectThreads = 32 * kShares;
+constexpr int kEach = 2;  // hidden weights of a thread
+constexpr int kBlockWeights = kEach * kCollectThreads;
 
-// Position of a narrow parameter (Plan::narrow) among the network's, -1 for padding.
-template <int H>
-__device__ int narrow_position(const DeviceNetwork<float>& net, const Plan& plan, int i) {
-  const int row = i / H, n = i % H, L = plan.hidden, K = plan.outputs;
-  if (row < 3) return n < net.out(0) ? 3 * n + row : -1;
-  if (row < 3 + L) {
-    const int l = row - 3;
-    return n < net.out(l) ? int(net.offset(l) + net.in(l)*net.out(l)) + n : -1;
-  }
-  if (row < 3 + L + K)
-    return n < net.in(L) ? int(net.offset(L) + (row - 3 - L) * net.in(L)) + n : -1;
-  return n < K ? int(net.offset(L) + net.in(L)*K) + n : -1;
-}
-
-// Adds values `stride` apart to `sum`, in order; Batch are on their way at a time, then fewer.
-template <int Batch = 16, class T>
-__device__ void add_values(const T* from, int count, int stride, double& sum) {
+// Adds values `stride` apart to `sum`, in order, and likewise for what begins `apart` behind them;
+// Batch of each are on their way at a time.
+template <int Batch, int Each, class T>
+__device__ void add_values(const T* from, int count, int stride, int apart, double (&sum)[Each]) {
 #pragma unroll 1
-  for (; count >= Batch; count -= Batch) {
-    T v[Batch];
+  for (; count > 0; count -= Batch, from += Batch * stride) {
+    T v[Batch][Each];
 #pragma unroll
-    for (int i = 0; i < Batch; ++i, from += stride) v[i] = *from;
+    for (int i = 0; i < Batch; ++i)
 #pragma unroll
-    for (int i = 0; i < Batch; ++i) sum += v[i];
+      for (int k = 0; k < Each; ++k) v[i][k] = i < count ? from[i * stride + k * apart] : T(0);
+#pragma unroll
+    for (int i = 0; i < Batch * Each; ++i) sum[i % Each] += v[i / Each][i % Each];
   }
-  if constexpr (Batch > 1) add_values<Batch / 2>(from, count, stride, sum);
 }
 
 // Sum over a thread's share of the slots.
 template <class T>
 __device__ double sum_of_share(const T* from, int slots, int stride) {
   const int share = threadIdx.y, count = (slots - share + kShares - 1) / kShares;
-  double sum = 0;
-  add_values(from + share * stride, count, kShares * stride, sum);
-  return sum;
+  double sum[1] = {};
+  add_values<16>(from + share * stride, count, kShares * stride, 0, sum);
+  return sum[0];
 }
 
 // Sum over the threads y of a block; valid for y = 0.
@@ -74,24 +65,27 @@ __device__ inline void collect_loss(const DeviceLoss<float>& a, const Plan& plan
 
 // blockIdx = (hidden weights, then narrow parameters, then the loss; member), blockDim = (32, 8).
 template <int H>
-__global__ void __launch_bounds__(32 * kShares)
+__global__ void __launch_bounds__(kCollectThreads)
     collect_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                    const Scratch scratch) {
   wait_for_earlier();
   const std::int64_t e = blockIdx.y;
-  const int L = plan.hidden, hidden_blocks = (L - 1) * H * H / (32 * kShares);
+  const int L = plan.hidden, hidden_blocks = (L - 1) * H * H / kBlockWeights;
   const int block = blockIdx.x;
   float* grad = a.grad_params + e * a.net.count;
   if (block < hidden_blocks) {
-    const int i = block * 32 * kShares + threadIdx.y * 32 + threadIdx.x;
-    const int l = i / (H * H) + 1, row = i / H % H, column = i % H;
-    const int in = a.net.in(l), out = a.net.out(l);
-    if (row >= out || column >= in) return;
+    const int i = block * kBlockWeights + threadIdx.y * 32 + threadIdx.x;
+    const int l = i / (H * H) + 1, in = a.net.in(l), out = a.net.out(l);
     const float* from =
         scratch.gradients + (e * (L - 1) + l - 1) * plan.splits * H * H + i % (H * H);
-    double sum = 0;
-    add_values(from, plan.splits, H * H, sum);
-    grad[a.net.offset(l) + row * in + column] = static_cast<float>(sum);
+    double sum[kEach] = {};
+    add_values<8>(from, plan.splits, H * H, kCollectThreads, sum);
+#pragma unroll
+    for (int k = 0; k < kEach; ++k) {
+      const int row = i / H % H + k * kCollectThreads / H, column = i % H;
+      if (row < out && column < in)
+        grad[plan.offsets[l] + row * in + column] = static_cast<float>(sum[k]);
+    }
     return;
   }
   if (block + 1 == gridDim.x) {

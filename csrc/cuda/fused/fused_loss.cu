@@ -12,7 +12,6 @@ namespace granpinn::cuda::fused {
 
 namespace {
 
-constexpr int kDeepest = 8;                              // hidden layers
 constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
 Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
@@ -43,7 +42,8 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 template <int H>
 cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
                  cudaStream_t stream) {
-  const std::int64_t longest = std::max<std::int64_t>(plan.stream() / 4, plan.narrow());
+  const std::int64_t threads = pack_threads<H>(plan);
+  const std::int64_t longest = std::max<std::int64_t>(threads, plan.narrow());
   const dim3 grid(ceil_div(longest, kPackThreads), 1 + H / kSlab * plan.tile.split, a.net.members);
   if (plan.tensor_cores)
     return launch_after(pack_kernel<H, true>, grid, kPackThreads, 0, stream, a, plan, s);
@@ -89,8 +89,8 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
         if (const auto error = weights<H>(a, plan, s, chunk, stream)) return error;
     }
   }
-  const dim3 grid((plan.hidden - 1) * H * H / (32 * kShares) + ceil_div(plan.narrow(), 32) + 1,
-                  a.net.members);
+  const std::int64_t hidden_blocks = std::int64_t(plan.hidden - 1) * H * H / kBlockWeights;
+  const dim3 grid(hidden_blocks + ceil_div(plan.narrow(), 32) + 1, a.net.members);
   return launch_after(collect_kernel<H>, grid, dim3(32, kShares), 0, stream, a, plan, s);
 }
 
@@ -100,34 +100,39 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
                Plan& plan) {
   const int L = a.net.layers - 1;
   const std::int64_t E = a.net.members;
-  if (L < 1 || L > kDeepest || E > 65535 / kDeepest) return false;
+  if (L < 1 || L > kDeepest || E > 65535 / kDeepest || a.net.count > INT32_MAX) return false;
   const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
   if (widest > kWidest) return false;
   Plan p{};
   p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
+  for (int l = 0; l <= L; ++l) p.offsets[l] = static_cast<int>(a.net.offset(l));
   p.H = widest <= 128 ? 128 : 256;
 
   // blocks that a multiprocessor holds, by registers and by shared memory
   int resident = 0;
   const auto take = [&](bool tensor, Size size) {
     p.tensor_cores = tensor, p.size = size;
-    p.compensated = compensated(a.form, tensor);
+    p.fine_weights = fine_weights(a.form, tensor);
     p.tile = tile_shape(a.form, tensor, size, p.H);
     p.interior_tiles = static_cast<int>(ceil_div(a.n, p.tile.points));
     p.tiles = p.interior_tiles + static_cast<int>(ceil_div(a.m, p.tile.surface_points));
-    resident = p.tile_bytes() > device.shared_per_block
-                   ? 0
-                   : std::min(512 / (p.H * p.tile.split),
-                              device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
+    resident =
+        p.tile_bytes() > device.shared_per_block
+            ? 0
+            : std::min(p.tile.blocks, device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
     return resident > 0;
   };
-  // the largest tiles that fit and of which there are enough for all multiprocessors; small ones of
-  // wide layers need more memory than medium ones, and more than some GPUs have
+  // the largest tiles that fit and of which there are enough for all multiprocessors, but medium
+  // ones only if that takes one round; small ones of wide layers need more memory than medium ones,
+  // and more than some GPUs have
+  const auto enough = [&] { return 4 * E * p.tiles >= 3 * device.multiprocessors * resident; };
   const auto take_largest = [&](bool tensor) {
-    for (const Size size : {Size::large, Size::medium})
-      if (take(tensor, size) && 4 * E * p.tiles >= 3 * device.multiprocessors * resident)
-        return true;
+    if (take(tensor, Size::large) && enough()) return true;
+    if (take(tensor, Size::medium) && enough()) {
+      const bool one_round = E * p.tiles <= device.multiprocessors * resident;
+      return one_round || take(tensor, Size::large) || take(tensor, Size::medium);
+    }
     return take(tensor, Size::small) || take(tensor, Size::medium);
   };
   if (!(tensor_cores && take_largest(true)) && !take_largest(false)) return false;

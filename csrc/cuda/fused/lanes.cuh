@@ -1,5 +1,7 @@
 // Which values of a tile a thread owns: `neurons` consecutive neurons of a slab, for some points
-// and all their channels. A warp is 8 groups of neurons x 4 groups of points.
+// and all their channels. A warp is 8 groups of neurons x 4 groups of points: these are lanes that
+// differ by 1 and 2, or, if `Paired`, by 1 and 4. Then lanes i and i ^ 1 read the same weights from
+// shared memory, i and i ^ 2 the same activations, and the hardware merges 16-byte loads in pairs.
 #pragma once
 
 #include "weight_stream.cuh"
@@ -7,26 +9,51 @@
 namespace granpinn::cuda::fused {
 
 __device__ inline float add_lanes(float a, int apart) { return a + __shfl_xor_sync(~0u, a, apart); }
+__device__ inline float element(const float4& v, int i) {
+  return i == 0 ? v.x : i == 1 ? v.y : i == 2 ? v.z : v.w;
+}
 
-template <int Width, int Split>
+template <int Width, int Split, bool Paired = false>
 struct Lanes {
   static constexpr int H = Width;
   static constexpr int split = Split;
   static constexpr int threads = H * Split;
   static constexpr int warps = threads / 32;
   static constexpr int neurons = 4 / Split;
+  static constexpr int second_point = Paired ? 4 : 2, first_neuron = Paired ? 2 : 4;  // lanes apart
 
   static __device__ int lane() { return threadIdx.x % 32; }
-  static __device__ int point_lane() { return lane() % 4; }
-  static __device__ int neuron_lane() { return lane() / 4; }
+  static __device__ int point_lane() {
+    return Paired ? lane() % 2 + lane() / 4 % 2 * 2 : lane() % 4;
+  }
+  static __device__ int neuron_lane() {
+    return Paired ? lane() / 2 % 2 + lane() / 8 * 2 : lane() / 4;
+  }
   static __device__ int slab() { return threadIdx.x / 32 % (H / kSlab); }
   static __device__ int part() { return threadIdx.x / H; }  // of the warps of a slab
   static __device__ int column() { return slab() * kSlab + neuron_lane() * 4 + part() * neurons; }
 
-  // sums over the lanes with the same neurons, or with the same points
-  static __device__ float sum_points(float a) { return add_lanes(add_lanes(a, 1), 2); }
+  // Sums over the lanes with the same neurons: lane j of these gets number j, if there is one.
+  static __device__ float sum_points(const float (&a)[neurons]) {
+    if constexpr (neurons == 4)
+      return halve(halve(a[0], a[2], second_point), halve(a[1], a[3], second_point), 1);
+    else
+      return add_lanes(halve(a[0], a[1], 1), second_point);
+  }
+  // Sums over the lanes with the same points; of eight, lane n of these gets number n.
   static __device__ float sum_neurons(float a) {
-    return add_lanes(add_lanes(add_lanes(a, 4), 8), 16);
+    return add_lanes(add_lanes(add_lanes(a, first_neuron), 8), 16);
+  }
+  static __device__ float sum_neurons(const float (&a)[8]) {
+    float v[4];
+#pragma unroll
+    for (int i = 0; i < 4; ++i) v[i] = halve(a[i], a[i + 4], 16);
+    return halve(halve(v[0], v[2], 8), halve(v[1], v[3], 8), 4);
+  }
+  // Of two sums over two lanes: the upper one gets the second.
+  static __device__ float halve(float a, float b, int apart) {
+    const bool upper = lane() & apart;
+    return (upper ? b : a) + __shfl_xor_sync(~0u, upper ? a : b, apart);
   }
 
   // this thread's neurons of a row of H

@@ -7,10 +7,10 @@
 
 namespace granpinn::cuda::fused {
 
-template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
+template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
 cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
-  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs>;
+  const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs, Blocks>;
   const int bytes = plan.tile_bytes();
   const cudaError_t error =
       cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
@@ -25,20 +25,21 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
                            Chunk chunk, cudaStream_t stream) {
   constexpr TileShape t = tile_shape(form, tensor_cores, size, H);
   constexpr int outputs = form == Form::strong ? 3 : 5;
-  [[maybe_unused]] constexpr bool pieces = compensated(form, tensor_cores);
-  [[maybe_unused]] constexpr bool surface_rows = pieces && form == Form::data;
+  [[maybe_unused]] constexpr bool fine = fine_weights(form, tensor_cores);
+  [[maybe_unused]] constexpr bool more_rows = compensated(tensor_cores);
+  [[maybe_unused]] constexpr bool surface_rows = more_rows && form == Form::data;
   const auto run = [&](auto interior, auto surface) {
     using I = decltype(interior);
-    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, tensor_cores, H), "layout.h");
-    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs>(a, plan, scratch, chunk,
-                                                                            stream);
+    static_assert(sizeof(TileMemory<I>) == 4 * tile_floats(t, H), "layout.h");
+    return launch<I, InteriorTask, decltype(surface), SurfaceTask, outputs, t.blocks>(
+        a, plan, scratch, chunk, stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stages, pieces, pieces>{},
-               MmaEngine<H, 1, t.surface_points, t.split, t.stages, pieces, surface_rows>{});
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, fine, more_rows>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages, fine, surface_rows>{});
   else
-    return run(SimtEngine<H, C, t.points, t.split, t.stage, t.stages>{},
-               SimtEngine<H, 1, t.surface_points, t.split, t.stage, t.stages>{});
+    return run(SimtEngine<H, C, t.points, t.parts, t.stage, t.stages>{},
+               SimtEngine<H, 1, t.surface_points, t.parts, t.stage, t.stages>{});
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>

@@ -2,8 +2,10 @@
 //
 // Layers are padded to one width H (zeros change nothing: swish(0) = 0). A block takes a tile of
 // points through the network and back. Its warps own slabs of 32 neurons of every layer, for all
-// rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only,
-// two warps share a slab: each sums over half of the inputs, then they halve the neurons.
+// rows of the tile; a row is one channel of one point. Where a multiprocessor has one tile only, on
+// tensor cores two warps share a slab: each sums over half of the inputs, then they halve the
+// neurons. In float32, four warps then share their four slabs: each sums over a quarter of the
+// inputs, with more registers and so fewer loads for a product.
 //   pack      brings the weights into the order in which the warps stream them;
 //   tile      forward, physics, backward; leaves activations A and adjoints G of all rows (on
 //             tensor cores as the halves that its products took);
@@ -16,9 +18,10 @@
 namespace granpinn::cuda::fused {
 
 constexpr int kWidest = 256;
-constexpr int kSlab = 32;  // neurons of a warp, or of the two that share them
-constexpr int kRow = 8;    // outputs of a row, padded
-constexpr int kSums = 8;   // squares of the five terms, then theta
+constexpr int kDeepest = 8;  // hidden layers
+constexpr int kSlab = 32;    // neurons of a warp, or of the two that share them
+constexpr int kRow = 8;      // outputs of a row, padded
+constexpr int kSums = 8;     // squares of the five terms, then theta
 
 // How a tile is cut. Tensor cores take rows by eights: a tile of four points of the strong form has
 // a channel of padding.
@@ -27,61 +30,75 @@ struct TileShape {
   int rows;                    // of an interior tile, in shared memory
   int panel_rows;              // of either, in the panels of the weights kernel
   int split;                   // warps of a slab
+  int parts;                   // of a product's inputs, in float32, each taken by a warp
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
+  int blocks;                  // that share a multiprocessor, by registers
 };
 
 // Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
 enum class Size { small, medium, large };
 
 // Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
-// it an error that shows (three times that of float32 in the mixed form). With these forms both
-// products of the way back take that channel in two pieces; in the panels, the products of the
-// pieces are rows of their own (which the few points of the surface do without). The strong form
-// has no need of it.
-constexpr bool compensated(Form form, bool tensor_cores) {
+// it an error that shows (three times that of float32 in the mixed form). Both products of the way
+// back therefore take that channel in two pieces; in the panels, the products of the pieces are
+// rows of their own (which the few points of the surface do without).
+constexpr bool compensated(bool tensor_cores) { return tensor_cores; }
+
+// The weights, too, are in two pieces there. Their rounding is the same for all points and cancels
+// with the rest, so that the strong form does without.
+constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
-// A third stage of weights for the mixed form's larger tiles would cost wide layers a second block
-// on a multiprocessor.
+// A thread has 128 registers; 255 in the small tiles of float32; 168 in the mixed form's medium
+// tiles, of which three share a multiprocessor, with a longer ring. More stages for its large tiles
+// would cost wide layers a second block.
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
-  const bool large = size == Size::large, split = size == Size::small;
+  const bool large = size == Size::large, small = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
   TileShape t{};
   t.points = large ? 8 : 4;
-  if (form == Form::mixed && !split) t.points = large ? 16 : 8;
-  if (form == Form::data) t.points = large ? 64 : split ? 8 : 32;
+  if (form == Form::mixed && !small) t.points = large ? 16 : 8;
+  if (form == Form::data) t.points = large ? 64 : small ? 8 : 32;
   t.rows = channels * t.points;
   if (tensor_cores) t.rows = (t.rows + 7) / 8 * 8;
   t.surface_points = t.panel_rows = t.rows;
-  if (compensated(form, tensor_cores)) {
+  if (compensated(tensor_cores)) {
     t.panel_rows = t.rows + 2 * t.points;
     if (form == Form::data) t.surface_points = t.panel_rows / 3;
   }
-  t.split = split ? 2 : 1;
-  t.stage = split && !tensor_cores ? 256 : 512;
-  t.stages = split ? 4 : tensor_cores && form == Form::mixed && H == 128 ? 3 : 2;
+  t.split = small && tensor_cores ? 2 : 1;
+  t.parts = small && !tensor_cores ? 4 : 1;
+  t.stage = t.parts > 1 ? 1024 : 512;
+  t.stages = t.split > 1 ? 4 : t.parts > 1 ? 3 : 2;
+  t.blocks = (t.parts > 1 ? 256 : 512) / (H * t.split);
+  if (!small && tensor_cores && form == Form::mixed && H == 128) {
+    t.stages = large ? 3 : 6;
+    if (!large) t.blocks = 3;
+  }
   return t;
 }
 
-// A row of the panel in shared memory, in floats.
-constexpr int row_floats(bool tensor_cores, int H) { return H + (tensor_cores ? 8 : 4); }
+// A row of the panel in shared memory, in floats: rows are eight banks apart.
+constexpr int row_floats(int H) { return H + 8; }
 
 // Of TileMemory (tile_memory.cuh).
-constexpr int tile_floats(TileShape tile, bool tensor_cores, int H) {
+constexpr int tile_floats(TileShape tile, int H) {
   const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
-  const int halves = tile.split == 1 ? 2 : 2 * tile.rows * H / 2;
-  return tile.rows * row_floats(tensor_cores, H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
+  const int halves =
+      tile.split * tile.parts == 1 ? 4 : (tile.split * tile.parts - 1) * tile.rows * H;
+  return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
 }
 
 // How a problem is cut up. Everything follows from its shape and the GPU.
 struct Plan {
-  int H;              // padded width
-  int hidden;         // hidden layers L
-  int outputs;        // K
-  bool tensor_cores;  // products on tensor cores
-  bool compensated;   // see above
-  Size size;          // of the tiles
+  int H;                      // padded width
+  int hidden;                 // hidden layers L
+  int outputs;                // K
+  int offsets[kDeepest + 1];  // of the layers in a member's parameters
+  bool tensor_cores;          // products on tensor cores
+  bool fine_weights;          // see above
+  Size size;                  // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
   int tiles;           // with those of the surface
@@ -103,15 +120,27 @@ struct Plan {
   GRANPINN_HD int stash() const { return (hidden - 1) * tile.rows * H; }
   // streamed weights: float32, or two halves on the way forward and one or two on the way back
   GRANPINN_HD std::int64_t packed() const {
-    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !compensated ? 3 : 4) / 2;
+    return std::int64_t(hidden - 1) * H * H * (tensor_cores && !fine_weights ? 3 : 4) / 2;
   }
   GRANPINN_HD std::int64_t stream() const { return packed() / (H / kSlab * tile.split); }
-  int tile_bytes() const { return 4 * (tile_floats(tile, tensor_cores, H) + narrow()); }
+  int tile_bytes() const { return 4 * (tile_floats(tile, H) + narrow()); }
   GRANPINN_HD std::int64_t panel() const { return std::int64_t(chunk) * tile.panel_rows * H; }
   // halves on tensor cores, and an exponent of their scale for every four rows
   std::int64_t panel_bytes() const { return panel() * (tensor_cores ? 2 : 4); }
   GRANPINN_HD std::int64_t scales() const { return std::int64_t(chunk) * tile.panel_rows / 4; }
 };
+
+// Position of a narrow parameter (Plan::narrow) among the network's, -1 for padding.
+template <int H>
+GRANPINN_HD int narrow_position(const DeviceNetwork<float>& net, const Plan& plan, int i) {
+  const int row = i / H, n = i % H, L = plan.hidden, K = plan.outputs;
+  if (row < 3) return n < net.out(0) ? 3 * n + row : -1;
+  const int layer = row < 3 + L ? row - 3 : L;
+  const int in = static_cast<int>(net.in(layer)), out = static_cast<int>(net.out(layer));
+  const int at = plan.offsets[layer];
+  if (row < 3 + L || row == 3 + L + K) return n < out ? at + in * out + n : -1;
+  return n < in ? at + (row - 3 - L) * in + n : -1;
+}
 
 struct Scratch {
   float* packed;            // [E][packed] hidden weights, as streamed

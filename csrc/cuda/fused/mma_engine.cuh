@@ -49,7 +49,7 @@ __device__ inline float power_of_two(int exponent) {
 }
 
 // Points: 4, or a multiple of 8.
-template <int Width, int Channels, int Points, int Split, int Stages, bool Compensated,
+template <int Width, int Channels, int Points, int Split, int Stages, bool FineWeights,
           bool MoreRows>
 struct MmaEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
@@ -61,8 +61,11 @@ struct MmaEngine : Lanes<Width, Split> {
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
-  static constexpr int ld = row_floats(true, H);  // rows eight banks apart
-  static constexpr bool more_rows = MoreRows;     // in the panels, see compensated() in layout.h
+  static constexpr int ld = row_floats(H);  // rows eight banks apart
+  static constexpr int parts = 1;           // of the inputs, apart from Split
+  static constexpr int exchange = Split == 1 ? 2 : CP * PPT * L::threads;
+  // in the panels, of the value channel's second pieces: compensated() and fine_weights(), layout.h
+  static constexpr bool more_rows = MoreRows;
   using Stream = WeightStream<512, Stages>;
   using Values = float[CP * PPT][neurons];
   using Element = __half;  // of the panels
@@ -112,17 +115,19 @@ struct MmaEngine : Lanes<Width, Split> {
 
   // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
   // `stored` is what the weights kernel gets, `rest` what is left then. With two pieces, a row
-  // holds for every four inputs these inputs and then what rounding took from them.
+  // holds for every four inputs these inputs and then what rounding took from them; with weights in
+  // one piece, that of the value channel's rows is behind all inputs.
   template <bool Forward>
   static __device__ void put(float* panel, int c, int q, float scale, const float (&v)[neurons],
                              Stored& stored, [[maybe_unused]] Stored& rest) {
-    constexpr bool two_pieces = Forward || Compensated;
+    constexpr bool two_pieces = Forward || FineWeights;
     unsigned halves[neurons];
 #pragma unroll
     for (int j = 0; j < neurons; j += 2) {
       const float a = v[j] * scale, b = v[j + 1] * scale;
       halves[j] = to_halves(a, b);
-      halves[j + 1] = two_pieces ? rest_of_halves(halves[j], a, b) : 0;
+      const bool rests = two_pieces || (MoreRows && of_values(c));
+      halves[j + 1] = rests ? rest_of_halves(halves[j], a, b) : 0;
     }
     unsigned* to = reinterpret_cast<unsigned*>(panel + panel_row(c, q) * ld);
     const int four = L::column() / 4;
@@ -133,8 +138,11 @@ struct MmaEngine : Lanes<Width, Split> {
       to[4 * four + 2 + L::part()] = halves[1];
     } else if constexpr (neurons == 4) {
       reinterpret_cast<uint2*>(to)[four] = make_uint2(halves[0], halves[2]);
+      if (MoreRows && of_values(c))
+        reinterpret_cast<uint2*>(to)[H / 4 + four] = make_uint2(halves[1], halves[3]);
     } else {
       to[2 * four + L::part()] = halves[0];
+      if (MoreRows && of_values(c)) to[H / 2 + 2 * four + L::part()] = halves[1];
     }
 #pragma unroll
     for (int j = 0; j < neurons / 2; ++j) {
@@ -157,7 +165,7 @@ struct MmaEngine : Lanes<Width, Split> {
     for (int i = 0; i < CP * PPT * 4; ++i) sum[i / 4][i % 4] = 0;
     // this lane's sixteen bytes of the row of its tensor-core column
     const float* from = panel + place(L::lane() / 4) * ld + L::lane() % 4 * 4;
-    constexpr int block = Forward || Compensated ? 16 : 32;  // inputs of a stage
+    constexpr int block = Forward || FineWeights ? 16 : 32;  // inputs of a stage
     from += L::part() * (H / Split / block) * 16;
 #pragma unroll 1
     for (int k = 0; k < H / Split; k += block, from += 16) {
@@ -184,13 +192,16 @@ struct MmaEngine : Lanes<Width, Split> {
 
   static constexpr int together = tiles <= 4 ? tiles : 2;
 
+  // Whether channel c shares tensor-core tiles with the value channel; whether tile t has it.
+  static __device__ constexpr bool of_values(int c) { return quad ? c < 2 : c == 0; }
+  static constexpr bool has_values(int t) { return quad ? t == 0 : t < PT / 8; }
+
   // Products of a tensor-core tile with a stage. In two pieces: low high + high low + high high,
   // then added to the sum in a register. Of one piece: those of its two halves of the inputs, or of
   // the high pieces, added up by the tensor core.
   template <bool Forward>
   static constexpr int products(int t) {
-    const bool values = quad ? t == 0 : t < PT / 8;  // of the value channel
-    return Forward || (Compensated && values) ? 3 : Compensated ? 1 : 2;
+    return Forward || (FineWeights && has_values(t)) ? 3 : FineWeights ? 1 : 2;
   }
 
   template <bool Forward>
@@ -220,6 +231,16 @@ struct MmaEngine : Lanes<Width, Split> {
           mma_f16(d[i][m], a[low_weights ? 2 + m : m], part == 1 ? v.z : v.x, part == 1 ? v.w : v.y,
                   d[i][m]);
         }
+    if constexpr (!Forward && !FineWeights && MoreRows) {  // and those of the second pieces
+#pragma unroll
+      for (int i = 0; i < together; ++i) {
+        if (!has_values(first + i)) continue;
+        const uint4 v = *reinterpret_cast<const uint4*>(from + i * 8 * ld + H / 2);
+#pragma unroll
+        for (int m = 0; m < 4; ++m)
+          mma_f16(d[i][m % 2], a[m], m < 2 ? v.x : v.z, m < 2 ? v.y : v.w, d[i][m % 2]);
+      }
+    }
 #pragma unroll
     for (int j = 0; j < together * 8; ++j) {
       const int t = first + j / 8;

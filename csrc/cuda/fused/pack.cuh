@@ -22,90 +22,124 @@ struct ProductWeights {
   }
 };
 
-__device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net,
+__device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net, const Plan& plan,
                                                  const float* params, int layer, bool forward) {
-  return {params + net.offset(layer), static_cast<int>(net.in(layer)),
+  return {params + plan.offsets[layer], static_cast<int>(net.in(layer)),
           static_cast<int>(net.out(layer)), forward};
 }
 
-// Elements 4 i .. 4 i + 3 of a warp's stream: the slab's weights of all products, from its part of
-// the inputs.
-template <int H, bool TensorCores>
-__device__ float4 packed_weights(const DeviceNetwork<float>& net, const float* params, int L,
-                                 int slab, int part, int parts, bool compensated, int i) {
-  const int inputs = H / parts, fours = kSlab * inputs / 4;  // of a product in float32
-  if (!TensorCores) {
-    const int product = i / fours, at = i % fours;
-    const bool forward = product < L - 1;
-    const auto w =
-        product_weights(net, params, forward ? product + 1 : 2 * L - 2 - product, forward);
-    const int k = part * inputs + at / (kSlab / 4), n = slab * kSlab + at % (kSlab / 4) * 4;
-    return {w(k, n), w(k, n + 1), w(k, n + 2), w(k, n + 3)};
-  }
-  // [quarter of the stage][lane][register]: two halves in each, see MmaEngine::multiply
-  const bool forward = i < (L - 1) * fours;
-  const bool pieces = forward || compensated;
-  const int size = pieces ? fours : fours / 2, block = pieces ? 16 : 32;
-  const int at = forward ? i : i - (L - 1) * fours;
-  const int product = at / size, stage = at % size / 128;
-  const auto w = product_weights(net, params, forward ? product + 1 : L - 1 - product, forward);
-  const int lane = at % 32, m = at / 32 % 2, second = at / 64 % 2;
+// A warp's stream: the slab's weights of all products, from its part of the inputs.
+struct WarpStream {
+  int slab, part, parts;
+  float4* to;
+};
+
+// Elements 4 i .. 4 i + 3 of a stream in float32.
+template <int H>
+__device__ void pack_floats(const DeviceNetwork<float>& net, const Plan& plan, const float* params,
+                            const WarpStream& stream, int i) {
+  const int L = plan.hidden, parts = plan.tile.parts;
+  constexpr int fours = kSlab * H / 4;  // of a product
+  const int product = i / fours, at = i % fours;
+  const bool forward = product < L - 1;
+  const auto w =
+      product_weights(net, plan, params, forward ? product + 1 : 2 * L - 2 - product, forward);
+  // of `parts` slabs, the warp's own first, see SimtEngine::add_parts
+  const int k = stream.slab % parts * (H / parts) + at / (kSlab / 4 * parts);
+  const int n = (stream.slab ^ at / (kSlab / 4) % parts) * kSlab + at % (kSlab / 4) * 4;
+  stream.to[i] = {w(k, n ^ kSwap), w(k, (n + 1) ^ kSwap), w(k, (n + 2) ^ kSwap),
+                  w(k, (n + 3) ^ kSwap)};
+}
+
+// Eight weights of a stream in halves, in one piece or in two; thread i of it. A stage is
+// [quarter][lane][register], two halves in each, see MmaEngine::multiply: its second half has the
+// second pieces or, of weights in one piece, further inputs.
+template <int H>
+__device__ void pack_halves(const DeviceNetwork<float>& net, const Plan& plan, const float* params,
+                            const WarpStream& stream, int i) {
+  const int L = plan.hidden;
+  const int product = i * stream.parts / (kSlab * H / 8), threads = kSlab * H / 8 / stream.parts;
+  const int at = i - product * threads, lane = at % 32, m = at / 32 % 2;  // of a product
+  const bool forward = product < L - 1, pieces = forward || plan.fine_weights;
+  const int layer = forward ? product + 1 : 2 * L - 2 - product;
+  const int in = static_cast<int>(net.in(layer)), out = static_cast<int>(net.out(layer));
   const int k0 =
-      part * inputs + stage * block + (pieces ? 4 * (lane % 4) : 8 * (lane % 4) + 4 * second);
-  const int n0 = slab * kSlab + lane / 4 * 4 + 2 * m;
+      stream.part * (H / stream.parts) +
+      (pieces ? at / 64 * 16 + 4 * (lane % 4) : at / 128 * 32 + 8 * (lane % 4) + at / 64 % 2 * 4);
+  const int n0 = stream.slab * kSlab + lane / 4 * 4 + 2 * m;
+  // inputs k and outputs n of the product are columns and rows of W, or the other way round
+  const int k_step = forward ? 1 : in, n_step = forward ? in : 1;
+  const int k_count = (forward ? in : out) - k0, n_count = (forward ? out : in) - n0;
+  const float* from = params + plan.offsets[layer] + (k0 * k_step + n0 * n_step);
   constexpr float scale = 1 << kWeightExponent;
-  float v[4][2];
+  float v[2][4];
 #pragma unroll
-  for (int r = 0; r < 4; ++r)
+  for (int n = 0; n < 2; ++n)
 #pragma unroll
-    for (int j = 0; j < 2; ++j) v[r][j] = scale * w(k0 + r / 2 * 2 + j, n0 + r % 2);
-  float packed[4];
+    for (int k = 0; k < 4; ++k)
+      v[n][k] = k < k_count && n < n_count ? from[k * k_step + n * n_step] : 0;
+  unsigned halves[4], rest[4];
 #pragma unroll
   for (int r = 0; r < 4; ++r) {
-    const unsigned halves = to_halves(v[r][0], v[r][1]);
-    packed[r] =
-        __uint_as_float(pieces && second ? rest_of_halves(halves, v[r][0], v[r][1]) : halves);
+    const float a = scale * v[r % 2][r / 2 * 2], b = scale * v[r % 2][r / 2 * 2 + 1];
+    halves[r] = to_halves(a, b);
+    rest[r] = rest_of_halves(halves[r], a, b);
   }
-  return {packed[0], packed[1], packed[2], packed[3]};
+  const int begin = pieces ? 2 * product * threads : (product + L - 1) * threads;
+  uint4* to = reinterpret_cast<uint4*>(stream.to) + begin + (pieces ? at / 64 * 128 + at % 64 : at);
+  to[0] = make_uint4(halves[0], halves[1], halves[2], halves[3]);
+  if (pieces) to[64] = make_uint4(rest[0], rest[1], rest[2], rest[3]);
+}
+
+// Threads for a stream.
+template <int H>
+GRANPINN_HD std::int64_t pack_threads(const Plan& plan) {
+  return plan.tensor_cores ? plan.products() * kSlab * (H / plan.tile.split) / 8
+                           : plan.stream() / 4;
 }
 
 // Element i of the narrow parameters (Plan::narrow), zero for padding.
 template <int H>
-__device__ float narrow_parameter(const DeviceNetwork<float>& net, const float* params, int L,
-                                  int K, int i) {
-  const int row = i / H, n = i % H;
-  if (row < 3) return n < net.out(0) ? params[3 * n + row] : 0;
-  if (row < 3 + L) {
-    const int layer = row - 3;
-    return n < net.out(layer) ? params[net.offset(layer) + net.in(layer)*net.out(layer) + n] : 0;
-  }
-  if (row < 3 + L + K)
-    return n < net.in(L) ? params[net.offset(L) + (row - 3 - L) * net.in(L) + n] : 0;
-  return n < K ? params[net.offset(L) + net.in(L)*K + n] : 0;
+__device__ float narrow_parameter(const DeviceNetwork<float>& net, const Plan& plan,
+                                  const float* params, int i) {
+  const int at = narrow_position<H>(net, plan, i);
+  return at < 0 ? 0 : params[at];
 }
 
 // blockIdx = (share of a piece, piece, member). Piece 0 is the narrow parameters; the others are
 // the warps' streams, [part of the inputs][slab], each [product][stage].
 template <int H, bool TensorCores>
+__device__ void pack_share(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch) {
+  const std::int64_t e = blockIdx.z;
+  const float* params = a.net.params + e * a.net.count;
+  const int i = blockIdx.x * kPackThreads + threadIdx.x;
+  if (blockIdx.y == 0) {
+    if (i < plan.narrow())
+      scratch.narrow[e * plan.narrow() + i] = narrow_parameter<H>(a.net, plan, params, i);
+    return;
+  }
+  if (i >= pack_threads<H>(plan)) return;
+  const int warp = blockIdx.y - 1, slabs = H / kSlab;
+  float* to = scratch.packed + e * plan.packed() + warp * plan.stream();
+  const WarpStream stream{warp % slabs, warp / slabs, plan.tile.split,
+                          reinterpret_cast<float4*>(to)};
+  if constexpr (TensorCores)
+    pack_halves<H>(a.net, plan, params, stream, i);
+  else
+    pack_floats<H>(a.net, plan, params, stream, i);
+}
+
+// Runs beside the draw of the batch, where that comes before: the two share no memory.
+template <int H, bool TensorCores>
 __global__ void __launch_bounds__(kPackThreads)
     pack_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                 const Scratch scratch) {
-  wait_for_earlier();
-  const std::int64_t e = blockIdx.z;
-  const float* params = a.net.params + e * a.net.count;
-  const int L = plan.hidden, i = blockIdx.x * kPackThreads + threadIdx.x;
-  if (blockIdx.y == 0) {
-    if (i < plan.narrow())
-      scratch.narrow[e * plan.narrow() + i] =
-          narrow_parameter<H>(a.net, params, L, plan.outputs, i);
-    return;
-  }
-  const int warp = blockIdx.y - 1, slab = warp % (H / kSlab), part = warp / (H / kSlab);
-  const std::int64_t length = plan.stream();
-  if (4 * i < length)
-    reinterpret_cast<float4*>(scratch.packed + e * plan.packed() + warp * length)[i] =
-        packed_weights<H, TensorCores>(a.net, params, L, slab, part, plan.tile.split,
-                                       plan.compensated, i);
+  if (a.drawn)
+    let_next_start();
+  else
+    wait_for_earlier();
+  pack_share<H, TensorCores>(a, plan, scratch);
+  if (a.drawn) wait_for_earlier();
 }
 
 }  // namespace granpinn::cuda::fused

@@ -5,8 +5,8 @@
 // back point by point.
 #pragma once
 
+#include "last_layer.cuh"
 #include "math/jet.h"
-#include "tile_memory.cuh"
 
 namespace granpinn::cuda::fused {
 
@@ -42,7 +42,7 @@ class Tile {
 #pragma unroll
         for (int j = 0; j < N; ++j) z[q][j] += b[j];
     }
-    outputs(z);
+    Last(net_, m_).outputs(z);
   }
 
   // From memory.adjoint(): adds to the narrow gradients, leaves the adjoints of the hidden layers.
@@ -70,6 +70,7 @@ class Tile {
   }
 
  private:
+  using Last = LastLayer<E, Outputs, Memory>;
   static constexpr int N = E::neurons;
 
   __device__ static void set_point(const float (&zq)[E::C][N], int q, Values& z) {
@@ -186,76 +187,30 @@ class Tile {
     for (int i = 0; i < E::C * E::PPT; ++i) E::copy_to(to + i * N * E::threads, z[i]);
   }
 
-  __device__ void outputs(const Values& a) {
-    const int K = net_.plan.outputs, warp = threadIdx.x / 32;
-    __syncthreads();
-    for (int k = 0; k < K; ++k) {
-      float w[N];
-      E::load(net_.narrow + net_.plan.last() + k * E::H, w);
-#pragma unroll
-      for (int c = 0; c < E::C; ++c)
-#pragma unroll
-        for (int q = 0; q < E::PPT; ++q) {
-          float sum = 0;
-#pragma unroll
-          for (int j = 0; j < N; ++j) sum = fmaf(a[c * E::PPT + q][j], w[j], sum);
-          sum = E::sum_neurons(sum);
-          if (E::neuron_lane() == 0) m_.panel[(warp * E::R + E::row(c, q)) * kRow + k] = sum;
-        }
-    }
-    __syncthreads();
-    const float* bias = net_.narrow + net_.plan.last() + K * E::H;
-    for (int i = threadIdx.x; i < E::C * E::PT * K; i += E::threads) {
-      const int row = i / K, k = i % K;
-      float sum = row < E::PT ? bias[k] : 0;
-      for (int w = 0; w < E::warps; ++w) sum += m_.panel[(w * E::R + row) * kRow + k];
-      m_.raw()[row * kRow + k] = sum;
-    }
-    __syncthreads();
-  }
-
   // The last layer's gradient, and g of the last hidden layer.
   __device__ void last_layer(Values& g) {
-    const int K = net_.plan.outputs, last = net_.plan.hidden - 1;
-    const float* adjoint = m_.adjoint();
-    float sum[Outputs][N] = {};
-#pragma unroll
-    for (int i = 0; i < E::CP * E::PPT * N; ++i) g[i / N][i % N] = 0;
-    for (int k = 0; k < K; ++k) {
-      float w[N];
-      E::load(net_.narrow + net_.plan.last() + k * E::H, w);
-#pragma unroll
-      for (int c = 0; c < E::C; ++c)
-#pragma unroll
-        for (int q = 0; q < E::PPT; ++q) {
-          const float v = adjoint[E::row(c, q) * kRow + k];
-#pragma unroll
-          for (int j = 0; j < N; ++j) g[c * E::PPT + q][j] = fmaf(v, w[j], g[c * E::PPT + q][j]);
-        }
-    }
+    Last last(net_, m_);
+    last.pull_back(g);
+    typename Last::Sums sum = {};
 #pragma unroll
     for (int q = 0; q < E::PPT; ++q) {
-      float zq[E::C][N];
-      pre_activation(last, q, zq);
+      float zq[E::C][N], aq[E::C][N];
+      if constexpr (Last::few) asm volatile("" ::: "memory");  // adjoints are read again, not kept
+      pre_activation(net_.plan.hidden - 1, q, zq);
 #pragma unroll
       for (int j = 0; j < N; ++j) {
         float a[E::C];
         activate_adjoint(zq, q, j, a, g);
+        if constexpr (!Last::few) last.add_products(q, j, a, sum);
 #pragma unroll
-        for (int k = 0; k < Outputs; ++k)
-#pragma unroll
-          for (int c = 0; c < E::C; ++c)
-            sum[k][j] = fmaf(adjoint[E::row(c, q) * kRow + k], a[c], sum[k][j]);
+        for (int c = 0; c < E::C; ++c) aq[c][j] = a[c];
       }
+      if constexpr (Last::few) last.add_products(q, aq, sum);
     }
 #pragma unroll
     for (int k = 0; k < Outputs; ++k)
-      if (k < K) add(net_.plan.last() + k * E::H, sum[k]);
-    if (threadIdx.x < K) {
-      float total = 0;
-      for (int p = 0; p < E::PT; ++p) total += adjoint[p * kRow + threadIdx.x];
-      net_.gradient[net_.plan.last() + K * E::H + threadIdx.x] += total;
-    }
+      if (k < net_.plan.outputs) add(net_.plan.last() + k * E::H, sum[k]);
+    last.add_biases(net_.gradient + net_.plan.last() + net_.plan.outputs * E::H);
   }
 
   __device__ void bias_gradient(int layer, const Values& g) {
@@ -283,11 +238,8 @@ class Tile {
 
   // Adds a sum over the tile's points to the gradient of a row of H narrow parameters.
   __device__ void add(int offset, const float (&sum)[N]) {
-#pragma unroll
-    for (int j = 0; j < N; ++j) {
-      const float total = E::sum_points(sum[j]);
-      if (E::point_lane() == 0) net_.gradient[offset + E::column() + j] += total;
-    }
+    const float total = E::sum_points(sum);
+    if (E::point_lane() < N) net_.gradient[offset + E::column() + E::point_lane()] += total;
   }
 
   const TileNetwork& net_;

@@ -23,10 +23,6 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
   tile.backward();
 }
 
-// Blocks that share a multiprocessor: as many as have 128 registers per thread.
-template <class E>
-constexpr int kResident = 512 / E::threads;
-
 // The panels of a member.
 template <class E>
 __device__ void* panels_of(void* all, std::int64_t e, const Plan& plan) {
@@ -35,15 +31,17 @@ __device__ void* panels_of(void* all, std::int64_t e, const Plan& plan) {
 
 // A block is one slot of one member, blockIdx = (slot, member), and takes every slots-th tile.
 // I and S are the engines of interior and surface tiles: same width, for the surface no more rows.
-template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs>
-__global__ void __launch_bounds__(I::threads, kResident<I>)
+template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
+__global__ void __launch_bounds__(I::threads, Blocks)
     tile_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
                 const Scratch scratch, const Chunk chunk) {
   static_assert(I::R >= S::R && I::threads == S::threads, "tiles share their memory");
   extern __shared__ __align__(16) unsigned char memory[];
-  wait_for_earlier();
   auto& m = *reinterpret_cast<TileMemory<I>*>(memory);
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
+  for (int i = threadIdx.x; i < plan.narrow(); i += I::threads) gradient[i] = 0;
+  if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
+  wait_for_earlier();
 
   const std::int64_t e = blockIdx.y, block = e * plan.slots + blockIdx.x;
   const int L = plan.hidden, narrow = plan.narrow();
@@ -58,8 +56,6 @@ __global__ void __launch_bounds__(I::threads, kResident<I>)
                         gradient};
   typename I::Stream weights(scratch.packed + e * plan.packed(), plan.stream(),
                              m.ring + threadIdx.x / 32 * I::Stream::floats);
-  for (int i = threadIdx.x; i < narrow; i += I::threads) gradient[i] = 0;
-  if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
   if (threadIdx.x < 3) m.scale[threadIdx.x] = a.net.input.scale_of(e, threadIdx.x);
 
   double sum = 0;

@@ -11,9 +11,9 @@ template <class E>
 struct TileMemory {
   float panel[E::R * E::ld];                 // operands of a product [row][neuron]
   float ring[E::warps * E::Stream::floats];  // weights
-  float2 halves[E::split == 1 ? 1 : E::CP * E::PPT * E::threads];  // sums on their way
-  float xi[3 * E::R];                                              // mapped coordinates [3][point]
-  float observed[4 * E::R];  // of the points: what the task needs
+  alignas(16) float2 halves[E::exchange];    // sums on their way to other warps
+  float xi[3 * E::R];                        // mapped coordinates [3][point]
+  float observed[4 * E::R];                  // of the points: what the task needs
   float scale[4];
   unsigned peaks[2][kRow];  // of the operands, by channel; two take turns
 

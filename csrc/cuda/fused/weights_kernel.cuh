@@ -15,7 +15,8 @@
 
 namespace granpinn::cuda::fused {
 
-// A thread's share of the rows of a panel, W neurons of each, on their way into the ring.
+// A thread's share of the rows of a panel, W neurons of each, on their way into the ring. A group
+// of threads brings the rows that it takes.
 template <class P, int H, int W>
 class PanelStream {
  public:
@@ -29,21 +30,24 @@ class PanelStream {
   // The next rows, `left` of them, then zeros; `stage` is an offset in elements.
   __device__ void fetch(int stage, int left) {
 #pragma unroll
-    for (int i = 0; i < P::stage_rows; i += down) copy(stage, i, row() + i < left ? 16 : 0);
+    for (int i = 0; i < rows; i += down) copy(stage, i, row() + i < left ? 16 : 0);
     from_ += P::stage_rows * H;
   }
   __device__ void fetch(int stage) {
 #pragma unroll
-    for (int i = 0; i < P::stage_rows; i += down) copy(stage, i);
+    for (int i = 0; i < rows; i += down) copy(stage, i);
     from_ += P::stage_rows * H;
   }
 
  private:
   static constexpr int size = sizeof(Element), own = 16 / size;
-  static constexpr int across = W / own, down = P::threads / across;
-  static_assert(P::stage_rows % down == 0, "whole passes");
+  static constexpr int threads = P::threads / P::groups, rows = P::stage_rows / P::groups;
+  static constexpr int across = W / own, down = threads / across;
+  static_assert(rows % down == 0, "whole passes");
 
-  static __device__ int row() { return threadIdx.x / across; }
+  static __device__ int row() {
+    return threadIdx.x / threads * rows + threadIdx.x % threads / across;
+  }
   static __device__ int column() { return threadIdx.x % across * own; }
   __device__ void copy(int stage, int i) {
     asm volatile("cp.async.cg.shared.global.L2::128B [%0], [%1], 16;" ::"r"(
@@ -107,7 +111,6 @@ __global__ void __launch_bounds__(P::threads, 1)
   using Element = typename P::Element;
   extern __shared__ __align__(16) unsigned char memory[];
   Element* shared = reinterpret_cast<Element*>(memory);
-  wait_for_earlier();
   constexpr int steps = P::stage_rows / (P::groups * P::step_rows);
   static_assert(steps % 2 == 0, "operands of a stage's last step are in the second buffer");
   const int out0 = blockIdx.x / (H / P::N) * P::M, in0 = blockIdx.x % (H / P::N) * P::N;
@@ -133,19 +136,25 @@ __global__ void __launch_bounds__(P::threads, 1)
     if constexpr (P::scaled) scales.fetch(s - begin, stage);
     __pipeline_commit();
   };
-  // until the oldest stage is complete, of as many as the ring has, or of one fewer
+  constexpr int group_threads = P::threads / P::groups;
+  const int group = threadIdx.x / group_threads;
+  // until the oldest stage is complete, of as many as the ring has, or of one fewer; groups do not
+  // wait for each other, but for the scales
   const auto wait = [&](auto fewer) {
     if (plan.weights_stages == 2)
       __pipeline_wait_prior(1 - fewer());
     else
       __pipeline_wait_prior(2 - fewer());
-    __syncthreads();
+    if constexpr (P::scaled || P::groups == 1)
+      __syncthreads();
+    else
+      asm volatile("bar.sync %0, %1;" ::"r"(1 + group), "n"(group_threads) : "memory");
   };
-  const int group = threadIdx.x / (P::threads / P::groups);
   const auto load = [&](int stage, int step, typename P::Operands& operands) {
     P::load(shared + stage, (group * steps + step) * P::step_rows, operands);
   };
 
+  wait_for_earlier();
   for (int i = 0; i < plan.weights_stages; ++i) fetch(begin + i, i * P::stage_size);
   int least = 0;
   if constexpr (P::scaled) least = scales.least();
@@ -155,11 +164,15 @@ __global__ void __launch_bounds__(P::threads, 1)
   const int last = (plan.weights_stages - 1) * P::stage_size;
   int stage = 0;
   load(stage, 0, operands[0]);
+  // small tiles are for few rows, where much of the time of a long loop is its way from L2
+  constexpr int unroll = P::scaled || P::groups == 1 ? steps / 2 : 1;
   for (int s = begin; s < end; ++s) {
-#pragma unroll
-    for (int step = 0; step < steps; ++step) {
-      if (step + 1 < steps) {
-        load(stage, step + 1, operands[(step + 1) % 2]);
+#pragma unroll unroll
+    for (int step = 0; step < steps; step += 2) {
+      load(stage, step + 1, operands[1]);
+      P::multiply(operands[0], least, sum);
+      if (step + 2 < steps) {
+        load(stage, step + 2, operands[0]);
       } else {  // all have read this stage: another takes its place
         wait(std::integral_constant<int, 1>());
         const int next = stage == last ? 0 : stage + P::stage_size;
@@ -167,14 +180,14 @@ __global__ void __launch_bounds__(P::threads, 1)
         fetch(s + plan.weights_stages, stage);
         stage = next;
       }
-      P::multiply(operands[step % 2], least, sum);
+      P::multiply(operands[1], least, sum);
     }
   }
   __pipeline_wait_prior(0);
 
   // A thread of each group has the same weights; of these, each adds up and stores its share.
   using Run = typename P::Run;
-  constexpr int groups = P::groups, group_threads = P::threads / groups;
+  constexpr int groups = P::groups;
   constexpr int share = P::values * sizeof(float) / sizeof(Run) / groups;
   Run* others = reinterpret_cast<Run*>(memory) + threadIdx.x % group_threads;
   const auto place = [&](int from, int q) {  // of run q in the memory of its adder
@@ -199,6 +212,7 @@ __global__ void __launch_bounds__(P::threads, 1)
 #pragma unroll
     for (int g = 1; g < groups; ++g) total = total + others[place((q / share + g) % groups, q)];
     if constexpr (P::scaled) total = total * scale[0] * scale[1];
+    total = P::in_order(total);
     Run* at = reinterpret_cast<Run*>(to + P::row_of(q) * H + P::column_of(q));
     *at = chunk.begin == 0 ? total : *at + total;
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "mma_engine.cuh"
+#include "simt_engine.cuh"
 
 namespace granpinn::cuda::fused {
 
@@ -30,9 +31,6 @@ struct WeightsTile {
   static __device__ int warp_column() { return warp() % (N / 64) * 64; }
 };
 
-__device__ inline float element(const float4& v, int i) {
-  return i == 0 ? v.x : i == 1 ? v.y : i == 2 ? v.z : v.w;
-}
 __device__ inline float2 operator+(const float2& a, const float2& b) {
   return {a.x + b.x, a.y + b.y};
 }
@@ -44,7 +42,8 @@ __device__ inline float4 operator*(const float4& a, float b) {
   return {a.x * b, a.y * b, a.z * b, a.w * b};
 }
 
-// Plain float32: 8 x 16 weights per thread, a row per step.
+// Plain float32: 8 x 16 weights per thread, a row per step; columns change places in pairs, so that
+// a sum and its factor are in different banks of registers (see SimtEngine).
 template <int Rows, int StageRows>
 struct SimtWeights : WeightsTile<float, Rows, StageRows, 0> {
   using Tile = WeightsTile<float, Rows, StageRows, 0>;
@@ -77,12 +76,14 @@ struct SimtWeights : WeightsTile<float, Rows, StageRows, 0> {
   static __device__ void multiply(const Operands& o, int, float (&sum)[values]) {
 #pragma unroll
     for (int v = 0; v < values; ++v)
-      sum[v] = fmaf(element(o.g[v / 64], v / 16 % 4), element(o.a[v % 16 / 4], v % 4), sum[v]);
+      sum[v] =
+          fmaf(element(o.g[v / 64], v / 16 % 4), element(o.a[v % 16 / 4], v % 4 ^ kSwap), sum[v]);
   }
 
   static __device__ Run run(const float (&sum)[values], int q) {
     return {sum[4 * q], sum[4 * q + 1], sum[4 * q + 2], sum[4 * q + 3]};
   }
+  static __device__ Run in_order(const Run& v) { return {v.y, v.x, v.w, v.z}; }
   static __device__ int row_of(int q) { return row0() + q / 16 * 32 + q / 4 % 4; }
   static __device__ int column_of(int q) { return column0() + q % 4 * 16; }
 };
@@ -153,6 +154,7 @@ struct MmaWeights : WeightsTile<__half, Rows, StageRows, 8> {
   static __device__ Run run(const float (&sum)[values], int q) {
     return {sum[2 * q], sum[2 * q + 1]};
   }
+  static __device__ Run in_order(const Run& v) { return v; }
   static __device__ int row_of(int q) {
     return Tile::warp_row() + q / 16 * 16 + q % 2 * 8 + threadIdx.x % 32 / 4;
   }

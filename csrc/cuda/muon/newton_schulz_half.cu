@@ -190,7 +190,7 @@ __global__ void __launch_bounds__(kThreads)
     half_kernel(const NewtonSchulz<float> a, const DescendArguments<float> d) {
   extern __shared__ __align__(256) unsigned char memory[];
   wait_for_earlier();
-  const std::int64_t matrix = blockIdx.x, step = Descends ? d.control.counter[2] : 0;
+  const std::int64_t matrix = blockIdx.x, step = Descends ? d.control.updated() : 0;
   if (Descends && d.members.frozen(matrix / a.count, step, kParams)) return;
   const unsigned base = static_cast<unsigned>(__cvta_generic_to_shared(memory));
   const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
