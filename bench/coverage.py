@@ -173,7 +173,8 @@ def main() -> int:
     parser.add_argument("--json", type=Path, required=True, help="file for the results")
     own, words = parser.parse_known_args()
     try:
-        config = recipes.build(settings_of(words) | {"members": own.members})
+        usual = {"closure.frames": 0}
+        config = recipes.build(usual | settings_of(words) | {"members": own.members})
     except ConfigError as error:
         parser.error(str(error))
     grid = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}

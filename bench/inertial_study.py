@@ -47,7 +47,7 @@ NAMES = ("mu_s", "mu_2", "I0")
 
 def settings(words: Sequence[str], values: int, reach: float) -> Config:
     """Those of the trainings of a profile."""
-    given: dict[str, Any] = {"profile.values": values, "profile.reach": reach}
+    given: dict[str, Any] = {"profile.values": values, "profile.reach": reach, "closure.frames": 0}
     config = recipes.build(given | settings_of(words))
     average = max(LEAST_AVERAGE, config.optimizer.average)
     return recipes.replace(config, optimizer__average=average)

@@ -245,7 +245,7 @@ def main() -> int:
         if options.read:
             found = read_study(options.read)
         else:
-            config = recipes.build(settings_of(words))
+            config = recipes.build({"closure.frames": 0} | settings_of(words))
             flows = [read_flow(path) for path in options.flows]
             tasks = list(tasks_of(flows, options.noise, options.points))
             found = {"date": time.strftime("%Y-%m-%d"), "machine": describe()}

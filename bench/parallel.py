@@ -34,7 +34,7 @@ WHOLE_RUN = recipes.make().steps or 0  # steps of the default recipe
 def worker(settings: dict[str, Any]) -> dict[str, Any]:
     """What one process of a group does; the finding of the first one."""
     changes, members = settings["changes"], settings["members"]
-    config = recipes.make(**changes)
+    config = recipes.make(**{"closure__frames": 0} | changes)
     marks = Marks()
     begin = time.monotonic()
     if members:

@@ -9,9 +9,10 @@ unless the text of a field says otherwise.
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from granpinn.ranges import RANGES, range_text
 
 
 class ConfigError(ValueError):
@@ -117,6 +118,18 @@ class Profile:
 
 
 @dataclass(frozen=True)
+class Closure:
+    """The pressure where nothing flows, as the simulator closes it (identification/closure.py)."""
+
+    frames: int = setting(
+        25, "times at which the simulator closes the pressure where nothing flows; 0: none"
+    )
+    cells: int | None = setting(
+        None, "cells across its box; none: those of the solver or of the data, at most 512"
+    )
+
+
+@dataclass(frozen=True)
 class Resimulation:
     """The simulation that --resimulate compares with the data."""
 
@@ -178,6 +191,7 @@ class Config:
     weights: Weights = field(default_factory=Weights)
     batch: Batch = field(default_factory=Batch)
     optimizer: Optimizer = field(default_factory=Optimizer)
+    closure: Closure = field(default_factory=Closure)
     profile: Profile = field(default_factory=Profile)
     resimulation: Resimulation = field(default_factory=Resimulation)
 
@@ -187,11 +201,11 @@ class Config:
             if get_origin(kind) is Literal and flat[key] not in get_args(kind):
                 choices = ", ".join(get_args(kind))
                 raise ConfigError(f"--{key} must be one of {choices}, got {flat[key]!r}")
-        for key, low, high in _RANGES:
+        for key, low, high in RANGES:
             value = flat[key]
             if value is not None and not low <= value <= high:
                 raise ConfigError(
-                    f"--{key} must be {_range_text(low, high)}, got {value}: "
+                    f"--{key} must be {range_text(low, high)}, got {value}: "
                     f"python -m granpinn.train --help explains it"
                 )
         if not self.network.widths or min(self.network.widths) < 1:
@@ -213,58 +227,10 @@ class Config:
             raise ConfigError("one of --steps, --epochs and --max-time must be given, got none")
 
 
-TINY = 1e-30
-_RANGES: tuple[tuple[str, float, float], ...] = (
-    ("noise", 0, 100),
-    ("I0", TINY, 1e6),
-    ("seed", 0, 2**63 - 1),
-    ("members", 1, 1024),
-    ("max_time", 1, math.inf),
-    ("steps", 1, 2**53),
-    ("epochs", 1, 2**53),
-    ("log_every", 1, 2**53),
-    ("checkpoint_every", 0, math.inf),
-    ("rheology.mu_s", 1e-6, 1 - 1e-6),
-    ("rheology.mu_2", 1e-6, 1e3),
-    ("rheology.p_floor", TINY, 1e3),
-    ("network.pressure_scale", TINY, 1e6),
-    ("weights.sigma_velocity", 1e-9, math.inf),
-    ("weights.noise_part", 0, 1),
-    ("weights.noise_rise", 1e-6, 1),
-    ("weights.sigma_surface", 1e-9, math.inf),
-    ("weights.sigma_momentum", 1e-9, math.inf),
-    ("weights.sigma_continuity", 1e-9, math.inf),
-    ("weights.sigma_constitutive", 1e-9, math.inf),
-    ("batch.interior", 1, 2**31),
-    ("batch.surface", 0, 2**31),
-    ("optimizer.learning_rate", 0, 1e3),
-    ("optimizer.muon_learning_rate", 0, 1e3),
-    ("optimizer.scalars_learning_rate", 0, 1e3),
-    ("optimizer.final_fraction", 0, 1),
-    ("optimizer.prefit_final_fraction", 0, 1),
-    ("optimizer.warm_up", 0, 0.5),
-    ("optimizer.beta_2", 0, 1),
-    ("optimizer.prefit", 0, 1),
-    ("optimizer.average", 0, 1),
-    ("optimizer.epsilon", TINY, 1),
-    ("optimizer.momentum", 0, 1),
-    ("profile.values", 3, 99),
-    ("profile.reach", 1.01, 1e3),
-    ("profile.seeds", 2, 999),
-    ("profile.law_accuracy", 0, 1),
-    ("resimulation.cells", 32, 8192),
-)
-
-
-def _range_text(low: float, high: float) -> str:
-    if low == TINY:
-        return "positive"
-    return f"at least {low:g}" if math.isinf(high) or high >= 2**31 else f"in [{low:g}, {high:g}]"
-
-
 # Settings that change no number of the result: a resumed run may differ in them.
 FREE = ("flow", "out", "resume", "tensorboard", "checkpoint_every", "max_time")
-FREE_SECTIONS = ("free_I0", "resimulate", "profile", "resimulation")  # what follows the training
+# What follows the training.
+FREE_SECTIONS = ("free_I0", "resimulate", "closure", "profile", "resimulation")
 
 
 def flatten(config: Any, prefix: str = "") -> dict[str, Any]:

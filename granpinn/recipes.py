@@ -7,6 +7,7 @@ from typing import Any
 
 from granpinn.config import (
     Batch,
+    Closure,
     Config,
     ConfigError,
     Network,
@@ -24,6 +25,7 @@ SECTIONS: dict[str, type] = {
     "weights": Weights,
     "batch": Batch,
     "optimizer": Optimizer,
+    "closure": Closure,
     "profile": Profile,
     "resimulation": Resimulation,
 }

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import itertools
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
-from bench import device, gpu_accuracy, gpu_step, gpu_table, gpu_training, parallel, rivals
+from bench import closure, device, gpu_accuracy, gpu_step, gpu_table, gpu_training, parallel, rivals
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
 from granpinn import recipes
+from granpinn.data import write_flow
+from granpinn.identification.identification import pose
+from granpinn.network import initial_parameters
+from tests.flows import make_flow
 
 CPU = torch.device("cpu")
 CEILINGS = {"sgemm_tflops": 50.0, "tf32_tflops": 350.0, "copy_tb_per_s": 4.0}
@@ -153,3 +158,22 @@ def test_numbers_of_the_file_are_rounded() -> None:
         "a": [0.1235, 7, "x"],
         "b": None,
     }
+
+
+def test_the_closed_pressure_of_a_checkpoint(tmp_path: Path) -> None:
+    write_flow(make_flow(), tmp_path / "heap.h5")
+    spec = pose(tmp_path / "heap.h5", recipes.make()).member.problem.spec
+    tensors = {
+        "params": torch.stack([initial_parameters(spec, seed) for seed in (0, 1)]),
+        "theta": torch.tensor([[0.4, 0.6, 0.3]] * 2, dtype=torch.float64),
+    }
+    found = closure.study([tmp_path / "heap.h5"], tensors, 2, 3, None, [(2, 6e-5)])
+    rows, (variant,) = found["rows"], found["variants"]
+    assert [(row["flow"], row["seed"], row["frames"]) for row in rows] == [
+        ("heap", 0, 3),
+        ("heap", 1, 3),
+    ]
+    assert (variant["seed"], variant["steps"]) == (0, 2)
+    assert variant["network"] == rows[0]["network"] != rows[1]["network"]
+    assert 0 < variant["closed"]["all"] != rows[0]["closed"]["all"]
+    assert variant["closed"]["stagnant"] is None  # nothing rests in this flow

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +51,16 @@ class Whole(NamedTuple):
 
     velocity_percent: float | None
     common_percent: float
+
+
+class Grid(Protocol):
+    """Coordinates [Y] and [X], as a flow has them."""
+
+    @property
+    def y(self) -> Array: ...
+
+    @property
+    def x(self) -> Array: ...
 
 
 def compare(flow: Flow, simulated: Flow) -> tuple[Comparison, Whole]:
@@ -107,7 +117,7 @@ def surface_heights(flow: Flow) -> Array:
     return thick
 
 
-def interpolation(source: Flow, target: Flow) -> Callable[[Any], Array]:
+def interpolation(source: Grid, target: Grid) -> Callable[[Any], Array]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
     NaN where one of the points around has no value, or there are none.

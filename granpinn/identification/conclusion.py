@@ -17,7 +17,7 @@ from granpinn.identification import calibration, prediction, scoring, uncertaint
 from granpinn.identification.final_loss import final_loss
 from granpinn.recipes import build
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Result
-from granpinn.results.findings import Loss
+from granpinn.results.findings import Closure, Loss
 from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.training.run import Run
 
@@ -62,12 +62,21 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     return Residuals(**rms | {"velocity": rms["velocity"] / measured, "noise": noise / measured})
 
 
-def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: Fields) -> Result:
+def result(
+    case: Case,
+    run: Run,
+    e: int,
+    members: Members,
+    model: Model,
+    maps: Fields,
+    closure: Closure | None = None,
+) -> Result:
     """The result of an ensemble.
 
     Args:
         case, e: the member that is shown, and its place in the run.
         model, maps: its network and fields.
+        closure: the record of the closed pressure among the fields.
     """
     flow, config, data = case.flow, case.config, case.member.data
     loss, lost = final_loss(run.training, e), run.training.lost.get(e)
@@ -103,6 +112,7 @@ def result(case: Case, run: Run, e: int, members: Members, model: Model, maps: F
         zones=scores.zones,
         inertial_number=scores.inertial_number,
         covariance=judged.covariance,
+        closure=closure,
         loss=loss,
         members=members,
         residuals=residuals,

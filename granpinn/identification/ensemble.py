@@ -106,8 +106,13 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
 
+        # Finished side by side, each has one core; one by one, each has all of its process.
+        side_by_side = choose_device(config.device).type == "cuda"
+        threads = 1 if side_by_side else max(1, _cores() // group.size)
+
         def finished(e: int) -> Result:
-            return finish(every[e * K : (e + 1) * K], run, e * K, parts[e], keep_fields)
+            own = every[e * K : (e + 1) * K]
+            return finish(own, run, e * K, parts[e], keep_fields, threads)
 
         found = _side_by_side(finished, range(len(cases)), config.device)
     return found if group.size == 1 else _in_order(found, len(flows))
@@ -126,9 +131,12 @@ T = TypeVar("T")
 
 def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
     """`work` on every item: with a GPU on all cores, on a CPU one by one, as torch takes them."""
-    cores = len(os.sched_getaffinity(0)) if choose_device(device).type == "cuda" else 1
-    with ThreadPoolExecutor(cores) as pool:
+    with ThreadPoolExecutor(_cores() if choose_device(device).type == "cuda" else 1) as pool:
         return list(pool.map(work, items))
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
 
 
 def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> Sequence[T]:

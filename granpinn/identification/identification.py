@@ -27,7 +27,7 @@ from granpinn.data import (
     redraw,
     training_set,
 )
-from granpinn.identification import conclusion, prediction
+from granpinn.identification import closed_fields, conclusion, prediction
 from granpinn.results import Result, fields, write_csv
 from granpinn.scales import Scales
 from granpinn.training import problem
@@ -37,9 +37,6 @@ from granpinn.training.parallel import Alone, Processes, processes
 from granpinn.training.problem import Problem
 from granpinn.training.progress import Progress, Silent
 from granpinn.training.run import Run
-
-AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
-AFTER_TRAINING_PART = 0.25  # at most this part of a time limit
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,9 @@ def identify(
     run.train()
     if len(run.training.lost) == len(cases):
         raise NonFiniteError(next(iter(run.training.lost.values())))
-    return finish(cases, run, 0, folder if together.rank == 0 else None)
+    if together.rank > 0:
+        return finish(cases, run, 0, None, threads=0)
+    return finish(cases, run, 0, folder)
 
 
 @dataclass(frozen=True)
@@ -193,8 +192,7 @@ def start(
     objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
-        kept = min(AFTER_TRAINING, AFTER_TRAINING_PART * config.max_time)
-        deadline = begin + config.max_time - kept
+        deadline = begin + config.max_time - closed_fields.kept_after_training(config)
     progress = progress or Silent()
     run = Run(objective, config, folder, progress, deadline, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
@@ -207,14 +205,24 @@ def start(
 
 
 def finish(
-    cases: Sequence[Case], run: Run, first: int, folder: Path | None, keep_fields: bool = True
+    cases: Sequence[Case],
+    run: Run,
+    first: int,
+    folder: Path | None,
+    keep_fields: bool = True,
+    threads: int | None = None,
 ) -> Result:
-    """The result of an ensemble, the members of the run from `first` on, written to its folder."""
+    """The result of an ensemble, the members of the run from `first` on, written to its folder.
+
+    `threads` close the pressure: None for all cores at hand, 0 to leave it out.
+    """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
     model = Model(case.member.problem, *run.training.solution(e), case.scales)
-    maps = predict(case.flow, model)
-    result = conclusion.result(case, run, e, found, model, maps)
+    maps, record = predict(case.flow, model), None
+    if case.config.closure.frames and threads != 0:
+        maps, record = closed_fields.close(case, run, model, maps, threads)
+    result = conclusion.result(case, run, e, found, model, maps, record)
     if folder is not None:
         results.write_results(result, folder / "results.json")
         write_csv(result, folder / "results.csv")

@@ -76,6 +76,7 @@ def profile_I0(
     config = dataclasses.replace(
         config,
         members=1,  # the seeds of the profile are its ensemble
+        closure=dataclasses.replace(config.closure, frames=0),
         tensorboard=False,
         optimizer=dataclasses.replace(config.optimizer, average=average),
     )

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -24,7 +23,7 @@ from granpinn.axes import Axes
 from granpinn.data import Flow, test_grid
 from granpinn.network import NetworkSpec
 from granpinn.results import Fields
-from granpinn.results.fields import VARIABLES, Float32, Units
+from granpinn.results.fields import VARIABLES, Float32, Float64, Units
 from granpinn.scales import Quantity, Scales
 
 CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
@@ -77,20 +76,37 @@ def predict(
     )
 
 
-@torch.no_grad()
 def velocity_at_particles(
     flow: Flow, spec: NetworkSpec, params: Tensor, physics: Sequence[float], scales: Scales
-) -> npt.NDArray[np.float64] | None:
+) -> Float64 | None:
     """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
     p = flow.particles
     if p is None:
         return None
-    axes = Axes.of(flow.gravity)
-    points = _turned(torch.as_tensor(scales.points_to_dimensionless(p.x, p.y, p.t)), axes)
+    points = scales.points_to_dimensionless(p.x, p.y, p.t)
+    return velocity(points, Axes.of(flow.gravity), spec, params, physics, scales)
+
+
+@torch.no_grad()
+def velocity(
+    points: Float64,
+    axes: Axes,
+    spec: NetworkSpec,
+    params: Tensor,
+    physics: Sequence[float],
+    scales: Scales,
+) -> Float64:
+    """Predicted (u, v) [2, N] in the units and axes of a flow.
+
+    Args:
+        points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
+        axes: of the training.
+    """
+    turned_points = _turned(torch.as_tensor(points), axes)
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     parts = [
         ops.network_jet(part.to(params), params, *network, 1)[0][:, :2].cpu()
-        for part in torch.split(points, CHUNK)
+        for part in torch.split(turned_points, CHUNK)
     ]
     turned = physics[5] * torch.cat(parts).double().numpy().T
     predicted = np.stack(axes.undo(turned[0], turned[1]))

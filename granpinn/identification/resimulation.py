@@ -13,6 +13,7 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow
@@ -29,10 +30,11 @@ LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
 LATEST_START = 0.1  # of sqrt(H/|g|): the first frame may be that late
 AT_REST = 0.02  # of sqrt(|g| H)
 MORE_THAN_FREE_FALL = 1.5
+CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
 
 
 class Column(NamedTuple):
-    """The grains of the first frame as a column, in the units of the file."""
+    """Grains as a column in the corner, in the units of the file."""
 
     width: float
     height: float
@@ -43,20 +45,16 @@ def initial_column(flow: Flow) -> Column | str:
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
-    dx, dy = (float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
-    row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
-    if abs(flow.x[0]) > dx or abs(flow.y[0]) > dy or not full[0, 0]:
-        return (
-            "the grains of the first frame do not stand in the corner of wall and floor, which the "
-            "simulator has at x = 0 and y = 0"
-        )
-    filled = float(full[: row + 1, : column + 1].mean())
+    dx, dy = spacings(flow)
+    if not in_corner(flow, 0):
+        return f"the grains of the first frame {CORNER}"
+    measured = extent(flow, full)
+    filled = float(full[np.ix_(flow.y < measured.height, flow.x < measured.width)].mean())
     if filled < LEAST_FILLED:
         return (
             f"the first frame is not a column: its grains fill {100 * filled:.0f} % of the "
             f"rectangle around them, at least {100 * LEAST_FILLED:.0f} % are expected"
         )
-    measured = Column(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
     g = math.hypot(*flow.gravity)
     start = float(flow.t[0])
     if not 0 <= start <= LATEST_START * math.sqrt(measured.height / g):
@@ -77,18 +75,33 @@ def initial_column(flow: Flow) -> Column | str:
     )
 
 
+def spacings(flow: Flow) -> tuple[float, float]:
+    """Of the grid, along x and y."""
+    return float(np.median(np.diff(flow.x))), float(np.median(np.diff(flow.y)))
+
+
+def in_corner(flow: Flow, k: int) -> bool:
+    """Whether the grains of frame k stand where the simulator has its wall and its floor."""
+    dx, dy = spacings(flow)
+    return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
+
+
+def extent(flow: Flow, full: npt.NDArray[np.bool_]) -> Column:
+    """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
+    dx, dy = spacings(flow)
+    row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
+    return Column(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
+
+
 def _stated(flow: Flow, name: str, measured: float, spacing: float) -> float:
     """A length that the file states, where it agrees with the first frame; else the measured."""
-    stated = _number(flow, name)
+    stated = flow.stated(name)
     return stated if stated is not None and abs(stated - measured) <= spacing else measured
 
 
-def _number(flow: Flow, name: str) -> float | None:
-    """A positive number among the further attributes of the file."""
-    value = flow.attributes.get(name)
-    if isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0:
-        return float(value)
-    return None
+def box_of(flow: Flow) -> float | None:
+    """The width of the box, where the file states it."""
+    return flow.stated("box_width") or flow.stated("domain_size")
 
 
 def collapse_of(
@@ -100,12 +113,11 @@ def collapse_of(
         law: (mu_s, mu_2, I0).
         cells: across the box, None for the grid of the data.
     """
-    width = _number(flow, "box_width") or _number(flow, "domain_size")
-    width = width or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
-    height = _number(flow, "box_height") or _number(flow, "domain_size") or 1.2 * column.height
+    width = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+    height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     dx = float(np.median(np.diff(flow.x)))
     if cells is None:
-        finest = width / (_number(flow, "grid_spacing_of_solver") or dx)
+        finest = width / (flow.stated("grid_spacing_of_solver") or dx)
         whole = CELLS_MULTIPLE * round(finest / CELLS_MULTIPLE)
         cells = min(max(whole, FEWEST_CELLS), MOST_CELLS)
     mu_s, mu_2, I0 = law
@@ -129,9 +141,9 @@ def collapse_of(
         stride=max(1, min(round(dx * cells / width), int(narrow))),
         eta_min=flow.eta_min or None,
         eta_max=flow.eta_max or None,
-        air_density=_number(flow, "air_density"),
-        air_viscosity=_number(flow, "air_viscosity"),
-        cohesion=_number(flow, "cohesion") or 0.0,
+        air_density=flow.stated("air_density"),
+        air_viscosity=flow.stated("air_viscosity"),
+        cohesion=flow.stated("cohesion") or 0.0,
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )

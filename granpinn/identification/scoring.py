@@ -39,6 +39,14 @@ class Scores(NamedTuple):
     inertial_number: InertialNumber
 
 
+class Split(NamedTuple):
+    """Points [K] that flow and points that do not, and where their strain rate comes from."""
+
+    source: str
+    flowing: Mask
+    stagnant: Mask
+
+
 def relative_l2(predicted: Array, reference: Array) -> float | None:
     """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
 
@@ -123,20 +131,26 @@ def score(
     zones = None
     if "p_reference" in values:
         known = np.isfinite(values["p_reference"]) & counted
-        source, d2 = _zone_strain_rate(flow, fields)
-        split = known & np.isfinite(d2)
-        flows = flowing(fields, d2)
-        masks = {
-            "pressure": known,
-            "pressure_flowing": split & flows,
-            "pressure_stagnant": split & ~flows,
-        }
-        for name, mask in masks.items():
-            errors[name] = relative_l2(values["p"][mask], values["p_reference"][mask])
-        counts = (int(np.sum(masks[f"pressure_{zone}"])) for zone in ("flowing", "stagnant"))
-        zones = Zones(D2_STAGNANT, source, *counts)
+        split = zones_of(flow, fields)
+        masks = {"": known, "_flowing": known & split.flowing, "_stagnant": known & split.stagnant}
+        for zone, mask in masks.items():
+            reference = values["p_reference"]
+            errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
+            if "p_closed" in values:
+                closed = mask & np.isfinite(values["p_closed"])
+                error = relative_l2(values["p_closed"][closed], reference[closed])
+                errors[f"pressure_closed{zone}"] = error
+        counts = (int(np.sum(masks[zone])) for zone in ("_flowing", "_stagnant"))
+        zones = Zones(D2_STAGNANT, split.source, *counts)
     q05, median, q95 = np.quantile(values["I"][counted], (0.05, 0.5, 0.95)).tolist()
     return Scores(ErrorPercent(**errors), zones, InertialNumber(q05, median, q95))
+
+
+def zones_of(flow: Flow, fields: Fields) -> Split:
+    """The zones; a point whose strain rate is not known is in neither."""
+    source, d2 = _zone_strain_rate(flow, fields)
+    flows = flowing(fields, d2)
+    return Split(source, flows, np.isfinite(d2) & ~flows)
 
 
 def _velocities(flow: Flow, fields: Fields, at_particles: Array | None) -> tuple[Array, Array]:

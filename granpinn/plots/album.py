@@ -48,7 +48,7 @@ def fields_of(source: Source) -> Fields:
     """The fields of a run, whole and with grains; NothingToDraw says what is missing."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
-    absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
+    absent = set(VARIABLES) - {"p_reference", "p_closed"} - set(source.fields.values)
     if absent:
         raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
     if not after_start(source.fields).any():
@@ -81,9 +81,15 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
 
 
 def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
-    """The figures of what a run does only when it is asked to."""
+    """The figures of what a run does only where it can, or when it is asked to."""
     found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
     profile, comparison = source.result.profile, source.comparison
+    closure = source.result.closure
+    if closure is not None and closure.frames:
+        found["pressure_closed"] = (
+            "Pressure, closed where nothing flows",
+            lambda s: maps.closed_pressure(fields_of(s), s.frame),
+        )
     if profile is not None:
         found["profile_of_I0"] = (
             "Profile of I0",

@@ -32,6 +32,7 @@ Array = npt.NDArray[np.floating]
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
 RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
 RESIDUAL_RANGE = (1e-3, 1e1)  # of the map
+UNCERTAINTY_MAP = "magma"
 WIDE = 0.8  # maps with a smaller height / width are stacked
 
 
@@ -92,6 +93,51 @@ def pressure_fields(fields: Fields, k: int) -> Drawing:
 
 
 @styled
+def closed_pressure(fields: Fields, k: int) -> Drawing:
+    """The pressure that the simulator closes, at the time nearest to frame k that has one.
+
+    Beside it how far the predicted one is from it, and its error where there is a reference.
+    """
+    frames = frames_with(fields, "p_closed")
+    if not frames:
+        raise NothingToDraw("fields.h5 has no closed pressure")
+    k = min(frames, key=lambda other: abs(float(fields.t[other] - fields.t[k])))
+    window, unit = grain_window(fields, k), fields.units.of("pressure")
+    closed, has_reference = fields.frame("p_closed", k), "p_reference" in fields.values
+    open_ = np.abs(fields.frame("p", k) - closed)
+    figure, panels = new_maps(fields, window, 3 if has_reference else 2)
+    values = Normalize(min(0.0, _quantile(closed, 0.002)), _quantile(closed, 0.998))
+    draw_map(panels[0], fields, window, closed, values, VALUE_MAP, label("$p$", unit))
+    panels[0].set_title("(a) closed by the simulator")
+    reach = _quantile(open_, 0.99) or 1.0
+    text = label(r"$|\Delta p|$", unit)
+    draw_map(panels[1], fields, window, open_, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
+    panels[1].set_title("(b) predicted, less closed")
+    caption = f"Pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
+    caption += "(a) closed by the simulator, (b) how far the predicted one is from it"
+    if has_reference:
+        error = closed - fields.frame("p_reference", k)
+        reach = _quantile(np.abs(error), 0.99) or 1.0
+        limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
+        draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
+        panels[2].set_title("(c) closed, less reference")
+        caption += ", (c) its difference from the reference"
+    return Drawing(
+        figure,
+        f"{caption}. Where the two differ, kinematics does not fix the pressure; the closed one is "
+        "that of a material that creeps at the largest viscosity, with the simulator's floor and "
+        "plane of symmetry. Black: free surface.",
+    )
+
+
+def frames_with(fields: Fields, name: str) -> list[int]:
+    """The frames at which a variable has values; none where it is absent."""
+    size = fields.y.size * fields.x.size
+    known = np.isfinite(fields.values.get(name, np.full(len(fields.index), np.nan)))
+    return [int(k) for k in np.unique(fields.index[known] // size)]
+
+
+@styled
 def velocity_fields(fields: Fields, k: int) -> Drawing:
     """Predicted speed, the speed in the flow file and their difference."""
     quantity = Quantity(
@@ -114,8 +160,7 @@ def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
     text = label(quantity.symbol, quantity.unit)
     draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
     panels[0].set_title("(a) predicted")
-    caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}"
-    caption += "" if fields.units.time == "1" else f" {fields.units.time}"
+    caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}"
     if known is None:
         return Drawing(figure, caption + ": predicted.")
     draw_map(panels[1], fields, window, known, values, VALUE_MAP, text)
@@ -128,6 +173,10 @@ def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
     panels[2].set_title("(c) difference")
     caption += f": (a) predicted, (b) {quantity.known_name}, (c) difference. Black: free surface."
     return Drawing(figure, caption)
+
+
+def _unit_of_time(fields: Fields) -> str:
+    return "" if fields.units.time == "1" else f" {fields.units.time}"
 
 
 def aspect_of(fields: Fields, window: Window) -> float:

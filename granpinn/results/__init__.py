@@ -1,10 +1,10 @@
 """What a run leaves: the result and its files results.json, results.csv and fields.h5."""
 
 from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
+from granpinn.results.records import ErrorPercent, Zones
 from granpinn.results.result import (
     Covariance,
     DataSummary,
-    ErrorPercent,
     InertialNumber,
     Input,
     Parameter,
@@ -12,7 +12,6 @@ from granpinn.results.result import (
     Result,
     ResultsFileError,
     Timing,
-    Zones,
     from_dict,
     number,
     plain,

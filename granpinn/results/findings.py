@@ -1,4 +1,4 @@
-"""What a result may hold besides the identified values: final loss, profile of I0, re-simulation.
+"""What a result may hold besides the identified values: final loss, profile of I0, simulations.
 
 Each field is None (null in results.json) where it was not asked for or means nothing.
 """
@@ -174,3 +174,49 @@ class Resimulation:
             f"surface by {self.profile_percent:.2f} % of the initial height (rms)"
         )
         return check if self.fit is None else f"{check}\n{self.fit}"
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The pressure as the simulator closes it at some frames (identification/closure.py).
+
+    `objection` says why it was not closed, and all numbers are then None.
+
+    Attributes:
+        cells: across the box.
+        frames: indices of the frames that were closed.
+        failed: frames at which a solve did not converge.
+        late: frames for which the time limit left no time.
+        seconds: for all frames.
+        flowing_percent, stagnant_percent: rms of the predicted less the closed pressure over that
+            of the closed one, by zones (identification/scoring.py); None for an empty zone.
+    """
+
+    objection: str | None
+    cells: int | None = None
+    frames: tuple[int, ...] = ()
+    failed: int = 0
+    late: int = 0
+    seconds: float | None = None
+    flowing_percent: float | None = None
+    stagnant_percent: float | None = None
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        if self.objection is not None:
+            return f"pressure not closed where nothing flows: {self.objection}"
+        if not self.frames:
+            return f"pressure closed by the simulator at no time{self.left_out}"
+        differences = {"flows": self.flowing_percent, "rests": self.stagnant_percent}
+        parts = [f"{p:.1f} % where it {zone}" for zone, p in differences.items() if p is not None]
+        return (
+            f"pressure closed by the simulator at {len(self.frames)} times: it differs from the "
+            f"predicted one by {' and '.join(parts) or 'an unknown amount'}{self.left_out}"
+        )
+
+    @property
+    def left_out(self) -> str:
+        """How many frames were left out and why, in brackets; "" if none."""
+        parts = [f"{self.failed} did not converge"] if self.failed else []
+        parts += [f"{self.late} had no time left"] if self.late else []
+        return f" (left out: {', '.join(parts)})" if parts else ""

@@ -83,3 +83,31 @@ class ErrorBars:
     half_width: tuple[float, float]
     provenance: str
     provisional: bool
+
+
+@dataclass(frozen=True)
+class ErrorPercent:
+    """Relative errors in %: of a scalar |value - true| / |true|, of a field eq. (errorL2).
+
+    Those of the closed pressure are over the frames at which it was closed.
+    """
+
+    mu_s: float | None = None
+    mu_2: float | None = None
+    velocity: float | None = None
+    pressure: float | None = None
+    pressure_flowing: float | None = None
+    pressure_stagnant: float | None = None
+    pressure_closed: float | None = None
+    pressure_closed_flowing: float | None = None
+    pressure_closed_stagnant: float | None = None
+
+
+@dataclass(frozen=True)
+class Zones:
+    """How the test points were split into flowing and stagnant (identification/scoring.py)."""
+
+    d2_threshold: float
+    source: str
+    n_flowing: int
+    n_stagnant: int

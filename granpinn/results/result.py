@@ -23,13 +23,16 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.data import Truth
 from granpinn.results.decoding import decode
-from granpinn.results.findings import Loss, Profile, Resimulation
-from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
+from granpinn.results.findings import Closure, Loss, Profile, Resimulation
+from granpinn.results.records import ErrorBars, ErrorPercent, Members, Residuals, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 1
 LEVELS = ("V0", "V1", "V2")
 FORMS = ("mixed", "strong")
+PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
+CLOSED = ("pressure_closed", "pressure_closed_flowing", "pressure_closed_stagnant")
+FIELD_ERRORS = ("velocity", *PRESSURES, *CLOSED)
 
 
 class ResultsFileError(ValueError):
@@ -96,28 +99,6 @@ class Covariance:
 
 
 @dataclass(frozen=True)
-class ErrorPercent:
-    """Relative errors in %: of a scalar |value - true| / |true|, of a field eq. (errorL2)."""
-
-    mu_s: float | None = None
-    mu_2: float | None = None
-    velocity: float | None = None
-    pressure: float | None = None
-    pressure_flowing: float | None = None
-    pressure_stagnant: float | None = None
-
-
-@dataclass(frozen=True)
-class Zones:
-    """How the test points were split into flowing and stagnant (identification/scoring.py)."""
-
-    d2_threshold: float
-    source: str
-    n_flowing: int
-    n_stagnant: int
-
-
-@dataclass(frozen=True)
 class InertialNumber:
     """Quantiles of I over the grains: mu(I) is known only over this band."""
 
@@ -178,6 +159,7 @@ class Result:
     inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
     loss: Loss | None = None
+    closure: Closure | None = None
     profile: Profile | None = None
     resimulation: Resimulation | None = None
     members: Members | None = None
@@ -209,12 +191,14 @@ class Result:
             true = number(getattr(self.truth, name, None), ".4f")
             error = number(getattr(self.error_percent, name, None), ".2f")
             lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
-        for name in ("velocity", "pressure", "pressure_flowing", "pressure_stagnant"):
+        for name in FIELD_ERRORS:
             error = number(getattr(self.error_percent, name), ".2f")
-            lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
+            if error != "-" or "closed" not in name:
+                lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
         if self.verdict is not None:
             lines.append(self.verdict.words)
-        lines += [str(part) for part in (self.profile, self.resimulation) if part is not None]
+        parts = (self.closure, self.profile, self.resimulation)
+        lines += [str(part) for part in parts if part is not None]
         return "\n".join(lines)
 
 

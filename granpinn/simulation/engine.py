@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -74,11 +74,22 @@ class State:
         return mean
 
 
-class Engine:
-    """A column of grains in air and its time."""
+class Start(NamedTuple):
+    """What the solver starts from, on the whole box: `c`, `u` and `v` as those of a `State`."""
 
-    def __init__(self, collapse: Collapse, **overrides: Any) -> None:
-        """`overrides` are fields of the solver's own parameters, for tests (csrc/collapse)."""
+    c: Array
+    u: Array
+    v: Array
+
+
+class Engine:
+    """Grains in air and their time."""
+
+    def __init__(self, collapse: Collapse, start: Start | None = None, **overrides: Any) -> None:
+        """`start` is by default the column at rest.
+
+        `overrides` are fields of the solver's own parameters, for tests (csrc/collapse).
+        """
         self.collapse = collapse.resolved()
         self.spacing = self.collapse.spacing
         parameters = solver_parameters(self.collapse)
@@ -86,11 +97,9 @@ class Engine:
             setattr(parameters, name, value)
         self._solver = _collapse.Solver(parameters)
         nx, ny = parameters.cells_x, parameters.cells_y
-        start = (
-            column_fraction(self.collapse, nx, ny),
-            np.zeros((ny, nx + 1)),
-            np.zeros((ny + 1, nx)),
-        )
+        if start is None:
+            column = column_fraction(self.collapse, nx, ny)
+            start = Start(column, np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx)))
         with _named_errors():
             self._solver.set_state(*start)
 

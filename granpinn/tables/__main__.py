@@ -26,6 +26,7 @@ from granpinn.train import exit_code
 from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
+CLOSED_FRAMES = 10  # of every training, unless --config says otherwise
 EXAMPLES = """examples:
   python -m granpinn.tables --out tables
       tables 1 and 2 of the paper: six collapses are simulated, then everything is trained at once
@@ -108,7 +109,7 @@ def parse(argv: Sequence[str]) -> Request:
 
 
 def _request(given: argparse.Namespace) -> Request:
-    values = read_toml(given.config) if given.config else {}
+    values = {"closure.frames": CLOSED_FRAMES} | (read_toml(given.config) if given.config else {})
     passed = {name: getattr(given, name) for name in PASSED}
     values |= {name: value for name, value in passed.items() if value is not None}
     I0 = values.get("I0") if given.I0 is None else given.I0

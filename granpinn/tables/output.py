@@ -16,13 +16,19 @@ from granpinn.atomic import atomic_path
 from granpinn.config import flatten
 from granpinn.report.page import TEMPLATES, duration
 from granpinn.results import number, plain
+from granpinn.results.result import CLOSED, PRESSURES
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import Row, Spread
 from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
 FORMAT_VERSION = 1
-MEASURES = ("mu_s", "mu_2", "pressure", "pressure_flowing", "pressure_stagnant", "velocity")
+MEASURES = ("mu_s", "mu_2", *PRESSURES, "velocity", *CLOSED)
+IN_TEXT = {
+    "pressure_flowing": "flowing",
+    "pressure_stagnant": "at rest",
+    "pressure_closed": "closed",
+}
 PAPER_ERRORS = {"mu_s": "error_mu_s", "mu_2": "error_mu_2", "pressure": "error_p"}
 
 
@@ -69,8 +75,8 @@ def text(study: Study) -> str:
         lines += ["", f"{table.title}, {study.config.recipe} recipe, {study.seeds} seeds"]
         lines.append(
             f"{'case':<16}{'noise':>6}{'mu_s':>8}{'mu_2':>8}{'mu_s %':>16}{'paper':>6}"
-            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}{'flowing':>8}{'at rest':>8}"
-            f"{'scatter %':>14}"
+            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}"
+            f"{''.join(f'{words:>8}' for words in IN_TEXT.values())}{'scatter %':>14}"
         )
         lines += [_line(row, paper) for row, paper in table.rows]
     return "\n".join([*lines, "", summary(study)])
@@ -96,7 +102,7 @@ def _line(row: Row, paper: PaperRow | None) -> str:
     for name, theirs in PAPER_ERRORS.items():
         known = None if paper is None else getattr(paper, theirs)
         cells.append(f"{_median_worst(row.errors[name]):>16}{number(known, '.2f'):>6}")
-    for name in ("pressure_flowing", "pressure_stagnant"):
+    for name in IN_TEXT:
         cells.append(f"{number(row.errors[name].median, '.2f'):>8}")
     scatter = [number(row.errors[name].scatter, ".2f") for name in ("mu_s", "mu_2")]
     cells.append(f"{'/'.join(scatter):>14}")

@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 from granpinn.data import Flow, Truth
 from granpinn.results import Result
+from granpinn.results.result import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
-
-FIELDS = ("pressure", "pressure_flowing", "pressure_stagnant", "velocity")
 
 
 class Case(NamedTuple):
@@ -52,7 +51,7 @@ class Row:
 
     Attributes:
         mu_s, mu_2: medians of the identified values, None where no training came to its end.
-        errors: by the names mu_s, mu_2 and `FIELDS`.
+        errors: by the names mu_s, mu_2 and `FIELD_ERRORS`.
         members: trainings that came to their end; failed: those that did not.
     """
 
@@ -81,7 +80,7 @@ def row_of(case: Case, results: Sequence[Result]) -> Row:
         values = [float(getattr(r.parameters, name).value) for r in ended]
         medians[name] = statistics.median(values) if values else None
         errors[name] = _spread(values, getattr(truth, name, None))
-    for name in FIELDS:
+    for name in FIELD_ERRORS:
         known = [getattr(r.error_percent, name) for r in ended]
         errors[name] = _of_sizes(value for value in known if value is not None)
     return Row(

@@ -66,8 +66,20 @@ def test_json_has_every_training(out: Path) -> None:
     assert row["paper_1"]["mu_2"] == 0.622
     assert content["rows"][2]["paper_2"]["error_p"] == 9.71
     assert content["settings"]["level"] == "V1"
+    assert content["settings"]["closure.frames"] == 10
+    for name in ("pressure_closed", "pressure_closed_flowing"):
+        errors = [m["error_percent"][name] for m in content["members"][:2]]
+        assert row["errors"][name]["median"] == pytest.approx(sum(errors) / 2)
     assert (out / "runs" / "005" / "results.json").exists()
     assert not (out / "runs" / "005" / "fields.h5").exists()
+
+
+def test_settings_say_how_many_times_are_closed(tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text("[closure]\nframes = 0\n")
+    argv = ["--out", str(tmp_path / "o")]
+    assert parse(argv).config.closure.frames == 10
+    argv += ["--config", str(tmp_path / "settings.toml")]
+    assert parse(argv).config.closure.frames == 0
 
 
 def test_noise_is_another_draw_for_every_seed(out: Path) -> None:
@@ -86,6 +98,7 @@ def test_csv_has_a_line_per_table_and_case(out: Path) -> None:
     assert rows[1]["paper_mu_2"] == "0.839"
     assert rows[2]["paper_mu_2"] == "0.833"
     assert float(rows[0]["mu_s_median"]) > 0
+    assert float(rows[0]["pressure_closed_worst"]) >= float(rows[0]["pressure_closed_median"]) > 0
 
 
 def test_the_page_stands_alone(out: Path) -> None:
@@ -94,6 +107,7 @@ def test_the_page_stands_alone(out: Path) -> None:
     assert not {"script", "link", "iframe", "object", "base", "form", "a"} & set(page.tags)
     assert not re.search("https?:|url\\(|@import", html)
     assert "Table 2: identification with noise" in page.text
+    assert "p, at rest p, closed velocity" in page.text
     assert "13.4" not in page.text  # 80 % was not asked for
     assert "1.24" in page.text
 
@@ -106,6 +120,7 @@ def test_the_terminal_shows_both(
     shown = capsys.readouterr().out
     assert re.search(r"^\(0\.40, 0\.64\) +0\.00 +0\.\d{4}", shown, re.MULTILINE)
     assert "Table 2" not in shown
+    assert re.search(r"flowing at rest +closed +scatter %$", shown, re.MULTILINE)
     assert "1 trainings of 20 steps as one batch on cpu" in shown
 
 

@@ -22,7 +22,8 @@ from tests.flows import make_flow
 from tests.report.examples import Model, make_model
 
 FORMS = ("mixed", "strong")
-PREDICTED = [name for name in VARIABLES if not name.endswith("_reference")]
+REFERENCES = ["u_reference", "v_reference", "p_reference"]
+PREDICTED = [name for name in VARIABLES if name not in [*REFERENCES, "p_closed"]]
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +153,8 @@ def test_a_dimensionless_flow_gives_the_same_physics(form: str, flow: Flow) -> N
     )
     with_units, without = run(flow, model), run(bare, model)
     assert (without.length, without.time, without.pressure) == pytest.approx((1, 1, 1))
-    for name, (kind, _) in VARIABLES.items():
+    for name in PREDICTED + REFERENCES:
+        kind = VARIABLES[name][0]
         value = with_units.values[name]
         if kind != "number":
             value = scales.to_dimensionless(value, kind)  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from granpinn.data import Truth
 from granpinn.plots import album
 from granpinn.report import page as pages
 from granpinn.results import ErrorPercent, Input, Parameter, Result, read_results
+from granpinn.results.findings import Closure
 from tests.report.examples import PARAMETERS, make_result
 from tests.report.page import Page
 
@@ -48,15 +49,15 @@ def test_the_figures_are_inside(built: Path) -> None:
     page = Page((built / "report.html").read_text(encoding="utf-8"))
     still, *sources = page.values("img", "src")
     assert still.startswith("data:image/png;base64,")
-    assert len(sources) == len(album.FIGURES)
-    for source, name in zip(sources, album.FIGURES, strict=True):
+    titles = {name: title for name, (title, _) in album.FIGURES.items()}
+    titles["pressure_closed"] = "Pressure, closed where nothing flows"
+    for source, name in zip(sources, titles, strict=True):
         head, data = source.split(",")
         assert head == "data:image/png;base64"
         content = base64.b64decode(data, validate=True)
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         assert content == (built / "figures" / f"{name}.png").read_bytes()
-    titles = [title for title, _ in album.FIGURES.values()]
-    assert page.values("img", "alt")[1:] == titles
+    assert page.values("img", "alt")[1:] == list(titles.values())
     assert page.values("img", "alt")[0].startswith("speed at t = ")
     assert "Missing on this page" not in page.text
 
@@ -107,6 +108,27 @@ def test_small_errors_keep_two_digits() -> None:
     text = render(make_result(error_percent=errors)).text
     assert "error 0.012 % 90 % interval 0.390 to 0.430 μ2 0.610 true 0.640 · error 0.1 %" in text
     assert "velocity 0 pressure, all -" in text
+
+
+@pytest.mark.parametrize(
+    ("closure", "words"),
+    [
+        (
+            Closure(None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3),
+            "At 2 times this pressure differs from the predicted one by 1.23 % where grains flow "
+            "and 12.30 % where they do not: so much the motion leaves open (left out: 1 did not "
+            "converge). It is off the reference by 1.60 %.",
+        ),
+        (Closure("gravity is strange"), "none to compare them with: gravity is strange."),
+        (Closure(None, 64, late=4), "closed it at no time (left out: 4 had no time left)."),
+    ],
+)
+def test_the_closed_pressure_is_said_in_words(closure: Closure, words: str) -> None:
+    errors = ErrorPercent(pressure=4.0, pressure_closed=1.6, pressure_closed_stagnant=0.9)
+    text = render(make_result(closure=closure, error_percent=errors)).text
+    assert words in text
+    assert "by the simulator, all 1.60 closed, flowing - closed, stagnant 0.90" in text
+    assert "simulator" not in render(make_result(closure=None)).text
 
 
 @pytest.mark.parametrize(

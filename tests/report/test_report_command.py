@@ -27,11 +27,12 @@ ROW = ",".join(map(str, range(1, 13))) + "\n"
 
 @pytest.fixture(autouse=True)
 def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that needs fields.h5 and one that needs history.csv, both empty: drawing takes time."""
+    """Two that need fields.h5 and one that needs history.csv, empty: drawing takes time."""
     two = {name: album.FIGURES[name] for name in ("inertial_number", "evolution")}
     monkeypatch.setattr(album, "FIGURES", two)
     for name in two:
         monkeypatch.setattr(curves, name, lambda *_: Drawing(new_figure(1.0), "Empty."))
+    monkeypatch.setattr(maps, "closed_pressure", lambda *_: Drawing(new_figure(1.0), "Empty."))
 
 
 def build(folder: Path) -> Page:
@@ -53,7 +54,7 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
 
 
 def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) -> None:
-    assert build(run_dir).tags.count("img") == 3  # and the still of the film
+    assert build(run_dir).tags.count("img") == 4  # and the still of the film
     content = (run_dir / "fields.h5").read_bytes()
     (run_dir / "fields.h5").write_bytes(content[: len(content) // 2])
     page = build(run_dir)
@@ -65,13 +66,16 @@ def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) ->
 def test_a_flow_without_reference_pressure(run_dir: Path) -> None:
     with h5py.File(run_dir / "fields.h5", "r+") as file:
         del file["p_reference"]
-    assert build(run_dir).tags.count("img") == 3
+    assert build(run_dir).tags.count("img") == 4
 
 
 def test_a_damaged_history_is_said(run_dir: Path) -> None:
     (run_dir / "history.csv").write_bytes(b"\xff\xfe\n")
     page = build(run_dir)
-    assert page.values("img", "alt")[1:] == ["Inertial number"]
+    assert page.values("img", "alt")[1:] == [
+        "Inertial number",
+        "Pressure, closed where nothing flows",
+    ]
     assert "history.csv could not be read: 'utf-8' codec" in page.text
 
 

@@ -1,0 +1,154 @@
+r"""The closed pressure against the reference, for networks that are trained already.
+
+Claim: where nothing flows, the pressure that the simulator closes is nearer to that of a material
+which creeps at eta_max than the network's own, and STEPS steps of STEP (simulation/settling.py)
+are at the end of what more or longer ones give.
+
+    python -m bench.closure runs/checkpoint/step-000040000.safetensors FLOW.h5 ... --seeds 3 \
+        --json bench/results/closure.json
+
+The checkpoint is that of a batch with the default network, a member for every seed of every flow,
+as granpinn.tables leaves it. `--settling 20:6e-5 40:6e-5` measures other steps too, with the first
+seed. Errors are in %, over the grains of the frames that were closed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from safetensors.torch import load_file
+from torch import Tensor
+
+from bench.machine import describe
+from granpinn import recipes
+from granpinn.config import ConfigError
+from granpinn.data import Flow
+from granpinn.identification import closed_fields, closure, resimulation, scoring
+from granpinn.identification.identification import Model, pose, predict
+from granpinn.results import Fields, number
+from granpinn.simulation import settling
+
+Array = npt.NDArray[np.float64]
+Settling = tuple[int, float]
+USUAL: Settling = (settling.STEPS, settling.STEP)
+
+
+def frames_of(
+    flow: Flow, chosen: Sequence[int], model: Model, cells: int | None, how: Settling
+) -> tuple[list[Array], int, float]:
+    """Closed pressures of some frames, cells across the box, and CPU seconds of a frame."""
+    mu_s, mu_2, I0 = model.theta.tolist()
+    whole = resimulation.extent(flow, np.asarray((flow.c >= 0.5).any(axis=0)))
+    collapse = resimulation.collapse_of(flow, whole, (mu_s, mu_2, I0), cells)
+    collapse = dataclasses.replace(collapse, threads=1).resolved()
+    velocity = closed_fields.velocity_of(flow, model)
+    before = settling.settled_after(collapse, *how)
+
+    def one(k: int) -> tuple[Array, float]:
+        begin = time.thread_time()
+        start = closure.start_of(flow, k, collapse, velocity, before)
+        state = settling.settle(collapse, start, *how)
+        p = closure.pressure_at(flow, state, collapse.spacing)
+        return p, time.thread_time() - begin
+
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        found = list(pool.map(one, chosen))
+    return [p for p, _ in found], collapse.cells, statistics.median(s for _, s in found)
+
+
+def errors(flow: Flow, fields: Fields) -> dict[str, Any]:
+    """Of the predicted and of the closed pressure over the same points: all, flowing, stagnant."""
+    p, closed, known = (fields.values[n] for n in ("p", "p_closed", "p_reference"))
+    ok = np.isfinite(closed) & np.isfinite(known)
+    split = scoring.zones_of(flow, fields)
+    zones = {"all": ok, "flowing": ok & split.flowing, "stagnant": ok & split.stagnant}
+
+    def of(a: Any, b: Any) -> dict[str, float | None]:
+        return {name: scoring.relative_l2(a[zone], b[zone]) for name, zone in zones.items()}
+
+    return {"network": of(p, known), "closed": of(closed, known), "difference": of(p, closed)}
+
+
+def study(
+    flows: Sequence[Path],
+    tensors: dict[str, Tensor],
+    seeds: int,
+    frames: int,
+    cells: int | None,
+    others: Sequence[Settling],
+) -> dict[str, Any]:
+    """The rows of all members, and those of the first seeds with other steps."""
+    rows: list[dict[str, Any]] = []
+    variants: list[dict[str, Any]] = []
+    for i, path in enumerate(flows):
+        case = pose(path, recipes.make())
+        flow, usable = case.flow, closure.usable_frames(case.flow)
+        if isinstance(usable, str):
+            raise ConfigError(f"{path}: {usable}")
+        chosen = closure.evenly(usable, frames)
+        parts = {name: getattr(flow, name)[chosen] for name in ("t", "u", "v", "c", "p")}
+        scored = dataclasses.replace(flow, **parts)
+        for seed in range(seeds):
+            params, theta = (tensors[name][i * seeds + seed] for name in ("params", "theta"))
+            model = Model(case.member.problem, params, theta, case.scales)
+            maps = predict(scored, model)
+            for how in [USUAL, *(others if seed == 0 else ())]:
+                closed, used, seconds = frames_of(flow, chosen, model, cells, how)
+                row = {"flow": path.stem, "source": flow.attributes.get("source")}
+                row |= {"seed": seed, "cells": used, "steps": how[0], "step": how[1]}
+                row |= {"frames": len(closed), "seconds_of_frame": seconds}
+                row |= errors(scored, closed_fields.with_closed(maps, dict(enumerate(closed))))
+                (rows if how == USUAL else variants).append(row)
+                print(line(row), flush=True)
+    return {"rows": rows, "variants": variants}
+
+
+def line(row: dict[str, Any]) -> str:
+    """The errors of a row: all, flowing, stagnant of each kind."""
+
+    def of(name: str) -> str:
+        return name + "".join(f"{number(value, '.2f'):>7}" for value in row[name].values())
+
+    parts = [of(name) for name in ("network", "closed", "difference")]
+    how = f"{row['cells']} cells, {row['steps']} x {row['step']:g}"
+    return f"{row['flow']:22s} seed {row['seed']} {how:24s} {'  '.join(parts)}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("flows", type=Path, nargs="+")
+    parser.add_argument("--seeds", type=int, default=1, help="members of every flow")
+    parser.add_argument("--frames", type=int, default=10)
+    parser.add_argument("--cells", type=int, help="across the box; none: as in the flow file")
+    parser.add_argument("--settling", nargs="*", default=[], metavar="STEPS:STEP")
+    parser.add_argument("--json", type=Path, required=True, help="file for the results")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    others = [(int(n), float(step)) for n, step in (text.split(":") for text in given.settling)]
+    tensors = load_file(given.checkpoint)
+    found = study(given.flows, tensors, given.seeds, given.frames, given.cells, others)
+    head = {
+        "date": time.strftime("%Y-%m-%d"),
+        "machine": describe(),
+        "command": "python -m bench.closure " + " ".join(Path(a).name for a in sys.argv[1:]),
+    }
+    given.json.write_text(json.dumps(head | found, indent=1, allow_nan=False) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

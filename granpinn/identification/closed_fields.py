@@ -1,0 +1,110 @@
+"""The fields of a trained network with the pressure that the simulator closes (closure.py)."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.axes import Axes
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.identification import closure, prediction, scoring
+from granpinn.results.fields import Fields
+from granpinn.results.findings import Closure
+from granpinn.training.run import Run
+
+if TYPE_CHECKING:
+    from granpinn.identification.identification import Case, Model
+
+Array = npt.NDArray[np.float64]
+
+AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
+CLOSING = 2.0  # more of them for every frame that is closed, by the cores that share the work
+AFTER_TRAINING_PART = 0.25  # at most this part of a time limit
+CLOSING_PART = 0.5  # of what is kept: no frame is begun to be closed after it
+SAY_EVERY = 10.0  # seconds
+
+
+def kept_after_training(config: Config) -> float:
+    """Seconds of a time limit that are left when the training ends; 0 without a limit."""
+    wanted = AFTER_TRAINING + CLOSING * config.closure.frames / len(os.sched_getaffinity(0))
+    return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
+
+
+def close(
+    case: Case, run: Run, model: Model, maps: Fields, threads: int | None
+) -> tuple[Fields, Closure]:
+    """The fields with `p_closed` where there is any, and the record of it."""
+    said = time.monotonic()
+
+    def say(done: int, frames: int) -> None:
+        nonlocal said
+        if time.monotonic() - said > SAY_EVERY:
+            said = time.monotonic()
+            run.progress.message(f"closing the pressure {done}/{frames}")
+
+    deadline = None
+    if run.deadline is not None:
+        deadline = run.deadline + CLOSING_PART * kept_after_training(case.config)
+    flow = case.flow
+    mu_s, mu_2, I0 = model.theta.tolist()
+    settings = case.config.closure
+    closed, record = closure.close(
+        flow,
+        (mu_s, mu_2, I0),
+        velocity_of(flow, model),
+        settings.frames,
+        settings.cells,
+        threads=threads,
+        deadline=deadline,
+        listener=say,
+    )
+    if not closed:
+        return maps, record
+    maps = with_closed(maps, closed)
+    flowing, stagnant = difference(flow, maps)
+    return maps, replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
+
+
+def velocity_of(flow: Flow, model: Model) -> closure.Velocity:
+    """The predicted velocity at any point, in the units and axes of a flow."""
+    axes, p, scales = Axes.of(flow.gravity), model.problem, model.scales
+    one_at_a_time = threading.Lock()  # torch takes all cores for each
+
+    def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
+        points = scales.points_to_dimensionless(x, y, t)
+        with one_at_a_time:
+            u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, scales)
+        return u, v
+
+    return velocity
+
+
+def with_closed(fields: Fields, closed: dict[int, Array]) -> Fields:
+    """The fields with a closed pressure [Y, X] by frame; `p_closed` is NaN at the others."""
+    frame, place = np.divmod(fields.index, fields.y.size * fields.x.size)
+    values = np.full(len(fields.index), np.nan, np.float32)
+    for k, p in closed.items():
+        values[frame == k] = p.ravel()[place[frame == k]]
+    return replace(fields, values=fields.values | {"p_closed": values})
+
+
+def difference(flow: Flow, fields: Fields) -> tuple[float | None, float | None]:
+    """rms of the predicted less the closed pressure over that of the closed one, in %.
+
+    Where grains flow, and where they do not; None for no points.
+    """
+    p, closed = fields.values["p"], fields.values["p_closed"]
+    known = np.isfinite(closed)
+    split = scoring.zones_of(flow, fields)
+    flowing, stagnant = (
+        scoring.relative_l2(p[known & zone], closed[known & zone])
+        for zone in (split.flowing, split.stagnant)
+    )
+    return flowing, stagnant
