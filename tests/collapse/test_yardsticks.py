@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.regression_yardstick import identify, smooth
-from bench.simulator_fit import bound, fit, sensitivities
-from granpinn.data import read_flow
+from bench.simulator_fit import bound, fit_draws, sensitivities
+from granpinn.data import read_flow, write_flow
 from granpinn.identification.scoring import difference
 from granpinn.simulation import Collapse, demo_path, simulate
 
@@ -38,13 +39,17 @@ def test_regression_with_the_true_pressure_finds_the_law() -> None:
     assert abs(row["error_mu_2_percent"]) < 10
 
 
-def test_the_simulator_is_fitted_to_its_own_run() -> None:
+def test_the_simulator_is_fitted_to_its_own_run(tmp_path: Path) -> None:
     """No model error: the truth is the least misfit, and it is reached from far away."""
     flow = simulate(Collapse(0.4, 0.64, cells=64, stride=1, frames=24, t_end=4.0, threads=1))
-    row = fit(flow, 64, iterations=8, nudge=0.02)
-    assert row["course"][0]["mu_s"] == pytest.approx(0.3)
-    assert abs(row["error_mu_s_percent"]) < 0.5
-    assert abs(row["error_mu_2_percent"]) < 2
+    write_flow(flow, tmp_path / "own.h5")
+    clean, noisy = fit_draws(tmp_path / "own.h5", (0.0, 0.05), 2, 0, 64)
+    assert clean["inside"] == 2
+    assert clean["errors_percent"][0] == clean["errors_percent"][1]
+    assert clean["rmse_percent"][0] < 0.5
+    assert clean["rmse_percent"][1] < 2
+    assert noisy["misfit_percent"] > clean["misfit_percent"]
+    assert noisy["errors_percent"][0] != noisy["errors_percent"][1]
 
 
 def test_the_bound_scales_as_it_must() -> None:
