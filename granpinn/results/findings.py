@@ -130,8 +130,9 @@ class SimulatorFit:
         """The line for the terminal."""
         doubt = "" if self.inside else "; NOT a minimum: the laws tried do not enclose it"
         return (
-            f"fitted by the simulator: mu_s {self.mu_s:.4f} +- {self.std[0]:.4f}, mu_2 "
-            f"{self.mu_2:.4f} +- {self.std[1]:.4f} ({self.runs} runs of {self.cells} cells, misfit "
+            f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f} (noise alone "
+            f"makes +- {self.std[0]:.4f}, {self.std[1]:.4f}; {self.runs} runs of {self.cells} "
+            f"cells, misfit "
             f"{self.misfit_percent:.2f} %{doubt})"
         )
 
