@@ -22,7 +22,9 @@ FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', 
 
 # The command with a line for every step.
 TALKATIVE = """
+import signal
 import sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
 import granpinn.simulate as command
 from granpinn.simulation.progress import Lines
 command.automatic = lambda: Lines(every=0.0)
