@@ -36,7 +36,7 @@ from bench.machine import describe
 from granpinn import recipes
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.identification import closed_fields, closure, resimulation, scoring
+from granpinn.identification import closed_fields, closure, scoring
 from granpinn.identification.identification import Model, pose, predict
 from granpinn.results import Fields, number
 from granpinn.simulation import settling
@@ -47,13 +47,16 @@ USUAL: Settling = (settling.STEPS, settling.STEP)
 
 
 def frames_of(
-    flow: Flow, chosen: Sequence[int], model: Model, cells: int | None, how: Settling
+    flow: Flow,
+    usable: list[int],
+    chosen: Sequence[int],
+    model: Model,
+    cells: int | None,
+    how: Settling,
 ) -> tuple[list[Array], int, float]:
-    """Closed pressures of some frames, cells across the box, and CPU seconds of a frame."""
+    """Closed pressures of some usable frames, cells across the box, and CPU seconds of a frame."""
     mu_s, mu_2, I0 = model.theta.tolist()
-    whole = resimulation.extent(flow, np.asarray((flow.c >= 0.5).any(axis=0)))
-    collapse = resimulation.collapse_of(flow, whole, (mu_s, mu_2, I0), cells)
-    collapse = dataclasses.replace(collapse, threads=1).resolved()
+    collapse = closure.collapse_over(flow, usable, (mu_s, mu_2, I0), cells)
     velocity = closed_fields.velocity_of(flow, model)
     before = settling.settled_after(collapse, *how)
 
@@ -106,7 +109,7 @@ def study(
             model = Model(case.member.problem, params, theta, case.scales)
             maps = predict(scored, model)
             for how in [USUAL, *(others if seed == 0 else ())]:
-                closed, used, seconds = frames_of(flow, chosen, model, cells, how)
+                closed, used, seconds = frames_of(flow, usable, chosen, model, cells, how)
                 row = {"flow": path.stem, "source": flow.attributes.get("source")}
                 row |= {"seed": seed, "cells": used, "steps": how[0], "step": how[1]}
                 row |= {"frames": len(closed), "seconds_of_frame": seconds}

@@ -79,13 +79,10 @@ def close(
     usable = usable_frames(flow)
     if isinstance(usable, str):
         return {}, Closure(usable)
-    ever_full = np.asarray((flow.c[usable] >= 0.5).any(axis=0))
-    everywhere = resimulation.extent(flow, ever_full)
     try:
-        collapse = resimulation.collapse_of(flow, everywhere, law, cells)
+        collapse = collapse_over(flow, usable, law, cells)
     except ConfigError as error:
         return {}, Closure(str(error))
-    collapse = replace(collapse, threads=1).resolved()
     chosen = evenly(usable, frames)
     before = settled_after(collapse)
     begin = time.monotonic()
@@ -122,6 +119,16 @@ def close(
         seconds=time.monotonic() - begin,
     )
     return closed, record
+
+
+def collapse_over(
+    flow: Flow, frames: list[int], law: tuple[float, float, float], cells: int | None
+) -> Collapse:
+    """The box around the grains of some frames, resolved; ConfigError where it cannot be."""
+    ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
+    everywhere = resimulation.extent(flow, ever_full)
+    collapse = resimulation.collapse_of(flow, everywhere, law, cells)
+    return replace(collapse, threads=1).resolved()
 
 
 def usable_frames(flow: Flow) -> list[int] | str:

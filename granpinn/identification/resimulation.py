@@ -104,6 +104,17 @@ def box_of(flow: Flow) -> float | None:
     return flow.stated("box_width") or flow.stated("domain_size")
 
 
+def _box_width(flow: Flow, column: Column) -> float:
+    return box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+
+
+def cells_of(flow: Flow, column: Column) -> int:
+    """Cells across the box on the grid of the solver that made the data, or else of the data."""
+    spacing = flow.stated("grid_spacing_of_solver") or spacings(flow)[0]
+    whole = CELLS_MULTIPLE * round(_box_width(flow, column) / spacing / CELLS_MULTIPLE)
+    return min(max(whole, FEWEST_CELLS), MOST_CELLS)
+
+
 def collapse_of(
     flow: Flow, column: Column, law: tuple[float, float, float], cells: int | None
 ) -> Collapse:
@@ -113,13 +124,9 @@ def collapse_of(
         law: (mu_s, mu_2, I0).
         cells: across the box, None for the grid of the data.
     """
-    width = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+    width, dx = _box_width(flow, column), spacings(flow)[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
-    dx = float(np.median(np.diff(flow.x)))
-    if cells is None:
-        finest = width / (flow.stated("grid_spacing_of_solver") or dx)
-        whole = CELLS_MULTIPLE * round(finest / CELLS_MULTIPLE)
-        cells = min(max(whole, FEWEST_CELLS), MOST_CELLS)
+    cells = cells_of(flow, column) if cells is None else cells
     mu_s, mu_2, I0 = law
     # The simulator has one density; that of a grain, in the inertial number, goes into d.
     denser = (flow.grain_density or flow.density) / flow.density

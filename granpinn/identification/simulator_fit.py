@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from granpinn.data import Flow
 from granpinn.identification.comparison import interpolation
-from granpinn.identification.resimulation import Column, collapse_of
+from granpinn.identification.resimulation import Column, cells_of, collapse_of
 from granpinn.results.findings import SimulatorFit
 from granpinn.simulation import Collapse
 from granpinn.simulation.progress import Silent
@@ -80,8 +80,7 @@ class Simulations:
     def __init__(self, flow: Flow, column: Column, I0: float, cells: int | None = None) -> None:
         """`cells`: across the box, by default those of the data and at most `CELLS`."""
         self.flow, self.column, self.I0 = flow, column, I0
-        finest = collapse_of(flow, column, (*law_at(np.log([0.3, 0.3])), I0), cells).cells
-        self.cells = cells or min(finest, CELLS)
+        self.cells = cells or min(cells_of(flow, column), CELLS)
         there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
         if len(there) > MOST_POINTS:
             kept = np.random.default_rng(0).choice(len(there), MOST_POINTS, replace=False)

@@ -132,8 +132,7 @@ class SimulatorFit:
         return (
             f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f} (noise alone "
             f"makes +- {self.std[0]:.4f}, {self.std[1]:.4f}; {self.runs} runs of {self.cells} "
-            f"cells, misfit "
-            f"{self.misfit_percent:.2f} %{doubt})"
+            f"cells, misfit {self.misfit_percent:.2f} %{doubt})"
         )
 
 
