@@ -1,11 +1,15 @@
 r"""The yardstick that knows the initial state: fit the simulator; and the bound.
 
-python -m bench.simulator_fit FLOW.h5 --cells 128 --json fit.json
-python -m bench.simulator_fit FLOW.h5 ... --noise 0.2 0.8 --draws 20 --points 66000 --json fit.json
-python -m bench.simulator_fit --bound --mu-s 0.6 --mu-2 0.84 --points 66000 --noise 0.02 0.2 0.8
+python -m bench.simulator_fit --bound --mu-s 0.6 --mu-2 0.84 --points 66000 --noise 0.02 0.2 0.8 \
+    --cells 512 --json bound.json
+python -m bench.simulator_fit FLOW.h5 ... --noise 0.2 0.8 --draws 20 --points 66000 \
+    --against bound.json --json fit.json
+python -m bench.simulator_fit FLOW.h5 --free-I0 --noise 0.02 --draws 20 --json I0.json
 
 The fit is that of `granpinn.train --resimulate` (granpinn/identification/simulator_fit.py), from
-the same start for every flow and draw of the noise; draws share the runs. --bound turns central
+the same start for every flow and draw of the noise, I0 included where it is free; draws share the
+runs. --against puts the bound of the same law beside the errors, the joint one where I0 is free.
+--bound turns central
 differences at a known law into the Cramer-Rao bound: the standard deviation that no unbiased
 estimate from N velocity vectors with white noise can beat, I0 known or not. What bands and rounding
 add to the differences would pass for information; it drops out of the product of the differences on
@@ -30,23 +34,34 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.machine import describe
-from bench.noise_study import thinned
-from granpinn.data import add_noise, read_flow
+from bench.noise_study import read_bounds, statistics, thinned, where_bounded
+from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
+from granpinn.identification.comparison import interpolation
+from granpinn.identification.law_runs import LawRuns, side_by_side
 from granpinn.identification.resimulation import collapse_of, initial_column
-from granpinn.identification.simulator_fit import Simulations, at_data, fit, run_all
+from granpinn.identification.simulator_fit import fit
 from granpinn.results import plain
 from granpinn.simulation import Collapse
+from granpinn.simulation.progress import Silent
+from granpinn.simulation.recorder import Recorder
+from granpinn.simulation.run import record
 
 Array = npt.NDArray[np.float64]
 
 START = (0.3, 0.6)
+START_I0 = 0.7  # of the true one, where it is free
 NAMES = ("mu_s", "mu_2", "I0")
 BOXES = (1.0, 1.03)  # sizes of the box, and so of the cells, relative to that of the collapse
 
 
 def fit_draws(
-    path: Path, noise: Sequence[float], draws: int, points: int, cells: int
+    path: Path,
+    noise: Sequence[float],
+    draws: int,
+    points: int,
+    cells: int | None = None,
+    free_I0: bool = False,
 ) -> Iterator[dict[str, Any]]:
     """A row for every level of noise: errors and standard deviations of all draws in %."""
     flow = thinned(read_flow(path), points)
@@ -56,27 +71,48 @@ def fit_draws(
     column = initial_column(flow)
     if isinstance(column, str):
         raise SystemExit(f"bench.simulator_fit: {column}")
-    simulations = Simulations(flow, column, truth.I0 or 0.3, cells)
+    I0 = truth.I0 or 0.3
+    law = (truth.mu_s, truth.mu_2, I0)
+    names = NAMES if free_I0 else NAMES[:2]
+    runs = LawRuns(flow, column, START_I0 * I0 if free_I0 else I0, cells, free_I0)
     for sd in noise:
         begin = time.monotonic()
-        found = [fit(add_noise(flow, sd, seed), simulations, START) for seed in range(draws)]
-        errors = 100 * (np.array([[f.mu_s / truth.mu_s, f.mu_2 / truth.mu_2] for f in found]) - 1)
+        found = [fit(add_noise(flow, sd, seed), runs, START) for seed in range(draws)]
+        values = np.array([(f.mu_s, f.mu_2, f.I0 or I0) for f in found])[:, : len(names)]
+        stds = np.array([(*f.std, f.I0_std or 0.0) for f in found])[:, : len(names)]
+        errors = 100 * (values / law[: len(names)] - 1)
+        correlations = [f.correlation for f in found if f.correlation is not None]
         yield {
             "flow": path.name,
+            **dict(zip(NAMES, law, strict=True)),
             "noise": sd,
-            "points": len(simulations.points),
-            "cells": simulations.cells,
-            "errors_percent": errors.tolist(),
-            "std_percent": [
-                [100 * f.std[0] / truth.mu_s, 100 * f.std[1] / truth.mu_2] for f in found
-            ],
-            "rmse_percent": np.sqrt(np.mean(errors**2, axis=0)).tolist(),
-            "bias_percent": errors.mean(axis=0).tolist(),
+            "points": len(runs.points),
+            "cells": found[0].cells,
+            "names": names,
+            "draws_percent": errors.tolist(),
+            "std_percent": (100 * stds / law[: len(names)]).tolist(),
+            "errors_percent": {n: statistics(errors[:, k].tolist()) for k, n in enumerate(names)},
+            "correlation_mu_2_I0": float(np.mean(correlations)) if correlations else None,
             "misfit_percent": found[0].misfit_percent,
             "inside": sum(f.inside for f in found),
-            "runs": simulations.runs,
+            "runs": runs.made,
             "seconds": time.monotonic() - begin,
         }
+
+
+def with_bounds(
+    rows: Sequence[dict[str, Any]], bounds: Sequence[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Rows with the bound in % and the ratio of the RMSE to it, where their law is known."""
+
+    def compared(known: dict[str, Any], factor: float, rmse: dict[str, float]) -> dict[str, Any]:
+        grid = known["one_grid"]
+        joint = grid["joint_percent"] if "I0" in rmse else {n: grid[f"{n}_percent"] for n in rmse}
+        least = {n: joint[n] * factor for n in rmse}
+        ratios = {n: rmse[n] / least[n] if least[n] else None for n in rmse}
+        return {"bound_percent": least, "rmse_over_bound": ratios}
+
+    return where_bounded(rows, bounds, compared)
 
 
 def sensitivities(collapse: Collapse, nudge: float) -> tuple[Array, float]:
@@ -99,8 +135,18 @@ def sensitivities(collapse: Collapse, nudge: float) -> tuple[Array, float]:
         for name in NAMES
         for sign in (1, -1)
     ]
-    flows = run_all(changed, times)
-    v = [at_data(flow, flows[0]) for flow in flows]
+
+    def simulated(collapse: Collapse) -> Flow:
+        recorder = Recorder(collapse)
+        record(recorder, Silent(), times)
+        return recorder.flow()
+
+    flows = side_by_side(simulated, changed)
+    at = [interpolation(flow, flows[0]) for flow in flows]
+    v = [
+        np.stack([[at_k(frame) for frame in field] for field in (flow.u, flow.v)])
+        for at_k, flow in zip(at, flows, strict=True)
+    ]
     common = np.isfinite(sum(v)).all(axis=0)
     J = [(v[k][:, common] - v[k + 1][:, common]) / (2 * nudge) for k in range(0, len(v), 2)]
     together = np.stack([np.stack(J[:3], axis=-1), np.stack(J[3:], axis=-1)])
@@ -142,8 +188,9 @@ def bounds(options: argparse.Namespace) -> list[dict[str, Any]]:
     if mu_s is None or mu_2 is None:
         raise SystemExit("bench.simulator_fit: --bound needs --mu-s and --mu-2, or a file's own")
     if flow is None:
-        stride = max(1, round(options.cells / 128))
-        collapse = Collapse(mu_s, mu_2, I0=options.I0, cells=options.cells, stride=stride)
+        cells = options.cells or Collapse.cells
+        stride = max(1, round(cells / 128))
+        collapse = Collapse(mu_s, mu_2, I0=options.I0, cells=cells, stride=stride)
     else:
         column = initial_column(flow)
         if isinstance(column, str):
@@ -164,32 +211,45 @@ def bounds(options: argparse.Namespace) -> list[dict[str, Any]]:
                 f"{noise:6.2f}{row['points']:9d}  {name:<10}{part['mu_s_percent']:10.3f}"
                 f"{part['mu_2_percent']:9.3f}  {joint}"
             )
-        rows.append({"mu_s": mu_s, "mu_2": mu_2, "cells": options.cells, **row})
+        rows.append({"mu_s": mu_s, "mu_2": mu_2, "cells": collapse.cells, **row})
     return rows
 
 
 def fits(options: argparse.Namespace) -> list[dict[str, Any]]:
     """The fits of every file at every level of noise, printed."""
-    rows = []
+    rows, known = [], read_bounds(options.against)
     for path in options.flows:
         draws = options.draws if options.noise else 1
-        levels = options.noise or (0.0,)
-        for row in fit_draws(path, levels, draws, options.points or 0, options.cells):
-            rmse, bias = row["rmse_percent"], row["bias_percent"]
-            print(
-                f"{path.name:<28} noise {row['noise']:.2f}  mu_s {rmse[0]:.2f} ({bias[0]:+.2f})  "
-                f"mu_2 {rmse[1]:.2f} ({bias[1]:+.2f}) %  {row['inside']} of {draws} enclosed, "
-                f"{row['runs']} runs, {row['seconds']:.0f} s",
-                flush=True,
-            )
-            rows.append(row)
+        levels, points = options.noise or (0.0,), options.points or 0
+        for row in fit_draws(path, levels, draws, points, options.cells, options.free_I0):
+            rows += with_bounds([row], known)
+            print(text(rows[-1], draws), flush=True)
     return rows
+
+
+def text(row: dict[str, Any], draws: int) -> str:
+    """RMSE (bias) and its ratio to the bound for every unknown; of one draw it is the error."""
+    parts = []
+    for k, name in enumerate(row["names"]):
+        s = row["errors_percent"][name]
+        part = f"{name} {s['rmse']:.2f} ({s['bias']:+.2f})"
+        if draws == 1:
+            part = f"{name} {row['draws_percent'][0][k]:+.2f}"
+        ratio = row.get("rmse_over_bound", {}).get(name)
+        parts.append(part if ratio is None else f"{part} = {ratio:.2f} x bound")
+    return (
+        f"{row['flow']} noise {row['noise']:.2f}, {row['points']} vectors, {row['cells']} cells: "
+        f"{', '.join(parts)} %; {row['inside']} of {draws} enclosed, {row['runs']} runs, "
+        f"{row['seconds']:.0f} s"
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("flows", type=Path, nargs="*", help="flow files")
-    parser.add_argument("--cells", type=int, default=128, help="of the simulations")
+    parser.add_argument("--cells", type=int, help="of the simulations; default: the data's own")
+    parser.add_argument("--free-I0", action="store_true", help="fit I0 too")
+    parser.add_argument("--against", type=Path, nargs="+", default=[], help="files of --bound")
     parser.add_argument("--noise", type=float, nargs="+", help="sd relative to the largest speed")
     parser.add_argument("--draws", type=int, default=1, help="of the noise, at each level")
     parser.add_argument("--nudge", type=float, default=0.02, help="of the bound's differences")

@@ -24,8 +24,8 @@ from granpinn.data import FlowFileError, add_noise, read_flow
 from granpinn.identification import comparison, resimulation, simulator_fit
 from granpinn.identification.identification import identify
 from granpinn.identification.inertial_profile import profile_I0
+from granpinn.identification.law_runs import LawRuns
 from granpinn.identification.resimulation import Column
-from granpinn.identification.simulator_fit import Simulations
 from granpinn.results.findings import Resimulation
 from granpinn.simulation import SimulationError
 from granpinn.simulation import progress as simulation_progress
@@ -95,9 +95,9 @@ def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimul
     summary, compared = resimulation.resimulate(flow, found, cells, simulation_progress.automatic())
     if summary.column is not None:
         seen = add_noise(flow, config.noise, config.seed)
-        simulations = Simulations(seen, Column(*summary.column), found.I0.value, cells)
         start = found.mu_s.value, found.mu_2.value
-        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, simulations, start))
+        runs = LawRuns(seen, Column(*summary.column), found.I0.value, cells, config.free_I0)
+        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, runs, start))
     comparison.write_comparison(summary, compared, folder / comparison.FILE)
     return summary
 

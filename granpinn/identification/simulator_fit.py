@@ -5,168 +5,139 @@ the equations of the whole box, and where the data come from such a box it uses 
 (docs/method.md, section 5). Where shear bands decide (mu_s of 0.6), or the walls are others, it is
 the one that errs.
 
-The simulated velocity is taken as a quadratic function of q = (log mu_s, log(mu_2 - mu_s)) at every
-point, fitted to runs at nine nodes of a lattice around the start:
+The simulated velocity is taken as a quadratic function of the law q at every point
+(response_surface.py), fitted to runs at the nodes of a lattice around the start (law_runs.py): nine
+for mu_s and mu_2, 15 where I0 is free,
 
 $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
 
-Differences of single runs hold what bands and rounding do; over nine runs that averages out. Where
-the least misfit lies beyond the nodes, they move there, and apart where it is far away.
+Differences of single runs hold what bands and rounding do; over the nodes that averages out. Where
+the least misfit lies beyond the nodes, they move there, and apart where it is far away. From afar
+the search goes on a grid of at most 256 cells across the box; it ends on that of the data.
 """
 
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
-from granpinn.identification.comparison import interpolation
-from granpinn.identification.resimulation import Column, cells_of, collapse_of
+from granpinn.identification.law_runs import SPACING, Array32, LawRuns
+from granpinn.identification.response_surface import REACH, Surface, composite
 from granpinn.results.findings import SimulatorFit
-from granpinn.simulation import Collapse
-from granpinn.simulation.progress import Silent
-from granpinn.simulation.recorder import Recorder
-from granpinn.simulation.run import record
 
 Array = npt.NDArray[np.float64]
-Node = tuple[int, int]
 
-CELLS = 256  # across the box, at most
-SPACING = np.array([0.03, 0.15])  # of the lattice, in q
-ROUNDS = 10  # of nine nodes, at most
-REACH = 2.0  # distances between nodes from the middle one: the quadratic is not trusted beyond
-WIDEST = 4  # spacings between two nodes, at most
-NEWTON_STEPS = 8
-MOST_POINTS = 100_000
-PLACES = [*product((-1, 0, 1), repeat=2)]
+ROUNDS = 12  # of all nodes, at most, on each grid
+USUAL = 4  # spacings of the lattice between two nodes
+WIDEST = 16  # at most
+APART = 3.0  # standard deviations between two nodes from which on they come closer
+FARTHEST_I0 = 10.0  # times the given one, or a tenth
+CHUNK = 1 << 16  # points at a time
 
 
-def law_at(q: Array) -> tuple[float, float]:
-    """(mu_s, mu_2) at q."""
-    return math.exp(q[0]), math.exp(q[0]) + math.exp(q[1])
+class Minimum(NamedTuple):
+    """Of the misfit over the laws.
+
+    Attributes:
+        q: where it is.
+        inside: whether it lies among the nodes, one spacing apart.
+        covariance: of q, by the scatter of the misfit.
+        misfit: of the velocity, relative to its root mean square.
+        common: share of the points that all runs and the data have.
+    """
+
+    q: Array
+    inside: bool
+    covariance: Array
+    misfit: float
+    common: float
 
 
-def run_all(collapses: Sequence[Collapse], times: Sequence[float]) -> list[Flow]:
-    """Simulate side by side on all cores."""
-    cores = len(os.sched_getaffinity(0))
-    threads = max(1, cores // len(collapses))
-
-    def one(collapse: Collapse) -> Flow:
-        recorder = Recorder(replace(collapse, threads=threads))
-        record(recorder, Silent(), times)
-        return recorder.flow()
-
-    with ThreadPoolExecutor(min(cores, len(collapses))) as pool:
-        return list(pool.map(one, collapses))
-
-
-def at_data(simulated: Flow, flow: Flow) -> Array:
-    """The simulated velocity at the points of the data [2, T, Y, X]; NaN where there is none."""
-    at = interpolation(simulated, flow)
-    return np.stack([[at(frame) for frame in field] for field in (simulated.u, simulated.v)])
-
-
-class Simulations:
-    """Runs at the nodes of the lattice, at the points of a flow; each is made once."""
-
-    def __init__(self, flow: Flow, column: Column, I0: float, cells: int | None = None) -> None:
-        """`cells`: across the box, by default those of the data and at most `CELLS`."""
-        self.flow, self.column, self.I0 = flow, column, I0
-        self.cells = cells or min(cells_of(flow, column), CELLS)
-        there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
-        if len(there) > MOST_POINTS:
-            kept = np.random.default_rng(0).choice(len(there), MOST_POINTS, replace=False)
-            there = there[np.sort(kept)]
-        self.points = there
-        self._found: dict[Node, Array] = {}
-
-    @property
-    def runs(self) -> int:
-        return len(self._found)
-
-    def velocities(self, nodes: Sequence[Node]) -> Array:
-        """The velocity at the points of every node, [nodes, 2, points]."""
-        missing = [node for node in nodes if node not in self._found]
-        if missing:
-            collapses = [
-                collapse_of(
-                    self.flow, self.column, (*law_at(np.array(node) * SPACING), self.I0), self.cells
-                )
-                for node in missing
-            ]
-            for node, run in zip(missing, run_all(collapses, self.flow.t.tolist()), strict=True):
-                v = at_data(run, self.flow)
-                self._found[node] = v.reshape(2, -1)[:, self.points]
-        return np.stack([self._found[node] for node in nodes])
-
-
-def fit(flow: Flow, simulations: Simulations, start: tuple[float, float]) -> SimulatorFit:
+def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     """The law of the least misfit, from a start.
 
     Args:
-        flow: the data on the points of the simulations, with their noise.
-        start: (mu_s, mu_2).
+        flow: the data on the points of the runs, with their noise.
+        start: (mu_s, mu_2), with the I0 of the runs.
 
     Raises:
         SimulationError: a solve did not converge.
     """
     begin = time.monotonic()
-    data = np.stack([flow.u, flow.v]).reshape(2, -1)[:, simulations.points].astype(np.float64)
-    q = np.log([start[0], start[1] - start[0]])
-    wide = 1
-    for _ in range(ROUNDS):
-        middle = np.round(q / SPACING).astype(int)
-        nodes = [(int(middle[0]) + wide * i, int(middle[1]) + wide * j) for i, j in PLACES]
-        v = simulations.velocities(nodes)
-        common = np.isfinite(v).all(axis=(0, 1)) & np.isfinite(data).all(axis=0)
-        target = data[:, common].ravel()
-        offset, J, misfit = _least(v[:, :, common].reshape(len(nodes), -1), target)
-        q = (middle + wide * offset) * SPACING
-        far = float(np.abs(offset).max())
-        inside = wide == 1 and far <= 1
-        if inside:
-            break
-        wide = min(2 * wide, WIDEST) if far >= REACH else 1 if far <= 1 else wide
-    variance = float(misfit @ misfit) / max(1, len(misfit) - 2)
-    covariance = variance * np.linalg.inv(J.T @ J) * np.outer(wide * SPACING, wide * SPACING)
-    mu_s, mu_2 = law_at(q)
-    to_law = np.array([[mu_s, 0.0], [mu_s, mu_2 - mu_s]])
-    std = np.sqrt(np.diag(to_law @ covariance @ to_law.T))
+    data = np.stack([flow.u, flow.v]).reshape(2, -1)[:, runs.points]
+    mu_s, mu_2 = start
+    q = np.log([mu_s, mu_2 - mu_s])
+    for cells, unknowns in runs.stages:
+        last = (cells, unknowns) == runs.stages[-1]
+        found = search(data, runs, cells, np.append(q, np.zeros(unknowns - len(q))), last)
+        q = found.q
+    free = len(q) == 3
+    mu_s, mu_2, I0 = runs.law_at(q)
+    to_law = runs.law_by_q(q)
+    covariance = to_law @ found.covariance @ to_law.T
+    std = np.sqrt(np.diag(covariance)).tolist()
     return SimulatorFit(
         mu_s=mu_s,
         mu_2=mu_2,
-        std=(float(std[0]), float(std[1])),
-        misfit_percent=100 * float(np.linalg.norm(misfit) / np.linalg.norm(target)),
-        common_percent=100 * float(common.mean()),
-        inside=inside,
-        cells=simulations.cells,
-        runs=simulations.runs,
+        std=(std[0], std[1]),
+        misfit_percent=100 * found.misfit,
+        common_percent=100 * found.common,
+        inside=found.inside,
+        cells=cells,
+        runs=runs.made,
         seconds=time.monotonic() - begin,
+        I0=I0 if free else None,
+        I0_std=std[2] if free else None,
+        correlation=float(covariance[1, 2]) / (std[1] * std[2]) if free else None,
     )
 
 
-def _least(values: Array, target: Array) -> tuple[Array, Array, Array]:
-    """Offset from the middle node with the least misfit, J = dv/d offset there, and the misfit.
+def search(data: Array32, runs: LawRuns, cells: int, q: Array, last: bool = True) -> Minimum:
+    """The least misfit to data [2, n] on one grid, from q; nodes come closer on the last only."""
+    places = composite(len(q))
+    surface, unit = Surface(places), SPACING[: len(q)]
+    wide, seen = USUAL, set()
+    for _ in range(ROUNDS):
+        spacing = wide * unit
+        middle = wide * np.round(q / spacing).astype(int)
+        nodes = [tuple((middle + wide * np.array(place)).tolist()) for place in places]
+        S, energy, common = products(runs.velocities(cells, nodes), data)
+        nearest = surface.nearest(S)
+        q = middle * unit + nearest.x * spacing
+        q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
+        values = 2 * round(common * data.shape[1])
+        variance = nearest.misfit / max(1, values - len(q))
+        covariance = variance * np.linalg.pinv(nearest.information)
+        far, std = np.abs(nearest.x).max(), np.sqrt(np.diag(covariance))
+        limited = np.abs(q[2:]) >= math.log(FARTHEST_I0)
+        inside = bool(far <= 1) and wide <= USUAL and not limited.any()
+        closer = last and wide > 1 and bool((APART * std < 1).all())
+        if (inside and not closer) or (nodes[0], wide) in seen:
+            break
+        seen.add((nodes[0], wide))
+        if far >= REACH:
+            wide = min(2 * wide, WIDEST)
+        elif far <= 1:
+            wide = wide // 2 if inside else USUAL
+    covariance *= np.outer(spacing, spacing)
+    return Minimum(q, inside, covariance, (nearest.misfit / energy) ** 0.5, common)
 
-    Args:
-        values: at the nine nodes [9, n]; target: [n].
-    """
-    i, j = np.array(PLACES, float).T
-    terms = np.stack([np.ones(9), i, j, i * i, i * j, j * j], axis=1)
-    a = np.linalg.lstsq(terms, values, rcond=None)[0]
-    x = np.zeros(2)
-    for k in range(NEWTON_STEPS + 1):
-        J = np.stack([a[1] + 2 * x[0] * a[3] + x[1] * a[4], a[2] + x[0] * a[4] + 2 * x[1] * a[5]])
-        found = np.array([1, x[0], x[1], x[0] ** 2, x[0] * x[1], x[1] ** 2]) @ a
-        misfit = target - found
-        if k < NEWTON_STEPS:
-            x = np.clip(x + np.linalg.solve(J @ J.T, J @ misfit), -REACH, REACH)
-    return x, J.T, misfit
+
+def products(values: Sequence[Array32], data: Array32) -> tuple[Array, float, float]:
+    """S_kl = (v_k - d) (v_l - d), d d, and the share of the points where none is NaN."""
+    K, n = len(values), data.shape[1]
+    S, energy, common = np.zeros((K, K)), 0.0, 0
+    for part in (slice(k, k + CHUNK) for k in range(0, n, CHUNK)):
+        d, v = data[:, part].astype(np.float64), np.stack([value[:, part] for value in values])
+        known = np.isfinite(d).all(axis=0) & np.isfinite(v).all(axis=(0, 1))
+        misfits = (v - d)[:, :, known].reshape(K, -1)
+        S += misfits @ misfits.T
+        energy += float((d[:, known] ** 2).sum())
+        common += int(known.sum())
+    return S, energy, common / n

@@ -113,7 +113,8 @@ class SimulatorFit:
         misfit_percent: of the velocity, relative to its root mean square.
         common_percent: share of the points that all simulations have.
         inside: whether the least misfit lies among the laws that were simulated.
-        cells: across the box; runs: simulations.
+        cells: across the box, of the last ones; runs: all simulations.
+        I0, I0_std, correlation: where I0 was fitted too, and its correlation with mu_2; else None.
     """
 
     mu_s: float
@@ -125,14 +126,21 @@ class SimulatorFit:
     cells: int
     runs: int
     seconds: float
+    I0: float | None = None
+    I0_std: float | None = None
+    correlation: float | None = None
 
     def __str__(self) -> str:
         """The line for the terminal."""
         doubt = "" if self.inside else "; NOT a minimum: the laws tried do not enclose it"
+        third = "" if self.I0 is None else f", I0 {self.I0:.4f}"
+        third_std = "" if self.I0_std is None else f", {self.I0_std:.4f}"
+        if self.correlation is not None:
+            third_std += f", correlation of mu_2 with I0 {self.correlation:+.2f}"
         return (
-            f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f} (noise alone "
-            f"makes +- {self.std[0]:.4f}, {self.std[1]:.4f}; {self.runs} runs of {self.cells} "
-            f"cells, misfit {self.misfit_percent:.2f} %{doubt})"
+            f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f}{third} (noise "
+            f"alone makes +- {self.std[0]:.4f}, {self.std[1]:.4f}{third_std}; {self.runs} runs, "
+            f"the last on {self.cells} cells, misfit {self.misfit_percent:.2f} %{doubt})"
         )
 
 

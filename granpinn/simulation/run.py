@@ -6,16 +6,24 @@ import os
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from granpinn.data.flow import Flow
 from granpinn.data.writer import write_flow
-from granpinn.simulation.engine import Engine
+from granpinn.simulation.engine import Engine, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 
 DEMO = "collapse_0.40_0.64.h5"
+
+
+class Taker(Protocol):
+    """Who takes the frames of a run: a Recorder, or one that keeps less of them."""
+
+    collapse: Collapse
+
+    def add(self, time: float, state: State) -> None: ...
 
 
 def simulate(
@@ -54,9 +62,9 @@ def simulate(
     return recorder.flow()
 
 
-def record(recorder: Recorder, listener: Silent, times: Sequence[float] | None = None) -> None:
-    """Runs the recorder's collapse and gives it every frame, or those at increasing `times`."""
-    collapse = recorder.collapse
+def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None) -> None:
+    """Runs the taker's collapse and gives it every frame, or those at increasing `times`."""
+    collapse = taker.collapse
     assert collapse.t_end is not None  # resolved
     engine = Engine(collapse)
     listener.start(collapse.t_end)
@@ -66,7 +74,7 @@ def record(recorder: Recorder, listener: Silent, times: Sequence[float] | None =
         for time in times:
             while time - engine.time > 1e-9 * collapse.t_end:
                 listener.show(engine.step(time - engine.time))
-            recorder.add(time, engine.state())
+            taker.add(time, engine.state())
     finally:
         listener.stop()
 

@@ -1,4 +1,7 @@
-"""The fit of the simulator finds the law of its own runs, and errs as much as it says."""
+"""The fit of the simulator finds the law of its own runs, and errs as much as it says.
+
+The surface is exact where the values are quadratic, and its products know no more than the points.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,17 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
-from granpinn.identification import simulator_fit
+from granpinn.identification import law_runs, simulator_fit
+from granpinn.identification.comparison import interpolation
+from granpinn.identification.law_runs import AtPoints, LawRuns
 from granpinn.identification.resimulation import Column, initial_column
-from granpinn.identification.simulator_fit import SPACING, Simulations, fit, law_at
+from granpinn.identification.response_surface import REACH, Surface, composite
+from granpinn.identification.simulator_fit import fit, products
 from granpinn.results.decoding import decode
 from granpinn.results.findings import Resimulation
 from granpinn.simulation import Collapse, simulate
+from granpinn.simulation.progress import Silent
+from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64)
 
@@ -25,14 +33,18 @@ def flow() -> Flow:
 
 
 @pytest.fixture(scope="module")
-def simulations(flow: Flow) -> Simulations:
+def runs(flow: Flow) -> LawRuns:
+    return law_runs_of(flow, 0.3)
+
+
+def law_runs_of(flow: Flow, I0: float, cells: int | None = None, free_I0: bool = False) -> LawRuns:
     column = initial_column(flow)
     assert isinstance(column, Column)
-    return Simulations(flow, column, 0.3)
+    return LawRuns(flow, column, I0, cells, free_I0)
 
 
-def test_it_finds_the_law_of_its_own_run(flow: Flow, simulations: Simulations) -> None:
-    found = fit(flow, simulations, (0.41, 0.68))
+def test_it_finds_the_law_of_its_own_run(flow: Flow, runs: LawRuns) -> None:
+    found = fit(flow, runs, (0.41, 0.68))
     assert found.inside
     assert found.cells == 64
     assert abs(found.mu_s / LAW[0] - 1) < 0.005
@@ -40,43 +52,134 @@ def test_it_finds_the_law_of_its_own_run(flow: Flow, simulations: Simulations) -
     assert found.misfit_percent < 1
 
 
-def test_a_far_start_ends_in_the_same_place(flow: Flow, simulations: Simulations) -> None:
-    near, far = fit(flow, simulations, (0.41, 0.68)), fit(flow, simulations, (0.25, 0.9))
+def test_a_far_start_ends_in_the_same_place(flow: Flow, runs: LawRuns) -> None:
+    near, far = fit(flow, runs, (0.41, 0.68)), fit(flow, runs, (0.25, 0.9))
     assert far.inside
     assert far.mu_s == pytest.approx(near.mu_s, rel=0.003)
     assert far.mu_2 == pytest.approx(near.mu_2, rel=0.01)
 
 
-def test_its_scatter_over_noise_is_the_stated_one(flow: Flow, simulations: Simulations) -> None:
-    clean = fit(flow, simulations, (0.41, 0.68))
-    draws = [fit(add_noise(flow, 0.03, seed), simulations, (0.41, 0.68)) for seed in range(24)]
+def test_its_scatter_over_noise_is_the_stated_one(flow: Flow, runs: LawRuns) -> None:
+    clean = fit(flow, runs, (0.41, 0.68))
+    draws = [fit(add_noise(flow, 0.03, seed), runs, (0.41, 0.68)) for seed in range(24)]
     for name, k in (("mu_s", 0), ("mu_2", 1)):
         pulls = [(getattr(f, name) - getattr(clean, name)) / f.std[k] for f in draws]
         assert 0.65 < float(np.sqrt(np.mean(np.square(pulls)))) < 1.5  # 24 draws: 1 +- 0.15
 
 
-def test_runs_are_made_once(flow: Flow, simulations: Simulations) -> None:
-    fit(flow, simulations, (0.41, 0.68))
-    before = simulations.runs
-    fit(flow, simulations, (0.41, 0.68))
-    assert simulations.runs == before
+def test_runs_are_made_once(flow: Flow, runs: LawRuns) -> None:
+    fit(flow, runs, (0.41, 0.68))
+    before = runs.made
+    fit(flow, runs, (0.41, 0.68))
+    assert runs.made == before
 
 
 def test_a_minimum_that_is_not_enclosed_is_said(
-    flow: Flow, simulations: Simulations, monkeypatch: pytest.MonkeyPatch
+    flow: Flow, runs: LawRuns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(simulator_fit, "ROUNDS", 1)
-    found = fit(flow, simulations, (0.25, 0.9))
+    found = fit(flow, runs, (0.25, 0.9))
     assert not found.inside
     assert "NOT a minimum" in str(found)
 
 
-def test_the_record_survives_results_json(flow: Flow, simulations: Simulations) -> None:
-    found = fit(flow, simulations, (0.41, 0.68))
+def test_the_record_survives_results_json(flow: Flow, runs: LawRuns) -> None:
+    found = fit(flow, runs, (0.41, 0.68))
     record = Resimulation(None, 64, (1.0, 10.0), fit=found)
     assert decode(Resimulation, json.loads(json.dumps(dataclasses.asdict(record)))) == record
 
 
-def test_the_lattice_of_laws() -> None:
-    mu_s, mu_2 = law_at(np.array([-30, -10]) * SPACING)
+def test_I0_is_found_from_a_wrong_one(flow: Flow) -> None:
+    """mu_2 and I0 move together; the slope at small I is what is known best."""
+    found = fit(flow, law_runs_of(flow, 0.22, free_I0=True), (0.41, 0.68))
+    assert found.inside
+    assert found.I0 is not None
+    assert found.I0_std is not None
+    assert found.correlation is not None
+    assert found.correlation > 0.8
+    assert abs(found.mu_s / LAW[0] - 1) < 0.005
+    assert abs(found.mu_2 / LAW[1] - 1) < 0.02
+    assert abs(found.I0 / 0.3 - 1) < 0.05
+    slope = (found.mu_2 - found.mu_s) / found.I0
+    assert abs(slope / ((LAW[1] - LAW[0]) / 0.3) - 1) < 0.02
+    assert f"I0 {found.I0:.4f}" in str(found)
+    assert "correlation of mu_2 with I0 +" in str(found)
+    record = Resimulation(None, 64, (1.0, 10.0), fit=found)
+    assert decode(Resimulation, json.loads(json.dumps(dataclasses.asdict(record)))) == record
+
+
+def test_the_last_search_is_on_the_cells_of_the_data(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(law_runs, "COARSE_CELLS", (40, 48, 128))
+    runs = law_runs_of(flow, 0.3)
+    assert runs.stages == [(40, 2), (48, 2), (64, 2)]
+    assert law_runs_of(flow, 0.3, 48, True).stages == [(40, 2), (40, 3), (48, 3)]
+    found = fit(flow, runs, (0.3, 0.8))
+    assert found.cells == 64
+    assert found.inside
+    assert abs(found.mu_s / LAW[0] - 1) < 0.005
+    assert abs(found.mu_2 / LAW[1] - 1) < 0.01
+
+
+def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
+    column = initial_column(flow)
+    assert isinstance(column, Column)
+    collapse = law_runs.collapse_of(flow, column, (*LAW, 0.3), 48)
+    points = np.flatnonzero(flow.valid)[::7]
+    taken = AtPoints(collapse, flow, points)
+    record(taken, Silent(), flow.t.tolist())
+    whole = simulate(collapse)
+    at = interpolation(whole, flow)
+    expected = np.stack([[at(frame) for frame in field] for field in (whole.u, whole.v)])
+    np.testing.assert_array_equal(
+        taken.velocity(), expected.reshape(2, -1)[:, points].astype(np.float32)
+    )
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_surface_is_exact_for_quadratic_values(dimension: int, seed: int) -> None:
+    rng, places = np.random.default_rng(seed), composite(dimension)
+    a, b = rng.normal(size=50), rng.normal(size=(dimension, 50))
+    C = 0.1 * rng.normal(size=(dimension, dimension, 50))
+
+    def v(x: np.ndarray) -> np.ndarray:
+        return a + x @ b + np.einsum("i,ijn,j", x, C, x)
+
+    surface, x = Surface(places), np.array([0.3, -0.7, 1.1])[:dimension]
+    misfits = np.stack([v(np.array(place, float)) - v(x) for place in places])
+    found = surface.nearest(misfits @ misfits.T)
+    np.testing.assert_allclose(found.x, x, atol=1e-6)
+    assert abs(found.misfit) < 1e-9
+    J = b + np.einsum("ijn,j->in", C + C.swapaxes(0, 1), x)
+    np.testing.assert_allclose(found.information, J @ J.T, rtol=1e-6)
+    beyond = np.stack([v(np.array(place, float)) - v(10 * x) for place in places])
+    assert np.abs(surface.nearest(beyond @ beyond.T).x).max() == REACH
+
+
+def test_products_are_over_the_points_that_all_have(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulator_fit, "CHUNK", 7)
+    v = np.random.default_rng(seed).normal(size=(4, 2, 30)).astype(np.float32)
+    v[1, 0, 3] = v[3, 1, 20] = np.nan
+    S, energy, common = products([*v[:3]], v[3])
+    kept = np.delete(v.astype(np.float64), [3, 20], axis=2)
+    misfits = (kept[:3] - kept[3]).reshape(3, -1)
+    np.testing.assert_allclose(S, misfits @ misfits.T)
+    assert energy == pytest.approx((kept[3] ** 2).sum())
+    assert common == pytest.approx(28 / 30)
+
+
+def test_the_lattice_of_laws(runs: LawRuns) -> None:
+    q = np.array([-1.0, -1.5, 0.2])
+    mu_s, mu_2, I0 = runs.law_at(q)
     assert 0 < mu_s < mu_2
+    assert runs.law_at(q[:2])[2] == 0.3
+    assert (mu_2 - mu_s) / I0 == pytest.approx(
+        (runs.law_at(q[:2])[1] - mu_s) / 0.3
+    )  # the slope is an axis
+    h = 1e-6
+    for k, one in enumerate(np.eye(3)):
+        change = (np.array(runs.law_at(q + h * one)) - np.array(runs.law_at(q - h * one))) / (2 * h)
+        np.testing.assert_allclose(runs.law_by_q(q)[:, k], change, atol=1e-8)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.regression_yardstick import identify, smooth
-from bench.simulator_fit import bound, fit_draws, sensitivities
+from bench.simulator_fit import bound, fit_draws, sensitivities, with_bounds
 from granpinn.data import read_flow, write_flow
 from granpinn.identification.scoring import difference
 from granpinn.simulation import Collapse, demo_path, simulate
@@ -45,11 +45,23 @@ def test_the_simulator_is_fitted_to_its_own_run(tmp_path: Path) -> None:
     write_flow(flow, tmp_path / "own.h5")
     clean, noisy = fit_draws(tmp_path / "own.h5", (0.0, 0.05), 2, 0, 64)
     assert clean["inside"] == 2
-    assert clean["errors_percent"][0] == clean["errors_percent"][1]
-    assert clean["rmse_percent"][0] < 0.5
-    assert clean["rmse_percent"][1] < 2
+    assert clean["draws_percent"][0] == clean["draws_percent"][1]
+    assert clean["errors_percent"]["mu_s"]["rmse"] < 0.5
+    assert clean["errors_percent"]["mu_2"]["rmse"] < 2
     assert noisy["misfit_percent"] > clean["misfit_percent"]
-    assert noisy["errors_percent"][0] != noisy["errors_percent"][1]
+    assert noisy["draws_percent"][0] != noisy["draws_percent"][1]
+
+
+def test_errors_stand_beside_the_bound_of_their_law() -> None:
+    grid = {"mu_s_percent": 0.1, "mu_2_percent": 0.2}
+    grid["joint_percent"] = {"mu_s": 0.3, "mu_2": 0.4, "I0": 1.0}
+    known = {"mu_s": 0.4, "mu_2": 0.64, "noise": 0.1, "points": 400, "one_grid": grid}
+    row = {"mu_s": 0.4, "mu_2": 0.64, "noise": 0.2, "points": 100}
+    rmse = {"mu_s": {"rmse": 0.8}, "mu_2": {"rmse": 0.8}}
+    (two,) = with_bounds([row | {"errors_percent": rmse}], [known])
+    assert two["rmse_over_bound"] == pytest.approx({"mu_s": 2, "mu_2": 1})
+    (three,) = with_bounds([row | {"errors_percent": rmse | {"I0": {"rmse": 4}}}], [known])
+    assert three["rmse_over_bound"] == pytest.approx({"mu_s": 0.8 / 1.2, "mu_2": 0.5, "I0": 1})
 
 
 def test_the_bound_scales_as_it_must() -> None:
