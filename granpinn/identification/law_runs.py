@@ -33,7 +33,7 @@ Law = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
 T = TypeVar("T")
 
-SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
+SPACING = np.array([0.015, 0.075, 0.15])  # of the lattice, in q
 COARSE_CELLS = (128, 256)  # across the box, where a law is searched for from afar
 MOST_POINTS = 1 << 20  # 8 MB for every run
 

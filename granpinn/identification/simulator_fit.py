@@ -12,8 +12,8 @@ for mu_s and mu_2, 15 where I0 is free,
 $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
 
 Differences of single runs hold what bands and rounding do; over the nodes that averages out. Where
-the least misfit lies beyond the nodes, they move there, and apart where it is far away. From afar
-the search goes on a grid of at most 256 cells across the box; it ends on that of the data.
+the least misfit lies beyond the nodes, they move there, and apart where it is far away. The search
+begins on 128 cells across the box and ends on those of the data, with nodes half as far apart.
 """
 
 from __future__ import annotations
@@ -34,9 +34,8 @@ from granpinn.results.findings import SimulatorFit
 Array = npt.NDArray[np.float64]
 
 ROUNDS = 12  # of all nodes, at most, on each grid
-USUAL = 4  # spacings of the lattice between two nodes
-WIDEST = 16  # at most
-APART = 3.0  # standard deviations between two nodes from which on they come closer
+USUAL = 2  # spacings of the lattice between two nodes of a search from afar
+WIDEST = 8  # at most
 FARTHEST_I0 = 10.0  # times the given one, or a tenth
 CHUNK = 1 << 16  # points at a time
 
@@ -46,7 +45,7 @@ class Minimum(NamedTuple):
 
     Attributes:
         q: where it is.
-        inside: whether it lies among the nodes, one spacing apart.
+        inside: whether it lies among the nodes.
         covariance: of q, by the scatter of the misfit.
         misfit: of the velocity, relative to its root mean square.
         common: share of the points that all runs and the data have.
@@ -75,7 +74,8 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     q = np.log([mu_s, mu_2 - mu_s])
     for cells, unknowns in runs.stages:
         last = (cells, unknowns) == runs.stages[-1]
-        found = search(data, runs, cells, np.append(q, np.zeros(unknowns - len(q))), last)
+        q = np.append(q, np.zeros(unknowns - len(q)))
+        found = search(data, runs, cells, q, wide=1 if last else USUAL)
         q = found.q
     free = len(q) == 3
     mu_s, mu_2, I0 = runs.law_at(q)
@@ -98,11 +98,11 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     )
 
 
-def search(data: Array32, runs: LawRuns, cells: int, q: Array, last: bool = True) -> Minimum:
-    """The least misfit to data [2, n] on one grid, from q; nodes come closer on the last only."""
+def search(data: Array32, runs: LawRuns, cells: int, q: Array, wide: int) -> Minimum:
+    """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
     places = composite(len(q))
     surface, unit = Surface(places), SPACING[: len(q)]
-    wide, seen = USUAL, set()
+    seen = set()
     for _ in range(ROUNDS):
         spacing = wide * unit
         middle = wide * np.round(q / spacing).astype(int)
@@ -111,20 +111,19 @@ def search(data: Array32, runs: LawRuns, cells: int, q: Array, last: bool = True
         nearest = surface.nearest(S)
         q = middle * unit + nearest.x * spacing
         q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
-        values = 2 * round(common * data.shape[1])
-        variance = nearest.misfit / max(1, values - len(q))
-        covariance = variance * np.linalg.pinv(nearest.information)
-        far, std = np.abs(nearest.x).max(), np.sqrt(np.diag(covariance))
-        limited = np.abs(q[2:]) >= math.log(FARTHEST_I0)
-        inside = bool(far <= 1) and wide <= USUAL and not limited.any()
-        closer = last and wide > 1 and bool((APART * std < 1).all())
-        if (inside and not closer) or (nodes[0], wide) in seen:
+        far = float(np.abs(nearest.x).max())
+        limited = bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any())
+        inside = wide <= USUAL and far <= 1 and not limited
+        if inside or (nodes[0], wide) in seen:
             break
         seen.add((nodes[0], wide))
         if far >= REACH:
             wide = min(2 * wide, WIDEST)
         elif far <= 1:
-            wide = wide // 2 if inside else USUAL
+            wide = USUAL
+    values = 2 * round(common * data.shape[1])
+    variance = nearest.misfit / max(1, values - len(q))
+    covariance = variance * np.linalg.pinv(nearest.information)
     covariance *= np.outer(spacing, spacing)
     return Minimum(q, inside, covariance, (nearest.misfit / energy) ** 0.5, common)
 

@@ -11,6 +11,7 @@ import pytest
 
 from granpinn import report, results, train
 from granpinn.data import Flow, write_flow
+from granpinn.identification import simulator_fit
 from granpinn.identification.comparison import (
     compare,
     fronts,
@@ -168,8 +169,12 @@ def test_the_file_comes_back(flow: Flow, tmp_path: Path) -> None:
 
 
 def test_the_command_shows_it(
-    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
     flags = [
         "--steps",
         "6",
@@ -195,3 +200,22 @@ def test_the_command_shows_it(
     (out / "resimulation.json").write_text("{}")
     report.build(out)
     assert "resimulation.json could not be read" in (out / "report.html").read_text()
+
+
+def test_a_free_I0_is_fitted_by_the_simulator_too(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(train, "profile_I0", lambda *_, **__: None)
+    monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
+    out = tmp_path / "run"
+    few = ["--steps", "4", "--network.widths", "6,5", "--batch.interior", "16"]
+    assert train.main([str(flow_file), "--out", str(out), "--resimulate", "--free-I0", *few]) == 0
+    found = results.read_results(out / "results.json").resimulation
+    assert found is not None
+    assert found.fit is not None
+    assert found.fit.I0 is not None
+    assert found.fit.I0_std is not None
+    page = (out / "report.html").read_text()
+    assert f"{found.fit.I0:.4f} ± {found.fit.I0_std:.4f}" in page
+    assert f"{found.fit.correlation:+.2f}" in page
+    assert ("This is no minimum" in page) != found.fit.inside

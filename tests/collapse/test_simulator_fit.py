@@ -111,10 +111,10 @@ def test_I0_is_found_from_a_wrong_one(flow: Flow) -> None:
 def test_the_last_search_is_on_the_cells_of_the_data(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(law_runs, "COARSE_CELLS", (40, 48, 128))
+    monkeypatch.setattr(law_runs, "COARSE_CELLS", (48, 56, 128))
     runs = law_runs_of(flow, 0.3)
-    assert runs.stages == [(40, 2), (48, 2), (64, 2)]
-    assert law_runs_of(flow, 0.3, 48, True).stages == [(40, 2), (40, 3), (48, 3)]
+    assert runs.stages == [(48, 2), (56, 2), (64, 2)]
+    assert law_runs_of(flow, 0.3, 56, True).stages == [(48, 2), (48, 3), (56, 3)]
     found = fit(flow, runs, (0.3, 0.8))
     assert found.cells == 64
     assert found.inside
@@ -125,15 +125,16 @@ def test_the_last_search_is_on_the_cells_of_the_data(
 def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
     column = initial_column(flow)
     assert isinstance(column, Column)
-    collapse = law_runs.collapse_of(flow, column, (*LAW, 0.3), 48)
+    collapse = law_runs.collapse_of(flow, column, (*LAW, 0.3), 56)
     points = np.flatnonzero(flow.valid)[::7]
     taken = AtPoints(collapse, flow, points)
     record(taken, Silent(), flow.t.tolist())
     whole = simulate(collapse)
     at = interpolation(whole, flow)
     expected = np.stack([[at(frame) for frame in field] for field in (whole.u, whole.v)])
-    np.testing.assert_array_equal(
-        taken.velocity(), expected.reshape(2, -1)[:, points].astype(np.float32)
+    # The recorder rounds to float32 before the interpolation.
+    np.testing.assert_allclose(
+        taken.velocity(), expected.reshape(2, -1)[:, points], rtol=1e-5, atol=1e-6
     )
 
 
