@@ -5,5 +5,6 @@ prediction (fields on the grid), closure and closed_fields (the pressure that th
 where nothing flows), final_loss, scoring (errors against a reference),
 uncertainty and calibration (error bars, and the table behind them), conclusion (the result);
 where asked for, inertial_profile (which I0 the data allow), resimulation and comparison (simulate
-with the identified law, compare with the data), simulator_fit (the law that simulates them best).
+with the identified law, compare with the data), simulator_fit (the law that simulates them best)
+with law_runs and response_surface (its simulations, and the quadratic through them).
 """
