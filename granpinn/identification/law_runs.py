@@ -34,7 +34,7 @@ Node = tuple[int, ...]
 T = TypeVar("T")
 
 SPACING = np.array([0.015, 0.075, 0.15])  # of the lattice, in q
-COARSE_CELLS = (128, 256)  # across the box, where a law is searched for from afar
+COARSE_CELLS = 256  # across the box, at most, where a law is searched for from afar
 MOST_POINTS = 1 << 20  # 8 MB for every run
 
 
@@ -102,9 +102,9 @@ class LawRuns:
         """`I0`: known, or where it is free a guess; `cells`: by default those of the data."""
         self.flow, self.column, self.I0 = flow, column, I0
         finest = cells or cells_of(flow, column)
-        grids = [*(coarse for coarse in COARSE_CELLS if coarse < finest), finest]
-        self.stages = [(grids[0], 2), *((grid, 3 if free_I0 else 2) for grid in grids)]
-        self.stages = [*dict.fromkeys(self.stages)]
+        coarse, unknowns = min(finest, COARSE_CELLS), 3 if free_I0 else 2
+        # Each of them once, in this order: what is searched for from afar has fewer nodes.
+        self.stages = [*dict.fromkeys([(coarse, 2), (coarse, unknowns), (finest, unknowns)])]
         there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
         if len(there) > MOST_POINTS:
             kept = np.random.default_rng(0).choice(len(there), MOST_POINTS, replace=False)

@@ -13,7 +13,8 @@ $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min.
 
 Differences of single runs hold what bands and rounding do; over the nodes that averages out. Where
 the least misfit lies beyond the nodes, they move there, and apart where it is far away. The search
-begins on 128 cells across the box and ends on those of the data, with nodes half as far apart.
+begins on at most 256 cells across the box and ends on those of the data, with nodes half as far
+apart.
 """
 
 from __future__ import annotations
