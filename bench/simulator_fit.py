@@ -62,6 +62,7 @@ def fit_draws(
     points: int,
     cells: int | None = None,
     free_I0: bool = False,
+    start: tuple[float, float] = START,
 ) -> Iterator[dict[str, Any]]:
     """A row for every level of noise: errors and standard deviations of all draws in %."""
     flow = thinned(read_flow(path), points)
@@ -77,7 +78,7 @@ def fit_draws(
     runs = LawRuns(flow, column, START_I0 * I0 if free_I0 else I0, cells, free_I0)
     for sd in noise:
         begin = time.monotonic()
-        found = [fit(add_noise(flow, sd, seed), runs, START) for seed in range(draws)]
+        found = [fit(add_noise(flow, sd, seed), runs, start) for seed in range(draws)]
         values = np.array([(f.mu_s, f.mu_2, f.I0 or I0) for f in found])[:, : len(names)]
         stds = np.array([(*f.std, f.I0_std or 0.0) for f in found])[:, : len(names)]
         errors = 100 * (values / law[: len(names)] - 1)
@@ -88,6 +89,7 @@ def fit_draws(
             "noise": sd,
             "points": len(runs.points),
             "cells": found[0].cells,
+            "start": (*start, runs.I0),
             "names": names,
             "draws_percent": errors.tolist(),
             "std_percent": (100 * stds / law[: len(names)]).tolist(),
@@ -221,7 +223,8 @@ def fits(options: argparse.Namespace) -> list[dict[str, Any]]:
     for path in options.flows:
         draws = options.draws if options.noise else 1
         levels, points = options.noise or (0.0,), options.points or 0
-        for row in fit_draws(path, levels, draws, points, options.cells, options.free_I0):
+        start = tuple(options.start)
+        for row in fit_draws(path, levels, draws, points, options.cells, options.free_I0, start):
             rows += with_bounds([row], known)
             print(text(rows[-1], draws), flush=True)
     return rows
@@ -248,6 +251,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("flows", type=Path, nargs="*", help="flow files")
     parser.add_argument("--cells", type=int, help="of the simulations; default: the data's own")
+    parser.add_argument("--start", type=float, nargs=2, default=START, help="mu_s and mu_2")
     parser.add_argument("--free-I0", action="store_true", help="fit I0 too")
     parser.add_argument("--against", type=Path, nargs="+", default=[], help="files of --bound")
     parser.add_argument("--noise", type=float, nargs="+", help="sd relative to the largest speed")
