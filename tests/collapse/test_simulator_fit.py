@@ -114,7 +114,7 @@ def test_the_last_search_is_on_the_cells_of_the_data(
     monkeypatch.setattr(law_runs, "COARSE_CELLS", 48)
     runs = law_runs_of(flow, 0.3)
     assert runs.stages == [(48, 2), (64, 2)]
-    assert law_runs_of(flow, 0.3, 56, True).stages == [(48, 2), (48, 3), (56, 3)]
+    assert law_runs_of(flow, 0.3, 56, True).stages == [(48, 2), (56, 3)]
     found = fit(flow, runs, (0.3, 0.8))
     assert found.cells == 64
     assert found.inside
