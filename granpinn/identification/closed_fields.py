@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -38,9 +39,17 @@ def kept_after_training(config: Config) -> float:
 
 
 def close(
-    case: Case, run: Run, model: Model, maps: Fields, threads: int | None
+    case: Case,
+    run: Run,
+    model: Model,
+    maps: Fields,
+    threads: int | None,
+    pool: Executor | None = None,
 ) -> tuple[Fields, Closure]:
-    """The fields with `p_closed` where there is any, and the record of it."""
+    """The fields with `p_closed` where there is any, and the record of it.
+
+    `threads` or `pool` as in `closure.close`.
+    """
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -62,6 +71,7 @@ def close(
         settings.frames,
         settings.cells,
         threads=threads,
+        pool=pool,
         deadline=deadline,
         listener=say,
     )

@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -95,6 +96,19 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
         assert error(p, flow, k, rest) < 4
         depth = (flow.c[k] > 0.5).sum(axis=0) * (flow.y[1] - flow.y[0]) - flow.y[:, None]
         assert error(depth, flow, k, rest) > 20
+
+
+def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
+    alone, _ = closure.close(known.flow, LAW, known.velocity, 2, threads=1)
+    with ThreadPoolExecutor(2) as pool:
+        together = [
+            closure.close(known.flow, LAW, known.velocity, 2, pool=pool)[0] for _ in range(2)
+        ]
+        assert pool.submit(sum, (1, 2)).result() == 3
+    for closed in together:
+        assert list(closed) == list(alone) == [1, 3]
+        for k, p in closed.items():
+            np.testing.assert_array_equal(p, alone[k])
 
 
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:
