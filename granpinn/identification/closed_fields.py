@@ -32,9 +32,13 @@ CLOSING_PART = 0.5  # of what is kept: no frame is begun to be closed after it
 SAY_EVERY = 10.0  # seconds
 
 
-def kept_after_training(config: Config) -> float:
-    """Seconds of a time limit that are left when the training ends; 0 without a limit."""
-    wanted = AFTER_TRAINING + CLOSING * config.closure.frames / len(os.sched_getaffinity(0))
+def kept_after_training(config: Config, members: int) -> float:
+    """Seconds of a time limit that are left when so many networks are trained; 0 without one.
+
+    Of `config.members` networks one is shown, and its pressure closed.
+    """
+    frames = config.closure.frames * max(1, members // config.members)
+    wanted = AFTER_TRAINING + CLOSING * frames / len(os.sched_getaffinity(0))
     return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
@@ -60,7 +64,8 @@ def close(
 
     deadline = None
     if run.deadline is not None:
-        deadline = run.deadline + CLOSING_PART * kept_after_training(case.config)
+        kept = kept_after_training(case.config, len(run.training.params))
+        deadline = run.deadline + CLOSING_PART * kept
     flow = case.flow
     mu_s, mu_2, I0 = model.theta.tolist()
     settings = case.config.closure

@@ -193,7 +193,8 @@ def start(
     objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
-        deadline = begin + config.max_time - closed_fields.kept_after_training(config)
+        kept = closed_fields.kept_after_training(config, len(cases))
+        deadline = begin + config.max_time - kept
     progress = progress or Silent()
     run = Run(objective, config, folder, progress, deadline, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
