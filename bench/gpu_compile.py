@@ -21,7 +21,7 @@ from typing import Any
 import torch
 
 from bench.processes import run_lines
-from bench.rivals import LAST_RIVAL, OTHER_RIVALS, QUICK_RIVALS, Rival, Sizes
+from bench.rivals import FUNCTIONAL, OTHER_RIVALS, QUICK_RIVALS, Rival, Sizes
 from bench.steps import make_task
 
 THREADS = "2"  # of each process: they are many
@@ -34,7 +34,8 @@ def compiling(
     """Compiles some rivals while the block runs, which measures no time; then waits for them.
 
     Yields:
-        what becomes the record of it: how many, seconds, and the failures with their reasons.
+        what becomes the record of it: how many rows, which are "ready" (name, form, points),
+        seconds, and the failures with their reasons.
     """
     leave_configurations_open()
     wanted = [
@@ -57,10 +58,16 @@ def compiling(
 
     record: dict[str, Any] = {"rows": len(wanted)}
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        reasons = pool.map(one, wanted)
+        found = pool.map(one, wanted)
         yield record
-        record["failures"] = [reason for reason in reasons if reason]
+        reasons = list(found)
     record["seconds"] = time.monotonic() - begin
+    record["failures"] = [reason for reason in reasons if reason]
+    record["ready"] = [
+        (rival.name, form, points)
+        for (rival, form, points), reason in zip(wanted, reasons, strict=True)
+        if not reason
+    ]
 
 
 def leave_configurations_open() -> None:
@@ -72,7 +79,7 @@ def leave_configurations_open() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    every = {rival.name: rival for rival in (*QUICK_RIVALS, *OTHER_RIVALS, LAST_RIVAL)}
+    every = {rival.name: rival for rival in (*QUICK_RIVALS, *OTHER_RIVALS, FUNCTIONAL)}
     parser.add_argument("--rival", choices=every, required=True)
     parser.add_argument("--form", choices=["strong", "mixed"], required=True)
     parser.add_argument("--points", type=int, required=True)

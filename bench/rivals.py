@@ -20,6 +20,7 @@ OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: launching it costs as much as the step
 STEPS_PER_GRAPH = 10
 STEPS_OF_A_ROW = 14  # at least, warming up and capturing included (bench/device.py)
+READY_SECONDS = 8.0  # of a row that is compiled, at most
 MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
@@ -57,7 +58,7 @@ OTHER_RIVALS = [
     Rival("torch eager autograd + graph", eager_step, True),
     Rival("Taylor jets, torch eager", jets_step, False),
 ]
-LAST_RIVAL = Rival(
+FUNCTIONAL = Rival(
     "torch.func jvp, torch.compile + graph",
     partial(functional_step, compiled=True),
     graph=True,
@@ -116,11 +117,16 @@ def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) 
     return f"would need {expected:.0f} GB, more than {MOST_MEMORY / 1e9:.0f}"
 
 
-def expected_seconds(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> float:
-    """How long a row will take to measure, by the largest one of the rival and the form so far."""
+def expected_seconds(
+    rows: list[dict[str, Any]], rival: Rival, form: str, points: int, ready: bool = False
+) -> float:
+    """How long a row will take to measure, by the largest one of the rival and the form so far.
+
+    `ready`: what torch.compile makes of it is in the cache.
+    """
     known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "seconds" in r]
     if not known:
-        return rival.seconds
+        return min(rival.seconds, READY_SECONDS) if ready else rival.seconds
     largest = max(known, key=lambda r: int(r["points"]))
     more = max(points / largest["points"], 1.0) - 1.0
     seconds: float = largest["seconds"] + 1e-3 * STEPS_OF_A_ROW * more * largest["ms"]

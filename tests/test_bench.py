@@ -99,6 +99,7 @@ def test_a_rival_that_would_take_too_long_is_left_out() -> None:
     expected = rivals.expected_seconds(known, rival, "strong", 5120)
     assert expected == pytest.approx(3.0 + rivals.STEPS_OF_A_ROW * 0.1 * 9)
     assert rivals.expected_seconds(known, rival, "strong", 512) == 3.0
+    assert rivals.expected_seconds([], rival, "mixed", 512, ready=True) == rivals.READY_SECONDS
     study = gpu_step.Study(CPU, 5.0, None)
     study.rows.extend(known)
     study.measure([rival], {"strong": (5120,)})
@@ -112,7 +113,7 @@ def test_what_is_compiled_ahead_and_why_it_was_not() -> None:
     (failure,) = record["failures"]
     assert failure.startswith("unknown, strong, 32: ")
     assert "invalid choice" in failure
-    assert record["rows"] == 1
+    assert (record["rows"], record["ready"]) == (1, [])
     assert record["seconds"] > 0
 
 
