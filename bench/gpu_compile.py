@@ -20,7 +20,7 @@ from typing import Any
 
 import torch
 
-from bench.processes import run_lines
+from bench.processes import NO_TIME, run_lines
 from bench.rivals import FUNCTIONAL, OTHER_RIVALS, QUICK_RIVALS, Rival, Sizes
 from bench.steps import make_task
 
@@ -34,8 +34,8 @@ def compiling(
     """Compiles some rivals while the block runs, which measures no time; then waits for them.
 
     Yields:
-        what becomes the record of it: how many rows, which are "ready" (name, form, points),
-        seconds, and the failures with their reasons.
+        what becomes the record of it: rows, seconds, which are "ready" (name, form, points), which
+        are "broken", with the reason, and which were "late", that is not done within `seconds`.
     """
     leave_configurations_open()
     wanted = [
@@ -53,8 +53,7 @@ def compiling(
         command = [sys.executable, "-m", "bench.gpu_compile", "--rival", rival.name]
         command += ["--form", form, "--points", str(points), "--device", device.type]
         environment = os.environ | {"TORCHINDUCTOR_COMPILE_THREADS": THREADS}
-        _, reason = run_lines(command, environment, seconds)
-        return reason and f"{rival.name}, {form}, {points}: {reason}"
+        return run_lines(command, environment, seconds)[1]
 
     record: dict[str, Any] = {"rows": len(wanted)}
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
@@ -62,12 +61,13 @@ def compiling(
         yield record
         reasons = list(found)
     record["seconds"] = time.monotonic() - begin
-    record["failures"] = [reason for reason in reasons if reason]
-    record["ready"] = [
-        (rival.name, form, points)
-        for (rival, form, points), reason in zip(wanted, reasons, strict=True)
-        if not reason
-    ]
+    places = [(rival.name, form, points) for rival, form, points in wanted]
+    outcome = dict(zip(places, reasons, strict=True))
+    record["ready"] = [place for place, reason in outcome.items() if reason is None]
+    record["late"] = [place for place, reason in outcome.items() if reason == NO_TIME]
+    record["broken"] = {
+        place: reason for place, reason in outcome.items() if reason not in (None, NO_TIME)
+    }
 
 
 def leave_configurations_open() -> None:

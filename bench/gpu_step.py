@@ -58,7 +58,9 @@ class Study:
         self.begin = time.monotonic()
         self.end = self.begin + seconds
         self.kept: list[Measured] = []
-        self.ready: list[tuple[str, str, int]] = []  # rows that are compiled ahead
+        # Rows that are compiled ahead; why others cannot be, which might take this process along.
+        self.ready: list[tuple[str, str, int]] = []
+        self.broken: dict[tuple[str, str, int], str] = {}
         self.result: dict[str, Any] = {
             "date": time.strftime("%Y-%m-%d"),
             "machine": describe() | gpu(device),
@@ -91,9 +93,10 @@ class Study:
         for rival in filter(self.wanted, some):
             for form, counts in sizes.items():
                 for points in filter(lambda n: rival.wants(form, n), counts):
-                    ready = (rival.name, form, points) in self.ready
+                    place = (rival.name, form, points)
+                    ready = place in self.ready
                     expected = expected_seconds(self.rows, rival, form, points, ready)
-                    reason = too_large(self.rows, rival, form, points)
+                    reason = too_large(self.rows, rival, form, points) or self.broken.get(place)
                     if reason := reason or self._late(rival, expected):
                         row = {"name": rival.name, "form": form, "points": points}
                         self.rows.append(row | {"error": f"not measured: {reason}"})
@@ -174,7 +177,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
     parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
-    parser.add_argument("--seconds", type=float, help="no rival is begun later (275, quick 55)")
+    parser.add_argument("--seconds", type=float, help="no rival is begun later (285, quick 55)")
     parser.add_argument(
         "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
     )
@@ -186,7 +189,7 @@ def main() -> int:
         warnings.filterwarnings("ignore", category=noise)
     device, quick = choose_device(arguments.device), arguments.quick
     tiny = device.type == "cpu"
-    seconds = arguments.seconds or (55.0 if quick else 275.0)
+    seconds = arguments.seconds or (55.0 if quick else 285.0)
     study = Study(device, seconds, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
     rows = "rows" in arguments.only
@@ -197,22 +200,20 @@ def main() -> int:
             trained = 8 if tiny else 0 if quick else 3000
             batch = (32, 8) if tiny else (1024, 128)
             study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
-    study.ready = record["ready"]
+    study.ready, study.broken = record.pop("ready"), record.pop("broken")
     study.add("compiled_ahead", record)
     study.add("ceilings", ceilings(device))
     if rows:
         study.measure(GRANPINN, sizes)
         study.measure(QUICK_RIVALS, sizes)
-    if rows and not quick:
-        if study.named(JAX):
-            study.jax(sizes)
-        study.measure([FUNCTIONAL], sizes)
+    if rows and not quick and study.named(JAX):
+        study.jax(sizes)
     if not quick and "ensembles" in arguments.only:
         study.add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
     if not quick and "training" in arguments.only:
         study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
     if rows and not quick:
-        study.measure(OTHER_RIVALS, sizes)
+        study.measure([*OTHER_RIVALS, FUNCTIONAL], sizes)
     study.count_launches()
     gpu_table.complete(study.rows, study.result["ceilings"])
     study.add("rows", study.rows)
