@@ -232,6 +232,8 @@ def study(
 
 
 def text(rows: list[dict[str, Any]]) -> str:
+    if not rows:
+        return ""
     names = ("eager float32", "fp32", "fast")
     head = f"{'error against float64, loss / gradient':<40}" + "".join(f"{n:>22}" for n in names)
     lines = [head + f"{'fast / fp32':>13}"]

@@ -219,9 +219,8 @@ def main() -> int:
     study.add("rows", study.rows)
     print(json.dumps(study.result["machine"] | study.result["ceilings"]))
     many = [study.result.get(name, []) for name in ("ensembles", "training")]
-    print(gpu_training.text(*many), end="\n\n")
-    print(gpu_accuracy.text(study.result.get("accuracy", [])), end="\n\n")
-    print(gpu_table.text(study.rows))
+    texts = [gpu_training.text(*many), gpu_accuracy.text(study.result.get("accuracy", []))]
+    print("\n\n".join(text for text in [*texts, gpu_table.text(study.rows)] if text))
     return 0
 
 

@@ -214,7 +214,7 @@ def functional_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
 
     if compiled:
         # In the mixed form torch would write to a tensor of zeros without memory (pytorch#177261).
-        options = {"allow_buffer_reuse": task.form == "strong"}
+        options: dict[str, Any] = {"allow_buffer_reuse": task.form == "strong"}
         gradient = torch.compile(gradient, dynamic=False, options=options)
 
     def step() -> Tensor:
