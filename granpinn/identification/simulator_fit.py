@@ -11,10 +11,10 @@ for mu_s and mu_2, 15 where I0 is free,
 
 $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
 
-Differences of single runs hold what bands and rounding do; over the nodes that averages out. Where
-the least misfit lies beyond the nodes, they move there, and apart where it is far away. The search
-begins on at most 256 cells across the box and ends on those of the data, with nodes half as far
-apart.
+Differences of single runs hold what bands and rounding do; over the nodes that averages out. The
+nodes move until the least misfit is nearest to their middle, and apart where it is far away. The
+search begins on at most 256 cells across the box and ends on those of the data, with nodes half as
+far apart.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
-from granpinn.identification.law_runs import SPACING, Array32, LawRuns
+from granpinn.identification.law_runs import SPACING, Array32, LawRuns, Node
 from granpinn.identification.response_surface import REACH, Surface, composite
 from granpinn.results.findings import SimulatorFit
 
@@ -103,29 +103,30 @@ def search(data: Array32, runs: LawRuns, cells: int, q: Array, wide: int) -> Min
     """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
     places = composite(len(q))
     surface, unit = Surface(places), SPACING[: len(q)]
-    seen = set()
-    for _ in range(ROUNDS):
+    seen: set[tuple[Node, int]] = set()
+    while len(seen) < ROUNDS:
         spacing = wide * unit
         middle = wide * np.round(q / spacing).astype(int)
         nodes = [tuple((middle + wide * np.array(place)).tolist()) for place in places]
+        if (nodes[0], wide) in seen:
+            break
+        seen.add((nodes[0], wide))
         S, energy, common = products(runs.velocities(cells, nodes), data)
         nearest = surface.nearest(S)
+        taken = spacing
         q = middle * unit + nearest.x * spacing
         q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
         far = float(np.abs(nearest.x).max())
         limited = bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any())
         inside = wide <= USUAL and far <= 1 and not limited
-        if inside or (nodes[0], wide) in seen:
-            break
-        seen.add((nodes[0], wide))
         if far >= REACH:
             wide = min(2 * wide, WIDEST)
         elif far <= 1:
-            wide = USUAL
+            wide = min(wide, USUAL)
     values = 2 * round(common * data.shape[1])
     variance = nearest.misfit / max(1, values - len(q))
     covariance = variance * np.linalg.pinv(nearest.information)
-    covariance *= np.outer(spacing, spacing)
+    covariance *= np.outer(taken, taken)
     return Minimum(q, inside, covariance, (nearest.misfit / energy) ** 0.5, common)
 
 
