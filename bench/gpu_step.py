@@ -4,8 +4,9 @@ python -m bench.gpu_step --json bench/results/gpu_step.json
 
 One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
 every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
-that fails is a row with its error. --quick leaves out most of the rivals and sizes, ensembles,
-training and the trained network. --device cpu tries the command on tiny batches.
+that fails is a row with its error. What torch.compile makes is compiled side by side at the start,
+while errors are measured. --quick leaves out most of the rivals and sizes, ensembles, training and
+the trained network; --only chooses parts. --device cpu tries the command on tiny batches.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 import sys
 import time
 import warnings
@@ -24,20 +24,24 @@ import torch
 
 from bench import gpu_accuracy, gpu_table, gpu_training, rivals
 from bench.device import ceilings, launches
+from bench.gpu_compile import compiling
 from bench.machine import describe
+from bench.processes import run_lines
 from bench.rivals import (
+    FUNCTIONAL,
     GRANPINN,
-    LAST_RIVAL,
     OTHER_RIVALS,
     QUICK_RIVALS,
     Measured,
     Rival,
     Sizes,
+    expected_seconds,
     too_large,
 )
 from granpinn.identification.identification import choose_device
 
 JAX = "JAX"
+PARTS = ("rows", "accuracy", "ensembles", "training")
 
 
 class Study:
@@ -54,9 +58,13 @@ class Study:
         self.begin = time.monotonic()
         self.end = self.begin + seconds
         self.kept: list[Measured] = []
+        # Rows that are compiled ahead; why others cannot be, which might take this process along.
+        self.ready: list[tuple[str, str, int]] = []
+        self.broken: dict[tuple[str, str, int], str] = {}
         self.result: dict[str, Any] = {
             "date": time.strftime("%Y-%m-%d"),
             "machine": describe() | gpu(device),
+            "parts": {},
             "rows": [],
         }
 
@@ -68,7 +76,10 @@ class Study:
     def add(self, name: str, content: Any) -> None:
         """A part of the result is there: keep it on disk too."""
         self.result[name] = content
+        before = self.result.get("seconds", 0.0)
         self.result["seconds"] = round(time.monotonic() - self.begin, 1)
+        parts = self.result["parts"]  # seconds of each
+        parts[name] = parts.get(name, 0.0) + self.result["seconds"] - before
         print(f"[{self.result['seconds']:6.1f} s] {name}", flush=True)
         self.save()
 
@@ -82,8 +93,11 @@ class Study:
         for rival in filter(self.wanted, some):
             for form, counts in sizes.items():
                 for points in filter(lambda n: rival.wants(form, n), counts):
-                    reason = too_large(self.rows, rival, form, points) or self._late(rival)
-                    if reason:
+                    place = (rival.name, form, points)
+                    ready = place in self.ready
+                    expected = expected_seconds(self.rows, rival, form, points, ready)
+                    reason = too_large(self.rows, rival, form, points) or self.broken.get(place)
+                    if reason := reason or self._late(rival, expected):
                         row = {"name": rival.name, "form": form, "points": points}
                         self.rows.append(row | {"error": f"not measured: {reason}"})
                         continue
@@ -100,9 +114,11 @@ class Study:
         """Whether the command line asks for a rival of this name."""
         return self.chosen is None or any(part in name for part in self.chosen)
 
-    def _late(self, rival: Rival) -> str | None:
-        late = rival not in GRANPINN and time.monotonic() + rival.seconds > self.end
-        return "no time left, see --seconds" if late else None
+    def _late(self, rival: Rival, expected: float) -> str | None:
+        left = max(self.end - time.monotonic(), 0.0)
+        if rival in GRANPINN or expected <= left:
+            return None
+        return f"would take {expected:.0f} s of the {left:.0f} s left, see --seconds"
 
     def jax(self, sizes: Sizes) -> None:
         """The rows of bench/gpu_jax.py, which runs in processes of its own: one for each form."""
@@ -135,25 +151,6 @@ class Study:
         self.add("rows", self.rows)
 
 
-def run_lines(
-    command: list[str], environment: dict[str, str] | None, seconds: float
-) -> tuple[list[dict[str, Any]], str | None]:
-    """The lines of JSON that a command prints, and why there are no more where it failed."""
-    reason = None
-    try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=seconds, check=False
-        )
-        out = done.stdout
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["no message"])[-1][:300]
-    except subprocess.TimeoutExpired as error:
-        out = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
-        reason = "no time left, see --seconds"
-    lines = [line for line in out.splitlines() if line.startswith("{") and line.endswith("}")]
-    return [json.loads(line) for line in lines], reason
-
-
 def gpu(device: torch.device) -> dict[str, Any]:
     """The GPU and the versions behind it."""
     if device.type != "cuda":
@@ -180,10 +177,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
     parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
-    parser.add_argument("--seconds", type=float, help="no rival is begun later (215, quick 55)")
+    parser.add_argument("--seconds", type=float, help="no rival is begun later (285, quick 55)")
     parser.add_argument(
         "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
     )
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to measure")
     parser.add_argument("--trained", type=Path, metavar="RUN_DIR", help="errors for this run too")
     parser.add_argument("--json", type=Path, help="file for the raw results")
     arguments = parser.parse_args()
@@ -191,30 +189,38 @@ def main() -> int:
         warnings.filterwarnings("ignore", category=noise)
     device, quick = choose_device(arguments.device), arguments.quick
     tiny = device.type == "cpu"
-    seconds = arguments.seconds or (55.0 if quick else 215.0)
+    seconds = arguments.seconds or (55.0 if quick else 285.0)
     study = Study(device, seconds, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
+    rows = "rows" in arguments.only
+    slow = [*QUICK_RIVALS] if quick else [*QUICK_RIVALS, FUNCTIONAL]
+    ahead = [rival for rival in slow if rows and study.wanted(rival)]
+    with compiling(ahead, sizes, device, max(seconds / 3, 45.0)) as record:
+        if "accuracy" in arguments.only:
+            trained = 8 if tiny else 0 if quick else 3000
+            batch = (32, 8) if tiny else (1024, 128)
+            study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
+    study.ready, study.broken = record.pop("ready"), record.pop("broken")
+    study.add("compiled_ahead", record)
     study.add("ceilings", ceilings(device))
-    study.measure(GRANPINN, sizes)
-    study.measure(QUICK_RIVALS, sizes)
-    trained = 8 if tiny else 0 if quick else 3000
-    batch = (32, 8) if tiny else (1024, 128)
-    study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
-    if not quick:
+    if rows:
+        study.measure(GRANPINN, sizes)
+        study.measure(QUICK_RIVALS, sizes)
+    if rows and not quick and study.named(JAX):
+        study.jax(sizes)
+    if not quick and "ensembles" in arguments.only:
         study.add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
+    if not quick and "training" in arguments.only:
         study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
-        study.measure(OTHER_RIVALS, sizes)
-        if study.named(JAX):
-            study.jax(sizes)
-        study.measure([LAST_RIVAL], sizes)
+    if rows and not quick:
+        study.measure([*OTHER_RIVALS, FUNCTIONAL], sizes)
     study.count_launches()
     gpu_table.complete(study.rows, study.result["ceilings"])
     study.add("rows", study.rows)
     print(json.dumps(study.result["machine"] | study.result["ceilings"]))
     many = [study.result.get(name, []) for name in ("ensembles", "training")]
-    print(gpu_training.text(*many), end="\n\n")
-    print(gpu_accuracy.text(study.result["accuracy"]), end="\n\n")
-    print(gpu_table.text(study.rows))
+    texts = [gpu_training.text(*many), gpu_accuracy.text(study.result.get("accuracy", []))]
+    print("\n\n".join(text for text in [*texts, gpu_table.text(study.rows)] if text))
     return 0
 
 

@@ -19,9 +19,10 @@ from typing import Any
 
 import torch
 
-from bench.gpu_step import gpu, rounded, run_lines
+from bench.gpu_step import gpu, rounded
 from bench.gpu_training import Marks
 from bench.machine import describe
+from bench.processes import run_lines
 from granpinn import identify, identify_many, recipes
 from granpinn.identification.identification import choose_device
 from granpinn.simulation import demo_path

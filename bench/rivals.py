@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -18,6 +19,8 @@ EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + gra
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: launching it costs as much as the step
 STEPS_PER_GRAPH = 10
+STEPS_OF_A_ROW = 14  # at least, warming up and capturing included (bench/device.py)
+READY_SECONDS = 8.0  # of a row that is compiled, at most
 MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
@@ -31,12 +34,14 @@ class Rival:
 
     Attributes:
         graph: whether its steps are captured in a CUDA graph.
-        seconds: how long a row may take, most of it in torch.compile.
+        compiled: whether torch.compile makes it, which is done ahead (bench/gpu_compile.py).
+        seconds: how long a row may take.
     """
 
     name: str
     make: Callable[[Task], Advance]
     graph: bool
+    compiled: bool = False
     seconds: float = 4.0
 
     def wants(self, form: str, points: int) -> bool:
@@ -46,15 +51,19 @@ class Rival:
 
 GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
 QUICK_RIVALS = [
+    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, True, 12.0),
     Rival(EAGER, eager_step, False),
-    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, 12.0),
 ]
 OTHER_RIVALS = [
     Rival("torch eager autograd + graph", eager_step, True),
     Rival("Taylor jets, torch eager", jets_step, False),
 ]
-LAST_RIVAL = Rival(
-    "torch.func jvp, torch.compile + graph", partial(functional_step, compiled=True), True, 25.0
+FUNCTIONAL = Rival(
+    "torch.func jvp, torch.compile + graph",
+    partial(functional_step, compiled=True),
+    graph=True,
+    compiled=True,
+    seconds=25.0,
 )
 
 
@@ -70,6 +79,7 @@ class Measured:
 def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measured:
     """Time and memory of a step; an error is part of the row."""
     row: dict[str, Any] = {"name": rival.name, "form": form, "points": points}
+    begin = time.monotonic()
     use_graph = rival.graph and device.type == "cuda"
     steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
     task = make_task(form, points).to(device)
@@ -90,6 +100,7 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
         lines = str(error).strip().splitlines()
         row["error"] = f"{type(error).__name__}: {lines[0][:300] if lines else ''}"
         return Measured(row, None, steps)
+    row["seconds"] = time.monotonic() - begin
     keep = points <= SMALL or rival in GRANPINN
     return Measured(row, advance if keep else None, steps)
 
@@ -104,3 +115,19 @@ def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) 
     if expected * 1e9 <= MOST_MEMORY:
         return None
     return f"would need {expected:.0f} GB, more than {MOST_MEMORY / 1e9:.0f}"
+
+
+def expected_seconds(
+    rows: list[dict[str, Any]], rival: Rival, form: str, points: int, ready: bool = False
+) -> float:
+    """How long a row will take to measure, by the largest one of the rival and the form so far.
+
+    `ready`: what torch.compile makes of it is in the cache.
+    """
+    known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "seconds" in r]
+    if not known:
+        return min(rival.seconds, READY_SECONDS) if ready else rival.seconds
+    largest = max(known, key=lambda r: int(r["points"]))
+    more = max(points / largest["points"], 1.0) - 1.0
+    seconds: float = largest["seconds"] + 1e-3 * STEPS_OF_A_ROW * more * largest["ms"]
+    return seconds

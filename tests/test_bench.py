@@ -10,7 +10,18 @@ from typing import Any
 import pytest
 import torch
 
-from bench import closure, device, gpu_accuracy, gpu_step, gpu_table, gpu_training, parallel, rivals
+from bench import (
+    closure,
+    device,
+    gpu_accuracy,
+    gpu_compile,
+    gpu_step,
+    gpu_table,
+    gpu_training,
+    parallel,
+    processes,
+    rivals,
+)
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
@@ -81,6 +92,38 @@ def test_a_rival_that_would_not_fit_is_left_out() -> None:
     assert rivals.too_large(known, rival, "strong", 262144) is None
 
 
+def test_a_rival_that_would_take_too_long_is_left_out() -> None:
+    rival = Rival("slow", fused_step, False, seconds=9.0)
+    known = [row("slow", 512, 100.0) | {"seconds": 3.0}, row("slow", 4096, 200.0)]
+    assert rivals.expected_seconds([], rival, "strong", 512) == 9.0
+    expected = rivals.expected_seconds(known, rival, "strong", 5120)
+    assert expected == pytest.approx(3.0 + rivals.STEPS_OF_A_ROW * 0.1 * 9)
+    assert rivals.expected_seconds(known, rival, "strong", 512) == 3.0
+    assert rivals.expected_seconds([], rival, "mixed", 512, ready=True) == rivals.READY_SECONDS
+    study = gpu_step.Study(CPU, 5.0, None)
+    study.rows.extend(known)
+    study.measure([rival], {"strong": (5120,)})
+    assert study.rows[-1]["error"].startswith("not measured: would take 16 s of the ")
+
+
+def test_what_cannot_be_compiled_is_not_begun() -> None:
+    study = gpu_step.Study(CPU, 100.0, None)
+    study.broken["some", "strong", 32] = "RuntimeError: illegal memory access"
+    study.measure([Rival("some", fused_step, False)], {"strong": (32,)})
+    assert study.rows[-1]["error"] == "not measured: RuntimeError: illegal memory access"
+
+
+def test_what_is_compiled_ahead_and_why_it_was_not() -> None:
+    some = [Rival("unknown", fused_step, False, compiled=True), Rival("eager", fused_step, False)]
+    with gpu_compile.compiling(some, {"strong": (32,)}, CPU, 100.0) as record:
+        assert "seconds" not in record
+    place = ("unknown", "strong", 32)
+    assert list(record["broken"]) == [place]
+    assert "invalid choice" in record["broken"][place]
+    assert (record["rows"], record["ready"], record["late"]) == (1, [], [])
+    assert record["seconds"] > 0
+
+
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_jets_by_hand_are_the_same_step(form: str) -> None:
     ours, jets = (
@@ -120,18 +163,64 @@ def test_time_is_that_of_one_step() -> None:
 
 
 def test_ratio_of_gradient_errors() -> None:
-    found = gpu_accuracy.ratios(
-        {"fast": [3.0, 1.0, 8.0], "fp32": [1.0, 1.0, 4.0], "eager float32": [2.0, 1.0, 8.0]}
-    )
-    assert found == {"fast_over_fp32": 2.0, "fp32_over_eager": 0.5, "rule_kept": False}
+    own = {"fast": [3.0, 1.0, 8.0], "fp32": [1.0, 1.0, 4.0], "eager float32": [2.0, 1.0, 8.0]}
+    found = gpu_accuracy.ratios(own, [])
+    assert (found["fast_over_fp32"], found["fp32_over_eager"]) == (2.0, 0.5)
+    assert (found["ratios"], found["rule_kept"]) == ([[3.0, 1.0, 2.0]], False)
+
+
+def test_the_rule_is_about_the_median_over_copies() -> None:
+    own = {"fast": [9.0], "fp32": [1.0], "eager float32": [1.0]}
+    copies = [
+        {"fast": [1.0, 7.0, 2.0], "fp32": [2.0, 1.0, 2.0]},
+        {"fast": [4.0, 3.0, 0.0], "fp32": [2.0, 1.0, 0.0]},
+        {"fast": [0.0, 3.0, 3.0], "fp32": [1.0, 2.0, 2.0]},
+    ]
+    found = gpu_accuracy.ratios(own, copies)
+    assert found["ratios"] == [[0.5, 7.0, 1.0], [2.0, 3.0, 0.0], [0.0, 1.5, 1.5]]
+    assert found["fast_over_fp32"] == 1.5
+    assert found["fast_over_fp32_range"] == [1.0, 2.0]
+    assert found["fast_over_fp32_as_it_is"] == 9.0
+    assert (found["copies"], found["rule_kept"]) == (3, True)
+
+
+def test_copies_differ_by_some_roundings() -> None:
+    network = gpu_accuracy.random_network("mixed")
+    first, second = network.copies(2)
+    (again,) = network.copies(1)
+    assert torch.equal(first, again)
+    change = (first.double() / network.params.double() - 1).std()
+    assert float(change) == pytest.approx(gpu_accuracy.COPIED, rel=0.05)
+    assert not torch.equal(first, second)
 
 
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_errors_against_float64(form: str) -> None:
-    found = gpu_accuracy.errors(gpu_accuracy.random_network(form), CPU, 16, 0)
-    assert found["fast_over_fp32"] == 1  # a CPU has one mode
+    found = gpu_accuracy.errors(gpu_accuracy.random_network(form), CPU, 16, 0, 2)
+    assert found["ratios"] == [[1.0] * gpu_accuracy.BATCHES] * 2  # a CPU has one mode
     for name in ("fp32", "eager float32"):
         assert 0 < found[name]["gradient"] < 1e-4
+    assert found["float64"]["gradient"] < 1e-12
+
+
+def test_errors_of_a_mode_that_errs_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact: Any = gpu_accuracy.ops.residual_loss
+
+    def loss(*arguments: Any) -> list[torch.Tensor]:
+        """The mode "fast" errs three times as much as "fp32" does."""
+        out = list(exact(*arguments))
+        if arguments[-1] == "fast":
+            doubles = [x.double() if isinstance(x, torch.Tensor) else x for x in arguments]
+            truth = exact(*doubles)
+            out = [3 * a.double() - 2 * b for a, b in zip(out, truth, strict=True)]
+        return out
+
+    monkeypatch.setattr(gpu_accuracy.ops, "residual_loss", loss)
+    row = {"weights": "some"} | gpu_accuracy.errors(
+        gpu_accuracy.random_network("mixed"), CPU, 16, 0, 2
+    )
+    assert row["fast_over_fp32"] == pytest.approx(3, rel=1e-6)
+    assert "3.00 (3.00 to 3.00 over 2 copies) above 1.5" in gpu_accuracy.text([row])
 
 
 def test_rate_of_a_training_leaves_the_prefit_out() -> None:
@@ -148,7 +237,7 @@ def test_identifications_per_hour() -> None:
 
 def test_lines_of_a_process_that_fails() -> None:
     code = "import sys; print('{\"a\": 1}'); print('noise'); sys.exit('out of memory')"
-    lines, reason = gpu_step.run_lines([sys.executable, "-c", code], None, 60)
+    lines, reason = processes.run_lines([sys.executable, "-c", code], None, 60)
     assert lines == [{"a": 1}]
     assert reason == "out of memory"
 

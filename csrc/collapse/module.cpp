@@ -44,7 +44,9 @@ class PySolver {
     check_shape(c, "c", s_.cells_y, s_.cells_x);
     check_shape(u, "u", s_.cells_y, s_.cells_x + 1);
     check_shape(v, "v", s_.cells_y + 1, s_.cells_x);
-    solver_->set_state(c.data(), u.data(), v.data());
+    const double *c_data = c.data(), *u_data = u.data(), *v_data = v.data();
+    py::gil_scoped_release release;
+    solver_->set_state(c_data, u_data, v_data);
   }
   py::dict step(double largest) {
     StepReport r;
@@ -122,7 +124,7 @@ PYBIND11_MODULE(_collapse, m) {
       .def_readwrite("largest_iteration_count", &Parameters::largest_iteration_count)
       .def_readwrite("threads", &Parameters::threads);
   py::class_<PySolver>(m, "Solver")
-      .def(py::init<const Parameters&>())
+      .def(py::init<const Parameters&>(), py::call_guard<py::gil_scoped_release>())
       .def("set_state", &PySolver::set_state)
       .def("step", &PySolver::step)
       .def("advect_fraction", &PySolver::advect_fraction)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -31,16 +32,28 @@ CLOSING_PART = 0.5  # of what is kept: no frame is begun to be closed after it
 SAY_EVERY = 10.0  # seconds
 
 
-def kept_after_training(config: Config) -> float:
-    """Seconds of a time limit that are left when the training ends; 0 without a limit."""
-    wanted = AFTER_TRAINING + CLOSING * config.closure.frames / len(os.sched_getaffinity(0))
+def kept_after_training(config: Config, members: int) -> float:
+    """Seconds of a time limit that are left when so many networks are trained; 0 without one.
+
+    Of `config.members` networks one is shown, and its pressure closed.
+    """
+    frames = config.closure.frames * max(1, members // config.members)
+    wanted = AFTER_TRAINING + CLOSING * frames / len(os.sched_getaffinity(0))
     return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
 def close(
-    case: Case, run: Run, model: Model, maps: Fields, threads: int | None
+    case: Case,
+    run: Run,
+    model: Model,
+    maps: Fields,
+    threads: int | None,
+    pool: Executor | None = None,
 ) -> tuple[Fields, Closure]:
-    """The fields with `p_closed` where there is any, and the record of it."""
+    """The fields with `p_closed` where there is any, and the record of it.
+
+    `threads` or `pool` as in `closure.close`.
+    """
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -51,7 +64,8 @@ def close(
 
     deadline = None
     if run.deadline is not None:
-        deadline = run.deadline + CLOSING_PART * kept_after_training(case.config)
+        kept = kept_after_training(case.config, len(run.training.params))
+        deadline = run.deadline + CLOSING_PART * kept
     flow = case.flow
     mu_s, mu_2, I0 = model.theta.tolist()
     settings = case.config.closure
@@ -62,6 +76,7 @@ def close(
         settings.frames,
         settings.cells,
         threads=threads,
+        pool=pool,
         deadline=deadline,
         listener=say,
     )

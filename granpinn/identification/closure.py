@@ -16,7 +16,8 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -59,6 +60,7 @@ def close(
     cells: int | None = None,
     *,
     threads: int | None = None,
+    pool: Executor | None = None,
     deadline: float | None = None,
     listener: Listener | None = None,
 ) -> tuple[dict[int, Array], Closure]:
@@ -70,6 +72,7 @@ def close(
         frames: how many, at most; the last of the flow is one of them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
         threads: that work side by side, None for all cores at hand.
+        pool: of threads that others use too, instead of own ones.
         deadline: value of time.monotonic() after which no further frame is begun.
         listener: is told how many frames of how many are done.
 
@@ -104,10 +107,10 @@ def close(
                 listener(done, len(chosen))
         return p if np.isfinite(p).all() else FAILED
 
-    threads = threads or len(os.sched_getaffinity(0))
-    with ThreadPoolExecutor(min(threads, len(chosen))) as pool:
+    own = min(threads or len(os.sched_getaffinity(0)), len(chosen))
+    with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
         # From the last frame on: what a time limit leaves out is early.
-        found = dict(zip(chosen[::-1], pool.map(one, chosen[::-1]), strict=True))
+        found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
     closed = {k: p for k in chosen if not isinstance(p := found[k], str)}
     missing = [p for p in found.values() if isinstance(p, str)]
     record = Closure(

@@ -106,15 +106,14 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
 
-        # Finished side by side, each has one core; one by one, each has all of its process.
-        side_by_side = choose_device(config.device).type == "cuda"
-        threads = 1 if side_by_side else max(1, _cores() // group.size)
+        # All share the cores that close pressures, so that none is idle while there are frames.
+        with ThreadPoolExecutor(max(1, _cores() // group.size)) as closing:
 
-        def finished(e: int) -> Result:
-            own = every[e * K : (e + 1) * K]
-            return finish(own, run, e * K, parts[e], keep_fields, threads)
+            def finished(e: int) -> Result:
+                own = every[e * K : (e + 1) * K]
+                return finish(own, run, e * K, parts[e], keep_fields, pool=closing)
 
-        found = _side_by_side(finished, range(len(cases)), config.device)
+            found = _side_by_side(finished, range(len(cases)), config.device)
     return found if group.size == 1 else _in_order(found, len(flows))
 
 

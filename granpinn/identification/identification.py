@@ -8,6 +8,7 @@ import os
 import shutil
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -192,7 +193,8 @@ def start(
     objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline = None
     if config.max_time is not None:
-        deadline = begin + config.max_time - closed_fields.kept_after_training(config)
+        kept = closed_fields.kept_after_training(config, len(cases))
+        deadline = begin + config.max_time - kept
     progress = progress or Silent()
     run = Run(objective, config, folder, progress, deadline, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
@@ -211,17 +213,19 @@ def finish(
     folder: Path | None,
     keep_fields: bool = True,
     threads: int | None = None,
+    pool: Executor | None = None,
 ) -> Result:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
-    `threads` close the pressure: None for all cores at hand, 0 to leave it out.
+    `threads` close the pressure: None for all cores at hand, 0 to leave it out; or those of a
+    `pool` that others use too.
     """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
     model = Model(case.member.problem, *run.training.solution(e), case.scales)
     maps, record = predict(case.flow, model), None
     if case.config.closure.frames and threads != 0:
-        maps, record = closed_fields.close(case, run, model, maps, threads)
+        maps, record = closed_fields.close(case, run, model, maps, threads, pool)
     result = conclusion.result(case, run, e, found, model, maps, record)
     if folder is not None:
         results.write_results(result, folder / "results.json")

@@ -105,7 +105,7 @@ def velocity(
     turned_points = _turned(torch.as_tensor(points), axes)
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     parts = [
-        ops.network_jet(part.to(params), params, *network, 1)[0][:, :2].cpu()
+        ops.network_value(part.to(params), params, *network)[:, :2].cpu()
         for part in torch.split(turned_points, CHUNK)
     ]
     turned = physics[5] * torch.cat(parts).double().numpy().T

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -28,6 +30,17 @@ class Features:
         one = torch.zeros_like(h[:, :, :1])
         one[0] = 1
         return torch.cat([h, one], 2)
+
+    def with_means(self, points: Tensor, length: float) -> Tensor:
+        """The jet of order 1 and the means of its derivatives by x and y: [6, N, F].
+
+        The means are over four points at +-length/sqrt(2) in x and y: to second order in the
+        length those with the weights 1-2-1 over three cells of that size.
+        """
+        a = length / math.sqrt(2)
+        shifts = points.new_tensor([[i * a, j * a, 0] for i in (1, -1) for j in (1, -1)])
+        around = torch.stack([self.jet(points + shift)[1:3] for shift in shifts])
+        return torch.cat([self.jet(points), around.mean(0)])
 
 
 def coefficients(spec: NetworkSpec, params: Tensor) -> Tensor:

@@ -8,14 +8,9 @@ $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 in all coefficients C [5, F] and mu_s, mu_2 together, on many points at once: where the descent
 leaves them with the scatter of its small batches, this is exact.
 
-One thing differs from the training. An error $\delta p$ of the pressure is one of
-$\dot\gamma\, \delta p / p$ in the strain rate of the friction law. In thin fast layers, under the
-free surface, that is more than anything else; there the law has the weight
-
-$$ w^{-2} = 1 + \left( \frac{\dot\gamma\, \delta p}{p\, \sigma} \right)^2 . $$
-
-Where mu(I) is ill-posed, strain gathers in bands as thin as data can show, which no longer obey the
-law point by point: if that is where most of the law's weight lies, there is no step.
+The equations are those of the training but for the friction law, which sees a mean strain rate
+where it is ill-posed and counts less where an error of the pressure tells (`equations.py`). Closer
+to the lowest points than the length of that mean it does not count: there is no data below.
 
 docs/method.md, section 8, has the measurements behind it. Everything is dimensionless and float64.
 """
@@ -30,21 +25,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from granpinn import rheology
 from granpinn.data import TrainingSet
+from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import LAST_LAYER, draw
 
 POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations, surface, velocity
 CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
-SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in training
-PRESSURE_ERROR = 5e-4  # delta p: what the pressure may be off by
-RATE_ERROR = 0.015  # sigma: and the strain rate
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
-MOST_ILL_POSED = 0.5  # of the weight of the law
-CERTAIN = 0.25  # C of rheology.ill_posedness that counts in full
 LONGEST = 0.1  # step of mu_s and mu_2, relative: a longer one is not a correction
 
 
@@ -63,6 +53,7 @@ class Data:
         points, weights: of the equations, [N, 3] and [N].
         surface_points, surface_pressure: [M, 3] and [M].
         moments: of the velocity, see `velocity_moments`.
+        floor: y of the lowest points of all.
     """
 
     points: Tensor
@@ -70,6 +61,7 @@ class Data:
     surface_points: Tensor
     surface_pressure: Tensor
     moments: tuple[Tensor, Tensor, Tensor]
+    floor: Tensor
 
 
 def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
@@ -89,6 +81,7 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
         surface[j],
         data.surface_pressure[j].double(),
         moments,
+        data.lower[1],
     )
 
 
@@ -105,42 +98,9 @@ def velocity_moments(
     return tuple(torch.stack(part).sum(0) / len(points) for part in zip(*parts, strict=True))  # type: ignore[return-value]
 
 
-def residuals(z: Tensor, theta: Tensor, physics: list[float]) -> tuple[Tensor, Tensor]:
-    """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5] and the weights w [N] of the law.
-
-    The equations are those of csrc/math/mixed_form.h.
-
-    Args:
-        z: outputs of the network with their derivatives by x, y, t [4, N, 5].
-        theta: (mu_s, mu_2, I0) at each point [N, 3].
-    """
-    d, g_x, g_y, _, _, U, P, p_floor = physics
-    (u, v), (s_1, s_2) = (U * z[:, :, :2]).unbind(2), z[:, :, 3:].unbind(2)
-    q = z[:, :, 2]
-    p, slope = P * torch.nn.functional.softplus(q[0]), P * torch.sigmoid(q[0])
-    p_x, p_y = slope * q[1], slope * q[2]
-    stress_x = p_x * s_1[0] + p * s_1[1] + p_y * s_2[0] + p * s_2[2]
-    stress_y = p_x * s_2[0] + p * s_2[1] - p_y * s_1[0] - p * s_1[2]
-    e_u = u[3] + u[0] * u[1] + v[0] * u[2] + p_x - stress_x - g_x
-    e_v = v[3] + u[0] * v[1] + v[0] * v[2] + p_y - stress_y - g_y
-    two_D1, two_D2 = u[1] - v[2], u[2] + v[1]
-    gamma_dot = torch.sqrt(two_D1**2 + two_D2**2 + SMOOTHING)
-    mu_s, mu_2, I0 = theta.unbind(1)
-    I = rheology.inertial_number(gamma_dot, p, d, p_floor)  # noqa: E741
-    rate = gamma_dot / rheology.mu_of_I(I, mu_s, mu_2, I0)
-    e = [e_u, e_v, u[1] + v[2], rate * s_1[0] - two_D1, rate * s_2[0] - two_D2]
-    return torch.stack(e, 1), law_weights(p.detach(), gamma_dot.detach())
-
-
-def law_weights(p: Tensor, gamma_dot: Tensor) -> Tensor:
-    """w [N] of the residual of the friction law, see the top; never 0/0, as gamma_dot > 0."""
-    return p / torch.hypot(p, gamma_dot * (PRESSURE_ERROR / RATE_ERROR))
-
-
-# Weighted residuals [n, R], h [4 or 1, n, F], leaves z and theta, and which fields of z each
+# Weighted residuals [n, R], h [6 or 1, n, F], leaves z and theta, and which fields of z each
 # residual depends on.
 Rows = tuple[Tensor, Tensor, Tensor, Tensor, list[list[int]]]
-DEPENDS = [[0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1], [0, 1, 2, 3], [0, 1, 2, 4]]
 
 
 class Sums:
@@ -148,13 +108,15 @@ class Sums:
 
     def __init__(self, features: Features, problem: Problem, data: Data) -> None:
         self.problem, self.data = problem, data
-        self.h = [features.jet(data.points[rows]) for rows in _chunks(data.points)]
+        length = problem.mean_length
+        self.h = [features.with_means(data.points[rows], length) for rows in _chunks(data.points)]
         self.h_surface = features.jet(data.surface_points, 0)[0]
         velocity, surface, momentum, continuity, law = problem.term_weights
         N, M = max(1, len(data.points)), max(1, len(data.surface_points))
         like = data.weights
         sigmas = like.new_tensor([momentum, momentum, continuity, law, law])
         self._weights = (data.weights[:, None] * sigmas / N).sqrt()
+        self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
         self._velocity, self._surface = velocity * problem.physics[5] ** 2, (surface / M) ** 0.5
         self._law: Tensor | None = None  # held from the first evaluation on
 
@@ -163,17 +125,6 @@ class Sums:
         with torch.no_grad():
             rows = [r.square().sum() for r, *_ in self._rows(at)]
         return (float(torch.stack(rows).sum()) + self._misfit(at)[0]) / 2
-
-    def ill_posed(self, at: Unknowns) -> float:
-        """The share of the law's weight, (w gamma_dot)^2, that lies where mu(I) is ill-posed."""
-        d, *_, U, P, p_floor = self.problem.physics
-        z = torch.cat([h @ at.C.T for h in self.h], 1)
-        p = P * torch.nn.functional.softplus(z[0, :, 2])
-        gamma_dot = U * torch.hypot(z[1, :, 0] - z[2, :, 1], z[2, :, 0] + z[1, :, 1]) + SMOOTHING
-        I = rheology.inertial_number(gamma_dot, p, d, p_floor)  # noqa: E741
-        weight = (law_weights(p, gamma_dot) * gamma_dot) ** 2
-        certain = (rheology.ill_posedness(I, *at.theta) / CERTAIN).clamp(0, 1)
-        return float((weight * certain).sum() / weight.sum())
 
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
         """J^T J [K, K] and J^T r [K]; K = 5 F + 2: C row by row, then mu_s and mu_2."""
@@ -282,10 +233,7 @@ def last_layer(
     spec = problem.spec
     features = Features(spec, params)
     sums = Sums(features, problem, choose(data, features, seed, step))
-    at = Unknowns(coefficients(spec, params), theta.double())
-    if sums.ill_posed(at) > MOST_ILL_POSED:
-        return params, theta
-    found = improve(sums, at)
+    found = improve(sums, Unknowns(coefficients(spec, params), theta.double()))
     return with_coefficients(spec, params, found.C), found.theta.to(theta)
 
 

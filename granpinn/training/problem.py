@@ -28,11 +28,13 @@ class Problem:
         spec: widths, input map and form of the network.
         physics: [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor].
         term_weights: 1/sigma^2 of the five `TERMS`.
+        mean_length: over which the strain rate of shear bands is a mean (`equations.py`).
     """
 
     spec: NetworkSpec
     physics: list[float]
     term_weights: list[float]
+    mean_length: float
 
 
 def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
@@ -59,7 +61,8 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     ]
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
-    return Problem(spec, physics, _term_weights(config, scales))
+    smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
+    return Problem(spec, physics, _term_weights(config, scales), smallest / scales.length)
 
 
 def _term_weights(config: Config, scales: Scales) -> list[float]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +15,9 @@ import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from granpinn import recipes
 from granpinn.data import Flow
-from granpinn.identification import closure
+from granpinn.identification import closed_fields, closure
 from granpinn.identification.resimulation import Column, collapse_of
 from granpinn.identification.scoring import D2_STAGNANT, relative_l2, strain_rate
 from granpinn.simulation import Collapse, Engine, SimulationError, State
@@ -95,6 +98,30 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
         assert error(p, flow, k, rest) < 4
         depth = (flow.c[k] > 0.5).sum(axis=0) * (flow.y[1] - flow.y[0]) - flow.y[:, None]
         assert error(depth, flow, k, rest) > 20
+
+
+def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
+    alone, _ = closure.close(known.flow, LAW, known.velocity, 2, threads=1)
+    with ThreadPoolExecutor(2) as pool:
+        together = [
+            closure.close(known.flow, LAW, known.velocity, 2, pool=pool)[0] for _ in range(2)
+        ]
+        assert pool.submit(sum, (1, 2)).result() == 3
+    for closed in together:
+        assert list(closed) == list(alone) == [1, 3]
+        for k, p in closed.items():
+            np.testing.assert_array_equal(p, alone[k])
+
+
+def test_a_time_limit_leaves_time_for_every_case() -> None:
+    config = recipes.make(max_time=1e6, members=2, closure__frames=10)
+    one, many = (closed_fields.kept_after_training(config, members) for members in (2, 60))
+    cores = len(os.sched_getaffinity(0))
+    assert one == pytest.approx(closed_fields.AFTER_TRAINING + closed_fields.CLOSING * 10 / cores)
+    assert many - one == pytest.approx(closed_fields.CLOSING * 29 * 10 / cores)
+    limited = dataclasses.replace(config, max_time=10.0)
+    assert closed_fields.kept_after_training(limited, 60) == 2.5
+    assert closed_fields.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
 
 
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:

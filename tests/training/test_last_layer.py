@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import product
 from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
-from granpinn import identify, ops, rheology
+from granpinn import identify, ops
 from granpinn.data import Flow, TrainingSet
+from granpinn.identification.identification import pose
 from granpinn.network import NetworkSpec, initial_parameters, layer_offsets
+from granpinn.training import equations
 from granpinn.training import last_layer as module
+from granpinn.training.equations import law_weights, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer, law_weights
+from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer
 from granpinn.training.problem import Problem
 from tests.training.conftest import tiny
 
@@ -26,7 +30,7 @@ PHYSICS = [0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6]
 
 
 def problem(*weights: float) -> Problem:
-    return Problem(SPEC, PHYSICS, list(weights or WEIGHTS))
+    return Problem(SPEC, PHYSICS, list(weights or WEIGHTS), 0.0)
 
 
 def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
@@ -34,7 +38,7 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
     g = torch.Generator().manual_seed(seed)
     rand = lambda *shape: torch.rand(*shape, generator=g, dtype=torch.float64)  # noqa: E731
     x, velocity, weights = rand(points, 3), rand(points, 2), 0.5 + rand(points, 2)
-    return TrainingSet(x, velocity, weights, rand(surface, 3), rand(surface), x[0], x[0])
+    return TrainingSet(x, velocity, weights, rand(surface, 3), rand(surface), x.amin(0), x.amax(0))
 
 
 def every_point(data: TrainingSet, features: Features) -> module.Data:
@@ -43,7 +47,8 @@ def every_point(data: TrainingSet, features: Features) -> module.Data:
         features, data.points, data.velocity, data.point_weights[:, 0]
     )
     weights = data.point_weights[:, 1]
-    return module.Data(data.points, weights, data.surface_points, data.surface_pressure, moments)
+    of_surface = (data.surface_points, data.surface_pressure)
+    return module.Data(data.points, weights, *of_surface, moments, data.lower[1])
 
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
@@ -58,7 +63,7 @@ def long_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def unweighted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "law_weights", lambda p, gamma_dot: torch.ones_like(p))
+    monkeypatch.setattr(equations, "law_weights", lambda p, gamma_dot: torch.ones_like(p))
 
 
 def test_loss_and_gradient_are_those_of_the_fused_loss(
@@ -108,7 +113,7 @@ def slope() -> tuple[Problem, Tensor]:
     """
     spec = NetworkSpec((3, 5), (0, 0, 0), (1, 1, 1), "mixed")
     sin, cos, U, P = math.sin(0.4), math.cos(0.4), 0.5, 0.005
-    posed = Problem(spec, [0.3, sin, -cos, 0, math.inf, U, P, 1e-6], [1e4, 1e4, 400, 40, 40])
+    posed = Problem(spec, [0.3, sin, -cos, 0, math.inf, U, P, 1e-6], [1e4, 1e4, 400, 40, 40], 0.1)
     C = torch.zeros(5, 4, dtype=torch.float64)  # of x, y, t and 1
     C[0, 1], C[2, 1], C[2, 3], C[4, 3] = 1 / U, -cos / P, 1.2 * cos / P, sin / cos
     return posed, C
@@ -213,26 +218,54 @@ def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
     assert again.parameters == with_step.parameters
 
 
-def test_no_step_where_most_of_the_law_is_ill_posed(
-    long_steps: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """mu_s of 0.6 is ill-posed almost everywhere, one of 0.2 hardly anywhere."""
-    data, posed = draw(3), problem()
-    params = initial_parameters(SPEC, 3).double()
-    I = torch.logspace(-3, 0, 50, dtype=torch.float64)  # noqa: E741
-    for mu_s, stays in ((0.2, False), (0.6, True)):
-        theta = THETA.new_tensor([mu_s, mu_s + 0.24, 0.3])
-        share = float((rheology.ill_posedness(I[I < 0.1], *theta) > 0).double().mean())
-        assert (share > 0.9) == stays
-        sums = sums_of(posed, data, params)
-        at = Unknowns(coefficients(SPEC, params), theta)
-        assert 0 <= sums.ill_posed(at) <= 1
-    calm = sums_of(problem(), data, 0.02 * params)  # slow everywhere: I is small
-    start = coefficients(SPEC, 0.02 * params)
-    slow, steep = THETA.new_tensor([0.2, 0.44, 0.3]), THETA.new_tensor([0.6, 0.84, 0.3])
-    assert calm.ill_posed(Unknowns(start, slow)) < 0.5 < calm.ill_posed(Unknowns(start, steep))
-    assert not torch.equal(last_layer(posed, data, params, THETA, 3, 0)[1], THETA)
-    monkeypatch.setattr(module, "MOST_ILL_POSED", -1)
-    found, theta = last_layer(posed, data, params, THETA, 3, 0)
-    assert torch.equal(found, params)
-    assert torch.equal(theta, THETA)
+def test_means_are_those_of_four_points(seed: int) -> None:
+    """And to second order D + L^2/4 (D_xx + D_yy)."""
+    features, data = Features(SPEC, initial_parameters(SPEC, seed)), draw(seed, points=40)
+    h = features.with_means(data.points, 0.04)
+    torch.testing.assert_close(h[:4], features.jet(data.points), rtol=0, atol=0)
+    nine = torch.zeros_like(h[4:])
+    for i, j in product((-1, 0, 1), repeat=2):
+        shift = h.new_tensor([0.04 * i, 0.04 * j, 0])
+        nine += features.jet(data.points + shift)[1:3] * (2 - abs(i)) * (2 - abs(j)) / 16
+    curved = float((nine - h[1:3]).abs().max())
+    assert float((h[4:] - nine).abs().max()) < 0.05 * curved
+    still = features.with_means(data.points, 0.0)
+    torch.testing.assert_close(still[4:], still[1:3], rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(("mu_s", "ill_posed"), [(0.2, False), (0.6, True)])
+def test_the_law_sees_the_mean_where_it_is_ill_posed(mu_s: float, ill_posed: bool) -> None:
+    """A shear rate of 0.1 with a mean of 0.06, stress ratio 0.5: the residual is known."""
+    z = torch.zeros(6, 1, 5, dtype=torch.float64)
+    U, P = PHYSICS[5:7]
+    z[0, 0, 2], z[0, 0, 4] = 0.3, 0.5
+    z[2, 0, 0], z[5, 0, 0] = 0.1 / U, 0.06 / U
+    theta = THETA.new_tensor([[mu_s, mu_s + 0.24, 0.3]])
+    e, _ = residuals(z, theta, PHYSICS)
+    rate = 0.06 if ill_posed else 0.1
+    inertial = PHYSICS[0] * rate / math.sqrt(P * math.log1p(math.exp(0.3)))
+    mu = mu_s + 0.24 * inertial / (0.3 + inertial)
+    assert float(e[0, 4]) == pytest.approx(rate * 0.5 / mu - 0.1, rel=1e-9)
+
+
+def test_the_law_does_not_count_at_the_floor(seed: int) -> None:
+    """There the mean would be one over points without data."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    reach = float(data.lower[1]) + 0.2
+    posed = dataclasses.replace(problem(1e-30, 1e-30, 1e-30, 1e-30, 1), mean_length=0.2)
+    at = Unknowns(coefficients(SPEC, params), THETA)
+    everywhere = sums_of(posed, data, params).loss(at)
+    high = data.points[:, 1] >= reach
+    assert 0 < int(high.sum()) < len(high)
+    one = torch.where(high, 1.0, 7.0)[:, None].double()
+    moved = dataclasses.replace(data, point_weights=data.point_weights * one)
+    assert sums_of(posed, moved, params).loss(at) == pytest.approx(everywhere, rel=1e-12)
+
+
+def test_the_length_is_that_of_the_grain_or_of_the_cell(flow: Flow) -> None:
+    d = flow.grain_diameter
+    for stated, length in ((None, d), (d / 3, d), (3 * d, 3 * d)):
+        attributes = {} if stated is None else {"grid_spacing_of_solver": stated}
+        changed = dataclasses.replace(flow, attributes=attributes, grain_density=2 * flow.density)
+        case = pose(changed, tiny(steps=60))
+        assert case.member.problem.mean_length == pytest.approx(length / case.scales.length)
