@@ -14,7 +14,7 @@ class LastLayer {
  public:
   using Values = typename E::Values;
   using Sums = float[Outputs][E::neurons];  // of the gradient of the layer's weights
-  static constexpr bool few = E::CP * E::PPT * E::neurons <= 32 && sizeof(typename E::Element) == 2;
+  static constexpr bool few = kFewValues<E> && sizeof(typename E::Element) == 2;
 
   __device__ LastLayer(const TileNetwork& net, Memory& memory)
       : m_(memory),

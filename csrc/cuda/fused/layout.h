@@ -23,6 +23,8 @@ constexpr int kSlab = 32;    // neurons of a warp, or of the two that share them
 constexpr int kRow = 8;      // outputs of a row, padded
 constexpr int kSums = 8;     // squares of the five terms, then theta
 
+constexpr int kConstants = kSums + kPhysics;  // of a member: term weights, theta, physics
+
 // How a tile is cut. Tensor cores take rows by eights: a tile of four points of the strong form has
 // a channel of padding.
 struct TileShape {
@@ -87,7 +89,7 @@ constexpr int tile_floats(TileShape tile, int H) {
   const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
   const int halves =
       tile.split * tile.parts == 1 ? 4 : (tile.split * tile.parts - 1) * tile.rows * H;
-  return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + 2 * kRow;
+  return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + kConstants + 2 * kRow;
 }
 
 // How a problem is cut up. Everything follows from its shape and the GPU.

@@ -75,8 +75,9 @@ struct MmaEngine : Lanes<Width, Split> {
   }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
 
-  // Raises the channels' largest absolute values to those of this warp.
+  // Raises the channels' largest absolute values to those of this warp; lane c has channel c.
   static __device__ void note_peaks(const Values& a, unsigned* peaks) {
+    unsigned own = 0;
 #pragma unroll
     for (int c = 0; c < C; ++c) {
       float peak = 0;
@@ -84,8 +85,9 @@ struct MmaEngine : Lanes<Width, Split> {
       for (int i = 0; i < PPT * neurons; ++i)
         peak = fmaxf(peak, fabsf(a[c * PPT + i / neurons][i % neurons]));
       const unsigned warp_peak = __reduce_max_sync(~0u, __float_as_uint(peak));
-      if (L::lane() == 0) atomicMax(peaks + c, warp_peak);
+      if (L::lane() == c) own = warp_peak;
     }
+    if (L::lane() < C) atomicMax(peaks + L::lane(), own);
   }
   static __device__ void remove_scales(Values& z, const unsigned* peaks) {
 #pragma unroll

@@ -14,39 +14,41 @@ struct TaskConstants {
   Physics<float> physics;
 };
 
-__device__ inline TaskConstants constants_of(const DeviceLoss<float>& a, std::int64_t e) {
+__device__ inline TaskConstants constants_from(const float* term_weights, const float* theta,
+                                               const float* physics) {
   TaskConstants c;
-  for (int i = 0; i < kTerms; ++i) c.term_weights[i] = a.term_weights.member(e)[i];
-  for (int i = 0; i < 3; ++i) c.theta[i] = a.theta.member(e)[i];
-  c.physics = physics_from<float>(a.physics.member(e));
+  for (int i = 0; i < kTerms; ++i) c.term_weights[i] = term_weights[i];
+  for (int i = 0; i < 3; ++i) c.theta[i] = theta[i];
+  c.physics = physics_from<float>(physics);
   return c;
 }
 
-// Coordinates of a tile's points; behind the last point that point again.
-template <class E, class Memory>
-__device__ void load_points(const DeviceLoss<float>& a, std::int64_t e, const float* points,
-                            std::int64_t at, std::int64_t count, Memory& m) {
-  for (int i = threadIdx.x; i < 3 * E::PT; i += E::threads) {
-    const int p = i / 3, axis = i % 3;
-    const std::int64_t row = at + p < count ? at + p : count - 1;
-    m.xi[axis * E::R + p] =
-        (points[3 * row + axis] - a.net.input.shift_of(e, axis)) * a.net.input.scale_of(e, axis);
-  }
+// Number i of these, in the order of the arguments above.
+__device__ inline float constant_of(const DeviceLoss<float>& a, std::int64_t e, int i) {
+  return i < kTerms  ? a.term_weights.member(e)[i]
+         : i < kSums ? a.theta.member(e)[i - kTerms]
+                     : a.physics.member(e)[i - kSums];
+}
+
+// Mapped coordinate `axis` of a tile's point p; behind the last point that point again.
+__device__ inline float coordinate(const DeviceLoss<float>& a, std::int64_t e, const float* points,
+                                   std::int64_t count, std::int64_t at, int p, int axis) {
+  const std::int64_t row = at + p < count ? at + p : count - 1;
+  return (points[3 * row + axis] - a.net.input.shift_of(e, axis)) * a.net.input.scale_of(e, axis);
 }
 
 // Interior points: velocity misfit and, where F is a form, the equations.
 template <class F>
 struct Interior {
-  template <class E, class Memory>
-  static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
-                              Memory& m) {
-    load_points<E>(a, e, a.points.member(e), at, a.n, m);
+  static __device__ float xi(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at, int p,
+                             int axis) {
+    return coordinate(a, e, a.points.member(e), a.n, at, p, axis);
+  }
+  // Number k of four of what is known of a point.
+  static __device__ float observed(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
+                                   int p, int k) {
     const float *velocity = a.velocity.member(e), *weights = a.point_weights.member(e);
-    for (int i = threadIdx.x; i < 4 * E::PT; i += E::threads) {
-      const int p = i / 4, k = i % 4;
-      const bool there = at + p < a.n;
-      m.observed[i] = there ? (k < 2 ? velocity : weights - 2)[2 * (at + p) + k] : 0;
-    }
+    return at + p < a.n ? (k < 2 ? velocity : weights - 2)[2 * (at + p) + k] : 0;
   }
 
   // One thread for each point.
@@ -101,13 +103,7 @@ struct Interior {
 };
 
 // No equations: values alone.
-struct Values {
-  template <class E, class Memory>
-  static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
-                              Memory& m) {
-    Interior<MixedForm>::load<E>(a, e, at, m);
-  }
-
+struct Values : Interior<MixedForm> {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
     using Misfit = Interior<MixedForm>;
@@ -124,15 +120,14 @@ struct Values {
 // Surface points: the pressure there.
 template <PressureMap map>
 struct Surface {
-  template <class E, class Memory>
-  static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
-                              Memory& m) {
-    load_points<E>(a, e, a.surface_points.member(e), at, a.m, m);
-    for (int p = threadIdx.x; p < E::PT; p += E::threads) {
-      const bool there = at + p < a.m;
-      m.observed[4 * p] = there ? a.surface_pressure.member(e)[at + p] : 0;
-      m.observed[4 * p + 1] = there;
-    }
+  static __device__ float xi(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at, int p,
+                             int axis) {
+    return coordinate(a, e, a.surface_points.member(e), a.m, at, p, axis);
+  }
+  static __device__ float observed(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
+                                   int p, int k) {
+    if (at + p >= a.m) return 0;
+    return k == 0 ? a.surface_pressure.member(e)[at + p] : 1;
   }
 
   template <class E, class Memory>
@@ -151,13 +146,7 @@ struct Surface {
 };
 
 // Likewise, with the pressure of the network's form, which its outputs tell.
-struct SurfaceOfForm {
-  template <class E, class Memory>
-  static __device__ void load(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
-                              Memory& m) {
-    Surface<PressureMap::softplus>::load<E>(a, e, at, m);
-  }
-
+struct SurfaceOfForm : Surface<PressureMap::softplus> {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
     if (a.net.outputs() == MixedForm::fields)

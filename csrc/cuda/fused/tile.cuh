@@ -26,7 +26,7 @@ class Tile {
     const int L = net_.plan.hidden;
     for (int q = 0; q < E::PPT; ++q) {
       float zq[E::C][N];
-      first_layer(q, zq);
+      first_layer(kFewValues<E> ? m_.panel : net_.narrow, q, zq);
       set_point(zq, q, z);
     }
     for (int l = 0;; ++l) {
@@ -80,12 +80,13 @@ class Tile {
       for (int j = 0; j < N; ++j) z[c * E::PPT + q][j] = c < E::C ? zq[c < E::C ? c : 0][j] : 0;
   }
 
-  // z of the first layer: the coordinates' own jets are (xi, e_i, 0)
-  __device__ void first_layer(int q, float (&z)[E::C][N]) {
+  // z of the first layer: the coordinates' own jets are (xi, e_i, 0). Its weights and biases [4][H]
+  // are in the panel at first (TileMemory), and where net.narrow begins.
+  __device__ void first_layer(const float* weights, int q, float (&z)[E::C][N]) {
     float w[3][N], b[N];
 #pragma unroll
-    for (int i = 0; i < 3; ++i) E::load(net_.narrow + i * E::H, w[i]);
-    E::load(net_.narrow + net_.plan.bias(0), b);
+    for (int i = 0; i < 3; ++i) E::load(weights + i * E::H, w[i]);
+    E::load(weights + 3 * E::H, b);
 #pragma unroll
     for (int j = 0; j < N; ++j) {
       float value = b[j];
@@ -100,7 +101,7 @@ class Tile {
 
   // z of any layer, of one point
   __device__ void pre_activation(int layer, int q, float (&z)[E::C][N]) {
-    if (layer == 0) return first_layer(q, z);
+    if (layer == 0) return first_layer(net_.narrow, q, z);
     const float* from = stash_of(layer);
 #pragma unroll
     for (int c = 0; c < E::C; ++c) E::copy(from + (c * E::PPT + q) * N * E::threads, z[c]);

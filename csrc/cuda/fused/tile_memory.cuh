@@ -6,6 +6,10 @@
 
 namespace granpinn::cuda::fused {
 
+// Whether a thread has few values, and so registers for more besides: in small and medium tiles.
+template <class E>
+constexpr bool kFewValues = E::CP * E::PPT * E::neurons <= 32;
+
 // Shared memory of a block.
 template <class E>
 struct TileMemory {
@@ -15,8 +19,10 @@ struct TileMemory {
   float xi[3 * E::R];                        // mapped coordinates [3][point]
   float observed[4 * E::R];                  // of the points: what the task needs
   float scale[4];
-  unsigned peaks[2][kRow];  // of the operands, by channel; two take turns
+  float constants[kConstants];  // of the member: term weights, theta, physics
+  unsigned peaks[2][kRow];      // of the operands, by channel; two take turns
 
+  // With few values the panel starts with the first layer's weights and biases [4][H].
   // Between forward and backward the panel is free, first for the warps' parts of the outputs:
   __device__ float* raw() { return panel + E::warps * E::R * kRow; }  // outputs [row][K]
   __device__ float* adjoint() { return raw() + E::R * kRow; }         // their adjoints

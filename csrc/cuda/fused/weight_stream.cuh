@@ -15,6 +15,8 @@ class WeightStream {
  public:
   static constexpr int floats = Stages * StageFloats;  // of shared memory, per warp
 
+  WeightStream() = default;  // of nothing
+
   // `packed` holds the warps' streams one after another, each of `length` floats.
   __device__ WeightStream(const float* packed, std::int64_t length, float* ring)
       : end_(static_cast<int>(length)), ring_(ring + 4 * (threadIdx.x % 32)) {
@@ -44,8 +46,8 @@ class WeightStream {
     ahead_ = ahead_ + StageFloats == end_ ? 0 : ahead_ + StageFloats;
   }
 
-  int end_;  // of the stream, in floats
-  float* ring_;
+  int end_ = 0;  // of the stream, in floats
+  float* ring_ = nullptr;
   const float* from_ = nullptr;
   int ahead_ = 0;
   int slot_ = 0;
