@@ -4,9 +4,9 @@ python -m bench.gpu_step --json bench/results/gpu_step.json
 
 One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
 every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
-that fails is a row with its error. What torch.compile makes is compiled side by side at the start,
-while errors are measured. --quick leaves out most of the rivals and sizes, ensembles, training and
-the trained network; --only chooses parts. --device cpu tries the command on tiny batches.
+that fails is a row with its error; what is slow to compile comes last. --quick leaves out most of
+the rivals and sizes, ensembles, training and the trained network; --only chooses parts.
+--device cpu tries the command on tiny batches.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ import torch
 
 from bench import gpu_accuracy, gpu_table, gpu_training, rivals
 from bench.device import ceilings, launches
-from bench.gpu_compile import compiling
 from bench.machine import describe
 from bench.processes import run_lines
 from bench.rivals import (
@@ -58,9 +57,6 @@ class Study:
         self.begin = time.monotonic()
         self.end = self.begin + seconds
         self.kept: list[Measured] = []
-        # Rows that are compiled ahead; why others cannot be, which might take this process along.
-        self.ready: list[tuple[str, str, int]] = []
-        self.broken: dict[tuple[str, str, int], str] = {}
         self.result: dict[str, Any] = {
             "date": time.strftime("%Y-%m-%d"),
             "machine": describe() | gpu(device),
@@ -93,10 +89,8 @@ class Study:
         for rival in filter(self.wanted, some):
             for form, counts in sizes.items():
                 for points in filter(lambda n: rival.wants(form, n), counts):
-                    place = (rival.name, form, points)
-                    ready = place in self.ready
-                    expected = expected_seconds(self.rows, rival, form, points, ready)
-                    reason = too_large(self.rows, rival, form, points) or self.broken.get(place)
+                    expected = expected_seconds(self.rows, rival, form, points)
+                    reason = too_large(self.rows, rival, form, points)
                     if reason := reason or self._late(rival, expected):
                         row = {"name": rival.name, "form": form, "points": points}
                         self.rows.append(row | {"error": f"not measured: {reason}"})
@@ -193,27 +187,23 @@ def main() -> int:
     study = Study(device, seconds, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
     rows = "rows" in arguments.only
-    slow = [*QUICK_RIVALS] if quick else [*QUICK_RIVALS, FUNCTIONAL]
-    ahead = [rival for rival in slow if rows and study.wanted(rival)]
-    with compiling(ahead, sizes, device, max(seconds / 3, 45.0)) as record:
-        if "accuracy" in arguments.only:
-            trained = 8 if tiny else 0 if quick else 3000
-            batch = (32, 8) if tiny else (1024, 128)
-            study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
-    study.ready, study.broken = record.pop("ready"), record.pop("broken")
-    study.add("compiled_ahead", record)
+    if "accuracy" in arguments.only:
+        trained = 8 if tiny else 0 if quick else 3000
+        batch = (32, 8) if tiny else (1024, 128)
+        study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
     study.add("ceilings", ceilings(device))
     if rows:
         study.measure(GRANPINN, sizes)
         study.measure(QUICK_RIVALS, sizes)
-    if rows and not quick and study.named(JAX):
-        study.jax(sizes)
     if not quick and "ensembles" in arguments.only:
         study.add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
     if not quick and "training" in arguments.only:
         study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
     if rows and not quick:
-        study.measure([*OTHER_RIVALS, FUNCTIONAL], sizes)
+        study.measure(OTHER_RIVALS, sizes)
+        if study.named(JAX):
+            study.jax(sizes)
+        study.measure([FUNCTIONAL], sizes)
     study.count_launches()
     gpu_table.complete(study.rows, study.result["ceilings"])
     study.add("rows", study.rows)

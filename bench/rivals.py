@@ -20,7 +20,6 @@ OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: launching it costs as much as the step
 STEPS_PER_GRAPH = 10
 STEPS_OF_A_ROW = 14  # at least, warming up and capturing included (bench/device.py)
-READY_SECONDS = 8.0  # of a row that is compiled, at most
 MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
@@ -34,14 +33,12 @@ class Rival:
 
     Attributes:
         graph: whether its steps are captured in a CUDA graph.
-        compiled: whether torch.compile makes it, which is done ahead (bench/gpu_compile.py).
         seconds: how long a row may take.
     """
 
     name: str
     make: Callable[[Task], Advance]
     graph: bool
-    compiled: bool = False
     seconds: float = 4.0
 
     def wants(self, form: str, points: int) -> bool:
@@ -51,7 +48,7 @@ class Rival:
 
 GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
 QUICK_RIVALS = [
-    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, True, 12.0),
+    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, 12.0),
     Rival(EAGER, eager_step, False),
 ]
 OTHER_RIVALS = [
@@ -62,7 +59,6 @@ FUNCTIONAL = Rival(
     "torch.func jvp, torch.compile + graph",
     partial(functional_step, compiled=True),
     graph=True,
-    compiled=True,
     seconds=25.0,
 )
 
@@ -117,16 +113,11 @@ def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) 
     return f"would need {expected:.0f} GB, more than {MOST_MEMORY / 1e9:.0f}"
 
 
-def expected_seconds(
-    rows: list[dict[str, Any]], rival: Rival, form: str, points: int, ready: bool = False
-) -> float:
-    """How long a row will take to measure, by the largest one of the rival and the form so far.
-
-    `ready`: what torch.compile makes of it is in the cache.
-    """
+def expected_seconds(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> float:
+    """How long a row will take to measure, by the largest one of the rival and the form so far."""
     known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "seconds" in r]
     if not known:
-        return min(rival.seconds, READY_SECONDS) if ready else rival.seconds
+        return rival.seconds
     largest = max(known, key=lambda r: int(r["points"]))
     more = max(points / largest["points"], 1.0) - 1.0
     seconds: float = largest["seconds"] + 1e-3 * STEPS_OF_A_ROW * more * largest["ms"]

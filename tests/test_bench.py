@@ -14,7 +14,6 @@ from bench import (
     closure,
     device,
     gpu_accuracy,
-    gpu_compile,
     gpu_step,
     gpu_table,
     gpu_training,
@@ -99,29 +98,10 @@ def test_a_rival_that_would_take_too_long_is_left_out() -> None:
     expected = rivals.expected_seconds(known, rival, "strong", 5120)
     assert expected == pytest.approx(3.0 + rivals.STEPS_OF_A_ROW * 0.1 * 9)
     assert rivals.expected_seconds(known, rival, "strong", 512) == 3.0
-    assert rivals.expected_seconds([], rival, "mixed", 512, ready=True) == rivals.READY_SECONDS
     study = gpu_step.Study(CPU, 5.0, None)
     study.rows.extend(known)
     study.measure([rival], {"strong": (5120,)})
     assert study.rows[-1]["error"].startswith("not measured: would take 16 s of the ")
-
-
-def test_what_cannot_be_compiled_is_not_begun() -> None:
-    study = gpu_step.Study(CPU, 100.0, None)
-    study.broken["some", "strong", 32] = "RuntimeError: illegal memory access"
-    study.measure([Rival("some", fused_step, False)], {"strong": (32,)})
-    assert study.rows[-1]["error"] == "not measured: RuntimeError: illegal memory access"
-
-
-def test_what_is_compiled_ahead_and_why_it_was_not() -> None:
-    some = [Rival("unknown", fused_step, False, compiled=True), Rival("eager", fused_step, False)]
-    with gpu_compile.compiling(some, {"strong": (32,)}, CPU, 100.0) as record:
-        assert "seconds" not in record
-    place = ("unknown", "strong", 32)
-    assert list(record["broken"]) == [place]
-    assert "invalid choice" in record["broken"][place]
-    assert (record["rows"], record["ready"], record["late"]) == (1, [], [])
-    assert record["seconds"] > 0
 
 
 @pytest.mark.parametrize("form", ["strong", "mixed"])

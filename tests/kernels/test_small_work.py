@@ -124,7 +124,7 @@ def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType
     """Two members, one of them frozen."""
     group = Group(3, *shape)
     params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
-    counter, counts = torch.zeros(3, dtype=torch.int64), torch.zeros(2, 2, dtype=torch.int64)
+    counter, counts = torch.tensor([1, 0, 0]), torch.zeros(2, 2, dtype=torch.int64)
     table, slower = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
     places = (group.offset, group.apart, 1.0, "fast")
     state = (counter, table, slower, torch.tensor([HEALTHY, 0]), counts)
@@ -135,6 +135,7 @@ def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType
         there = (tensor.to(device) for tensor in state)
         torch.ops.granpinn.descend(*there, G, now, average, *places)
         moves[device] = now.cpu() - params
+    assert not moves["cpu"][1].any()
     assert not moves["cuda"][1].any()
     assert relative(moves["cuda"][0], moves["cpu"][0].double()) <= GROSS_FACTOR * TF32
 
