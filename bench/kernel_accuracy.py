@@ -106,8 +106,8 @@ def main() -> int:
             if any(c.norm > 0 for c in comparisons)
         },
     }
-    for name, line in result["outputs"].items():
-        print(f"{name:>14}: median {line['median ratio']:.2f}, worst {line['worst ratio']:.2f}")
+    for name, told in result["outputs"].items():
+        print(f"{name:>14}: median {told['median ratio']:.2f}, worst {told['worst ratio']:.2f}")
     print(f"{len(failures)} failures in {len(rows)} configurations")
     if arguments.json:
         arguments.json.write_text(json.dumps(result, indent=2) + "\n")

@@ -6,8 +6,6 @@ import json
 import subprocess
 from typing import Any
 
-NO_TIME = "no time left, see --seconds"
-
 
 def run_lines(
     command: list[str], environment: dict[str, str] | None, seconds: float
@@ -23,6 +21,6 @@ def run_lines(
             reason = (done.stderr.strip().splitlines() or ["no message"])[-1][:300]
     except subprocess.TimeoutExpired as error:
         out = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
-        reason = NO_TIME
+        reason = "no time left, see --seconds"
     lines = [line for line in out.splitlines() if line.startswith("{") and line.endswith("}")]
     return [json.loads(line) for line in lines], reason

@@ -43,17 +43,9 @@ def kept_after_training(config: Config, members: int) -> float:
 
 
 def close(
-    case: Case,
-    run: Run,
-    model: Model,
-    maps: Fields,
-    threads: int | None,
-    pool: Executor | None = None,
+    case: Case, run: Run, model: Model, maps: Fields, pool: Executor
 ) -> tuple[Fields, Closure]:
-    """The fields with `p_closed` where there is any, and the record of it.
-
-    `threads` or `pool` as in `closure.close`.
-    """
+    """The fields with `p_closed` where there is any, and the record of it."""
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -75,7 +67,6 @@ def close(
         velocity_of(flow, model),
         settings.frames,
         settings.cells,
-        threads=threads,
         pool=pool,
         deadline=deadline,
         listener=say,

@@ -59,7 +59,6 @@ def close(
     frames: int,
     cells: int | None = None,
     *,
-    threads: int | None = None,
     pool: Executor | None = None,
     deadline: float | None = None,
     listener: Listener | None = None,
@@ -71,8 +70,7 @@ def close(
         velocity: of the grains, at any point and any time.
         frames: how many, at most; the last of the flow is one of them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
-        threads: that work side by side, None for all cores at hand.
-        pool: of threads that others use too, instead of own ones.
+        pool: of the threads that work side by side; None for all cores at hand.
         deadline: value of time.monotonic() after which no further frame is begun.
         listener: is told how many frames of how many are done.
 
@@ -107,7 +105,7 @@ def close(
                 listener(done, len(chosen))
         return p if np.isfinite(p).all() else FAILED
 
-    own = min(threads or len(os.sched_getaffinity(0)), len(chosen))
+    own = min(len(os.sched_getaffinity(0)), len(chosen))
     with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
         # From the last frame on: what a time limit leaves out is early.
         found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))

@@ -111,7 +111,7 @@ def identify_many(
 
             def finished(e: int) -> Result:
                 own = every[e * K : (e + 1) * K]
-                return finish(own, run, e * K, parts[e], keep_fields, pool=closing)
+                return finish(own, run, e * K, parts[e], closing, keep_fields)
 
             found = _side_by_side(finished, range(len(cases)), config.device)
     return found if group.size == 1 else _in_order(found, len(flows))

@@ -8,7 +8,7 @@ import os
 import shutil
 import time
 from collections.abc import Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,8 +96,9 @@ def identify(
     if len(run.training.lost) == len(cases):
         raise NonFiniteError(next(iter(run.training.lost.values())))
     if together.rank > 0:
-        return finish(cases, run, 0, None, threads=0)
-    return finish(cases, run, 0, folder)
+        return finish(cases, run, 0, None, None)
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as closing:
+        return finish(cases, run, 0, folder, closing)
 
 
 @dataclass(frozen=True)
@@ -211,21 +212,19 @@ def finish(
     run: Run,
     first: int,
     folder: Path | None,
+    closing: Executor | None,
     keep_fields: bool = True,
-    threads: int | None = None,
-    pool: Executor | None = None,
 ) -> Result:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
-    `threads` close the pressure: None for all cores at hand, 0 to leave it out; or those of a
-    `pool` that others use too.
+    The threads of `closing` close the pressure; None leaves that out.
     """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
     model = Model(case.member.problem, *run.training.solution(e), case.scales)
     maps, record = predict(case.flow, model), None
-    if case.config.closure.frames and threads != 0:
-        maps, record = closed_fields.close(case, run, model, maps, threads, pool)
+    if case.config.closure.frames and closing is not None:
+        maps, record = closed_fields.close(case, run, model, maps, closing)
     result = conclusion.result(case, run, e, found, model, maps, record)
     if folder is not None:
         results.write_results(result, folder / "results.json")

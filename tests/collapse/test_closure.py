@@ -84,9 +84,10 @@ def error(p: Array, flow: Flow, k: int, where: npt.NDArray[np.bool_]) -> float:
 def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> None:
     flow = known.flow
     told: list[tuple[int, int]] = []
-    closed, record = closure.close(
-        flow, LAW, known.velocity, 4, threads=2, listener=lambda *done: told.append(done)
-    )
+    with ThreadPoolExecutor(2) as pool:
+        closed, record = closure.close(
+            flow, LAW, known.velocity, 4, pool=pool, listener=lambda *done: told.append(done)
+        )
     assert record.objection is None
     assert (record.cells, record.frames) == (128, (0, 1, 2, 3))
     assert (record.failed, record.late) == (0, 0)
@@ -101,7 +102,8 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
 
 
 def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
-    alone, _ = closure.close(known.flow, LAW, known.velocity, 2, threads=1)
+    with ThreadPoolExecutor(1) as one:
+        alone, _ = closure.close(known.flow, LAW, known.velocity, 2, pool=one)
     with ThreadPoolExecutor(2) as pool:
         together = [
             closure.close(known.flow, LAW, known.velocity, 2, pool=pool)[0] for _ in range(2)

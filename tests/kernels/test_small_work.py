@@ -27,6 +27,8 @@ from .accuracy import EPSILON, GROSS_FACTOR
 from .configurations import problem, small
 from .devices import moved
 
+pytestmark = pytest.mark.cuda
+
 TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast", and of half precision
 
 # Points that make the tiles large (csrc/cuda/fused/fused_loss.cu, on 132 multiprocessors).

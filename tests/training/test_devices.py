@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -64,8 +65,9 @@ def test_fields_and_closed_pressure_are_those_of_the_cpu(device: str, flow: Flow
             error = relative_l2(maps.values[name], same.values[name])
             assert error is not None
             assert error < 1e-2, name  # in %: hundreds of roundings of float32
-        maps, record = closed_fields.close(case, run, there, maps, 2)
-        same, _ = closed_fields.close(case, run, here, same, 2)
+        with ThreadPoolExecutor(2) as pool:
+            maps, record = closed_fields.close(case, run, there, maps, pool)
+            same, _ = closed_fields.close(case, run, here, same, pool)
         assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
         found, wanted = (fields.values["p_closed"] for fields in (maps, same))
         known = np.isfinite(wanted)

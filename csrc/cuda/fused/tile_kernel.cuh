@@ -120,7 +120,8 @@ __global__ void __launch_bounds__(I::threads, Blocks)
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
   for (int i = threadIdx.x; i < plan.narrow(); i += I::threads) gradient[i] = 0;
   if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
-  // with few values only for the batch, where that is drawn beside the packing of the weights
+  // With few values only for the batch, where that is drawn beside the packing of the weights. Else
+  // the packing has let this kernel start when it had itself waited for who wrote the parameters.
   if (!few || a.drawn) wait_for_earlier();
 
   const std::int64_t e = blockIdx.y, block = e * plan.slots + blockIdx.x;
