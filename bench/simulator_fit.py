@@ -27,6 +27,7 @@ import json
 import math
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ from granpinn.identification.law_runs import LawRuns, side_by_side
 from granpinn.identification.resimulation import collapse_of, initial_column
 from granpinn.identification.simulator_fit import fit
 from granpinn.results import plain
+from granpinn.results.findings import SimulatorFit
 from granpinn.simulation import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
@@ -78,7 +80,12 @@ def fit_draws(
     runs = LawRuns(flow, column, START_I0 * I0 if free_I0 else I0, cells, free_I0)
     for sd in noise:
         begin = time.monotonic()
-        found = [fit(add_noise(flow, sd, seed), runs, start) for seed in range(draws)]
+
+        def draw(seed: int, sd: float = sd) -> SimulatorFit:
+            return fit(add_noise(flow, sd, seed), runs, start)
+
+        with ThreadPoolExecutor(draws) as pool:  # each waits for its runs, which all cores make
+            found = list(pool.map(draw, range(draws)))
         values = np.array([(f.mu_s, f.mu_2, f.I0 or I0) for f in found])[:, : len(names)]
         stds = np.array([(*f.std, f.I0_std or 0.0) for f in found])[:, : len(names)]
         errors = 100 * (values / law[: len(names)] - 1)

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from threading import Lock
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -33,7 +34,7 @@ Law = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
 T = TypeVar("T")
 
-SPACING = np.array([0.015, 0.075, 0.15])  # of the lattice, in q
+SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
 COARSE_CELLS = 256  # across the box, at most, where a law is searched for from afar
 MOST_POINTS = 1 << 20  # 8 MB for every run
 
@@ -110,7 +111,9 @@ class LawRuns:
             kept = np.random.default_rng(0).choice(len(there), MOST_POINTS, replace=False)
             there = there[np.sort(kept)]
         self.points = there
-        self._found: dict[tuple[int, Node], Array32] = {}
+        self._cores = len(os.sched_getaffinity(0))
+        self._pool, self._lock = ThreadPoolExecutor(self._cores), Lock()
+        self._found: dict[tuple[int, Node], Future[Array32]] = {}
 
     @property
     def made(self) -> int:
@@ -130,20 +133,24 @@ class LawRuns:
     def velocities(self, cells: int, nodes: Sequence[Node]) -> list[Array32]:
         """The velocity at the points for the law of every node, [2, n] each; NaN: no grains.
 
+        Fits in several threads share the runs: a node that one has asked for is not run again.
+
         Args:
             nodes: indices on the lattice; where there are two, I0 is the given one.
         """
-
-        def run(collapse: Collapse) -> Array32:
-            taken = AtPoints(collapse, self.flow, self.points)
-            record(taken, Silent(), self.flow.t.tolist())
-            return taken.velocity()
-
         nodes = [(*node, 0)[:3] for node in nodes]
-        missing = [node for node in nodes if (cells, node) not in self._found]
-        if missing:
-            laws = [self.law_at(np.array(node) * SPACING) for node in missing]
-            collapses = [collapse_of(self.flow, self.column, law, cells) for law in laws]
-            found = zip(missing, side_by_side(run, collapses), strict=True)
-            self._found |= {(cells, node): v for node, v in found}
-        return [self._found[cells, node] for node in nodes]
+        with self._lock:
+            missing = [node for node in nodes if (cells, node) not in self._found]
+            waiting = len(missing) + sum(not run.done() for run in self._found.values())
+            for node in missing:
+                law = self.law_at(np.array(node) * SPACING)
+                collapse = collapse_of(self.flow, self.column, law, cells)
+                threads = max(1, self._cores // waiting)
+                run = self._pool.submit(self._run, replace(collapse, threads=threads))
+                self._found[cells, node] = run
+        return [self._found[cells, node].result() for node in nodes]
+
+    def _run(self, collapse: Collapse) -> Array32:
+        taken = AtPoints(collapse, self.flow, self.points)
+        record(taken, Silent(), self.flow.t.tolist())
+        return taken.velocity()

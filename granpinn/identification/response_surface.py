@@ -9,11 +9,23 @@ with z(x) the terms 1, x_i, x_i x_j and P the pseudo-inverse of those of the pla
 are needed in one K x K matrix only, the products of the misfits, however many they are:
 
 $$ |d - v(x)|^2 = w^T S w, \quad S_{kl} = (v_k - d) \cdot (v_l - d). $$
+
+A run is rough: a law that differs by a billionth has other bands, and the velocity differs as much
+as from a law at some distance. That is no noise of points, but moves many at once, and the data of
+such a run have their own. What the quadratic leaves of the runs are samples of it: E = V^T Q, with
+the columns of Q the K - dim z combinations of runs that no quadratic has. With its covariance
+C = 2 E E^T / (K - dim z), for the data's own and what the surface has of its runs', and noise of
+variance s^2, the misfit is that with the inverse of s^2 + C between, again by K x K matrices:
+
+$$ s^2 (d - v)^T (s^2 + C)^{-1} (d - v) = w^T (S - S Q (Q^T S Q + r)^{-1} Q^T S) w,
+\quad r = s^2 (K - dim z)/2. $$
+
+Where the noise is larger than the roughness, that changes nothing; where it is smaller, the
+differences that the runs have among themselves do not count as differences from the data.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations_with_replacement, product
 from typing import NamedTuple
 
@@ -21,10 +33,13 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Place = tuple[int, ...]
+Place = tuple[float, ...]
 
 REACH = 2.0  # distances between places from the middle one: the quadratic is not trusted beyond
 NEWTON_STEPS = 8
+PASSES = 4
+ROUGH_RUNS = 2.0  # the data's own, and about as much as the surface keeps of its runs'
+TINY = 1e-300
 
 
 class Nearest(NamedTuple):
@@ -33,12 +48,14 @@ class Nearest(NamedTuple):
     Attributes:
         x: the place [D].
         misfit: |d - v(x)|^2.
-        information: J^T J with J = dv/dx there [D, D].
+        covariance: of x [D, D], by the scatter of the misfit and the roughness.
+        roughness: the largest variance of the roughness in any direction, relative to the noise's.
     """
 
     x: Array
     misfit: float
-    information: Array
+    covariance: Array
+    roughness: float
 
 
 def composite(dimension: int) -> list[Place]:
@@ -47,18 +64,26 @@ def composite(dimension: int) -> list[Place]:
     That is the face-centered central composite design. It leaves out the 12 edges of three
     dimensions and finds a law about as well as all 27 places do (docs/method.md, section 5).
     """
-    places = product((-1, 0, 1), repeat=dimension)
+    places = product((0, -1, 1), repeat=dimension)
     return [place for place in places if sum(map(abs, place)) in (0, 1, dimension)]
+
+
+def filled(dimension: int) -> list[Place]:
+    """Those, and the cube of half the size: 17 places, 41 of three dimensions."""
+    inner = product((0, -0.5, 0.5), repeat=dimension)
+    return list(dict.fromkeys([*composite(dimension), *inner]))
 
 
 class Surface:
     """The quadratic over places x_k [K, D], as weights of their values."""
 
-    def __init__(self, places: Sequence[Place]) -> None:
-        x = np.array(places, float)
+    def __init__(self, places: npt.ArrayLike) -> None:
+        x = np.asarray(places, float)
         self.dimension = x.shape[1]
         self._pairs = [*combinations_with_replacement(range(self.dimension), 2)]
-        self._of_terms = np.linalg.pinv(np.stack([self._terms(place) for place in x])).T
+        terms = np.stack([self._terms(place) for place in x])
+        self._of_terms = np.linalg.pinv(terms).T
+        self._left = np.linalg.svd(terms)[0][:, terms.shape[1] :]  # Q
 
     def _terms(self, x: Array) -> Array:
         return np.array([1.0, *x, *(x[i] * x[j] for i, j in self._pairs)])
@@ -75,21 +100,49 @@ class Surface:
         found: Array = self._of_terms @ np.stack([np.zeros(self.dimension), *one, *products])
         return found
 
-    def nearest(self, S: Array) -> Nearest:
-        """Where the misfit is least within REACH, by Gauss-Newton from the middle.
-
-        A coordinate at REACH stays there while the misfit falls outwards.
+    def nearest(self, S: Array, values: float) -> Nearest:
+        """Where the misfit is least within REACH, with the roughness and the noise weighed.
 
         Args:
             S: products of the misfits at the places [K, K].
+            values: how many they are sums of.
         """
-        x = np.zeros(self.dimension)
+        x = self._least(S, np.zeros(self.dimension))
+        variance = self._misfit(S, x) / max(1.0, values - self.dimension)
+        smooth = S
+        for _ in range(PASSES):  # the variance of the noise is what the roughness leaves
+            smooth = self.without_roughness(S, variance)
+            x = self._least(smooth, x)
+            variance = self._misfit(smooth, x) / max(1.0, values - self.dimension)
+        dw, Q = self.slopes(x), self._left
+        covariance = variance * np.linalg.pinv(dw.T @ smooth @ dw)
+        largest = float(np.linalg.eigvalsh(Q.T @ S @ Q).max()) / Q.shape[1]
+        return Nearest(x, self._misfit(S, x), covariance, largest / max(variance, TINY))
+
+    def without_roughness(self, S: Array, variance: float) -> Array:
+        """Products of the misfits with noise and roughness weighed, S - S Q (...)^-1 Q^T S [K, K].
+
+        Args:
+            S: products of the misfits [K, K].
+            variance: of the noise of a value.
+        """
+        Q = self._left
+        SQ, noise = S @ Q, variance * Q.shape[1] / ROUGH_RUNS * np.eye(Q.shape[1])
+        found: Array = S - SQ @ np.linalg.pinv(Q.T @ SQ + noise) @ SQ.T
+        return found
+
+    def _misfit(self, S: Array, x: Array) -> float:
+        w = self.weights(x)
+        return float(w @ S @ w)
+
+    def _least(self, S: Array, x: Array) -> Array:
+        """By Gauss-Newton from x; a coordinate at REACH stays there while S falls outwards."""
         for _ in range(NEWTON_STEPS):
             w, dw = self.weights(x), self.slopes(x)
             falls = -dw.T @ S @ w
             free = (np.abs(x) < REACH) | (falls * x < 0)
             information = dw.T @ S @ dw
+            x = x.copy()
             x[free] += np.linalg.lstsq(information[np.ix_(free, free)], falls[free], rcond=None)[0]
             x = np.clip(x, -REACH, REACH)
-        w, dw = self.weights(x), self.slopes(x)
-        return Nearest(x, float(w @ S @ w), dw.T @ S @ dw)
+        return x

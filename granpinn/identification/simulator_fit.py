@@ -29,16 +29,20 @@ import numpy.typing as npt
 
 from granpinn.data import Flow
 from granpinn.identification.law_runs import SPACING, Array32, LawRuns, Node
-from granpinn.identification.response_surface import REACH, Surface, composite
+from granpinn.identification.response_surface import REACH, Place, Surface, composite, filled
 from granpinn.results.findings import SimulatorFit
 
 Array = npt.NDArray[np.float64]
+Widths = npt.NDArray[np.int64]
 
 ROUNDS = 12  # of all nodes, at most, on each grid
-USUAL = 2  # spacings of the lattice between two nodes of a search from afar
-WIDEST = 8  # at most
+# Spacings of the lattice between two nodes, powers of two:
+NARROWEST = (4, 2)  # at least: of a search from afar, of the last one
+WIDEST = 16
+DEVIATIONS = 1.0  # at least so many standard deviations are from node to node
+ROUGH = 0.25  # of the noise's variance: a roughness that more nodes are worth
 FARTHEST_I0 = 10.0  # times the given one, or a tenth
-CHUNK = 1 << 16  # points at a time
+CHUNK = 1 << 14  # points at a time
 
 
 class Minimum(NamedTuple):
@@ -46,17 +50,30 @@ class Minimum(NamedTuple):
 
     Attributes:
         q: where it is.
-        inside: whether it lies among the nodes.
-        covariance: of q, by the scatter of the misfit.
+        middle: of the nodes, on the lattice.
+        widths: between two nodes along each unknown, in spacings of the lattice.
+        x: of q from the middle, in those widths.
+        limited: whether I0 is as far from the given one as it may be.
+        covariance: of q, by the scatter of the misfit and the roughness of the runs.
         misfit: of the velocity, relative to its root mean square.
         common: share of the points that all runs and the data have.
+        roughness: of the runs, the variance in its largest direction relative to the noise's.
     """
 
     q: Array
-    inside: bool
+    middle: Widths
+    widths: Widths
+    x: Array
+    limited: bool
     covariance: Array
     misfit: float
     common: float
+    roughness: float
+
+    @property
+    def inside(self) -> bool:
+        """Whether it lies among the nodes."""
+        return bool(np.abs(self.x).max() <= 1) and not self.limited
 
 
 def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
@@ -72,12 +89,13 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     begin = time.monotonic()
     data = np.stack([flow.u, flow.v]).reshape(2, -1)[:, runs.points]
     mu_s, mu_2 = start
-    q = np.log([mu_s, mu_2 - mu_s])
+    q, widths = np.log([mu_s, mu_2 - mu_s]), np.full(2, NARROWEST[False])
     for cells, unknowns in runs.stages:
         last = (cells, unknowns) == runs.stages[-1]
-        q = np.append(q, np.zeros(unknowns - len(q)))
-        found = search(data, runs, cells, q, wide=1 if last else USUAL)
-        q = found.q
+        more = unknowns - len(q)
+        q, widths = np.append(q, np.zeros(more)), np.append(widths, np.full(more, NARROWEST[True]))
+        found = search(data, runs, cells, q, widths, last)
+        q, widths = found.q, found.widths
     free = len(q) == 3
     mu_s, mu_2, I0 = runs.law_at(q)
     to_law = runs.law_by_q(q)
@@ -99,35 +117,79 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     )
 
 
-def search(data: Array32, runs: LawRuns, cells: int, q: Array, wide: int) -> Minimum:
+def search(
+    data: Array32, runs: LawRuns, cells: int, q: Array, widths: Widths, last: bool
+) -> Minimum:
     """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
-    places = composite(len(q))
-    surface, unit = Surface(places), SPACING[: len(q)]
-    seen: set[tuple[Node, int]] = set()
-    while len(seen) < ROUNDS:
-        spacing = wide * unit
-        middle = wide * np.round(q / spacing).astype(int)
-        nodes = [tuple((middle + wide * np.array(place)).tolist()) for place in places]
-        if (nodes[0], wide) in seen:
-            break
-        seen.add((nodes[0], wide))
-        S, energy, common = products(runs.velocities(cells, nodes), data)
-        nearest = surface.nearest(S)
-        taken = spacing
-        q = middle * unit + nearest.x * spacing
-        q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
-        far = float(np.abs(nearest.x).max())
-        limited = bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any())
-        inside = wide <= USUAL and far <= 1 and not limited
-        if far >= REACH:
-            wide = min(2 * wide, WIDEST)
-        elif far <= 1:
-            wide = min(wide, USUAL)
-    values = 2 * round(common * data.shape[1])
-    variance = nearest.misfit / max(1, values - len(q))
-    covariance = variance * np.linalg.pinv(nearest.information)
-    covariance *= np.outer(taken, taken)
-    return Minimum(q, inside, covariance, (nearest.misfit / energy) ** 0.5, common)
+    places, least = composite(len(q)), np.full(len(q), NARROWEST[last])
+    found = settle(data, runs, cells, q, widths, least, places)
+    if last and found.roughness > ROUGH:
+        places = filled(len(q))
+        found = settle(data, runs, cells, found.q, found.widths, least, places)
+    return found
+
+
+def settle(
+    data: Array32,
+    runs: LawRuns,
+    cells: int,
+    q: Array,
+    widths: Widths,
+    least: Widths,
+    places: Sequence[Place],
+) -> Minimum:
+    """Moves the nodes, and changes their distances, until they stay where they are."""
+    seen: set[tuple[Node, Node]] = set()
+    nodes = around(q, widths, places)
+    while True:
+        seen.add((nodes[0], tuple(widths.tolist())))
+        found = closest(data, runs, cells, nodes, widths)
+        if found.inside:
+            std = np.sqrt(np.diag(found.covariance))
+            widths = asked_for(std / SPACING[: len(std)], least)
+        else:
+            widths = np.where(np.abs(found.x) >= REACH, np.minimum(2 * widths, WIDEST), widths)
+        nodes = around(found.q, widths, places)
+        if (nodes[0], tuple(widths.tolist())) in seen and not found.inside:
+            least = widths = np.minimum(2 * widths, WIDEST)  # they go round in circles
+            nodes = around(found.q, widths, places)
+        if (nodes[0], tuple(widths.tolist())) in seen or len(seen) == ROUNDS:
+            return found
+
+
+def around(q: Array, widths: Widths, places: Sequence[Place]) -> list[Node]:
+    """The nodes at the places around the one next to q, the middle one first."""
+    middle = widths * np.round(q / (widths * SPACING[: len(q)]))
+    return [tuple((middle + widths * np.array(x)).astype(int).tolist()) for x in places]
+
+
+def closest(
+    data: Array32, runs: LawRuns, cells: int, nodes: Sequence[Node], widths: Widths
+) -> Minimum:
+    """The least misfit of the surface through the nodes, of which the first is its middle."""
+    unit, middle = SPACING[: len(widths)], np.array(nodes[0])
+    S, energy, common = products(runs.velocities(cells, nodes), data)
+    surface = Surface((np.array(nodes) - middle) / widths)
+    nearest = surface.nearest(S, 2 * common * data.shape[1])
+    q = (middle + nearest.x * widths) * unit
+    q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
+    return Minimum(
+        q=q,
+        middle=middle,
+        widths=widths,
+        x=nearest.x,
+        limited=bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any()),
+        covariance=nearest.covariance * np.outer(widths * unit, widths * unit),
+        misfit=(nearest.misfit / energy) ** 0.5,
+        common=common,
+        roughness=nearest.roughness,
+    )
+
+
+def asked_for(std: Array, least: Widths) -> Widths:
+    """Powers of two of at least DEVIATIONS standard deviations, all in spacings of the lattice."""
+    wide = np.clip(DEVIATIONS * std, least, WIDEST)
+    return (2 ** np.ceil(np.log2(wide))).astype(int)
 
 
 def products(values: Sequence[Array32], data: Array32) -> tuple[Array, float, float]:

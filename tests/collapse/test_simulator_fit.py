@@ -16,8 +16,7 @@ from granpinn.identification import law_runs, simulator_fit
 from granpinn.identification.comparison import interpolation
 from granpinn.identification.law_runs import AtPoints, LawRuns
 from granpinn.identification.resimulation import Column, initial_column
-from granpinn.identification.response_surface import REACH, Surface, composite
-from granpinn.identification.simulator_fit import fit, products
+from granpinn.identification.simulator_fit import NARROWEST, asked_for, fit, products
 from granpinn.results.decoding import decode
 from granpinn.results.findings import Resimulation
 from granpinn.simulation import Collapse, simulate
@@ -65,6 +64,22 @@ def test_its_scatter_over_noise_is_the_stated_one(flow: Flow, runs: LawRuns) -> 
     for name, k in (("mu_s", 0), ("mu_2", 1)):
         pulls = [(getattr(f, name) - getattr(clean, name)) / f.std[k] for f in draws]
         assert 0.65 < float(np.sqrt(np.mean(np.square(pulls)))) < 1.5  # 24 draws: 1 +- 0.15
+
+
+def test_nodes_are_as_far_apart_as_noise_asks_for(flow: Flow, runs: LawRuns) -> None:
+    """With so much noise the nodes of quiet data would not enclose what is left open."""
+    narrowest, widest = NARROWEST[True], simulator_fit.WIDEST
+    np.testing.assert_array_equal(
+        asked_for(np.array([0.1, 4.0, 4.1, 100.0]), np.full(4, narrowest)),
+        [narrowest, 4, 8, widest],
+    )
+    data = [add_noise(flow, 0.1, seed) for seed in range(8)]
+    assert all(fit(noisy, runs, (0.41, 0.68)).inside for noisy in data)
+    wide = {node for _, node in runs._found}
+    quiet = law_runs_of(flow, 0.3)
+    fit(flow, quiet, (0.41, 0.68))
+    span = [np.ptp([node[1] for node in nodes]) for nodes in (wide, {n for _, n in quiet._found})]
+    assert span[0] > 2 * span[1]
 
 
 def test_runs_are_made_once(flow: Flow, runs: LawRuns) -> None:
@@ -136,26 +151,6 @@ def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
     np.testing.assert_allclose(
         taken.velocity(), expected.reshape(2, -1)[:, points], rtol=1e-5, atol=1e-6
     )
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_the_surface_is_exact_for_quadratic_values(dimension: int, seed: int) -> None:
-    rng, places = np.random.default_rng(seed), composite(dimension)
-    a, b = rng.normal(size=50), rng.normal(size=(dimension, 50))
-    C = 0.1 * rng.normal(size=(dimension, dimension, 50))
-
-    def v(x: np.ndarray) -> np.ndarray:
-        return a + x @ b + np.einsum("i,ijn,j", x, C, x)
-
-    surface, x = Surface(places), np.array([0.3, -0.7, 1.1])[:dimension]
-    misfits = np.stack([v(np.array(place, float)) - v(x) for place in places])
-    found = surface.nearest(misfits @ misfits.T)
-    np.testing.assert_allclose(found.x, x, atol=1e-6)
-    assert abs(found.misfit) < 1e-9
-    J = b + np.einsum("ijn,j->in", C + C.swapaxes(0, 1), x)
-    np.testing.assert_allclose(found.information, J @ J.T, rtol=1e-6)
-    beyond = np.stack([v(np.array(place, float)) - v(10 * x) for place in places])
-    assert np.abs(surface.nearest(beyond @ beyond.T).x).max() == REACH
 
 
 def test_products_are_over_the_points_that_all_have(

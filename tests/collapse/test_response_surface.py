@@ -1,0 +1,71 @@
+"""The surface is exact where the values are quadratic, and knows the roughness of its runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from granpinn.identification import response_surface
+from granpinn.identification.response_surface import REACH, Surface, composite, filled
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_surface_is_exact_for_quadratic_values(dimension: int, seed: int) -> None:
+    rng, places = np.random.default_rng(seed), composite(dimension)
+    a, b = rng.normal(size=50), rng.normal(size=(dimension, 50))
+    C = 0.1 * rng.normal(size=(dimension, dimension, 50))
+
+    def v(x: np.ndarray) -> np.ndarray:
+        return a + x @ b + np.einsum("i,ijn,j", x, C, x)
+
+    surface, x = Surface(places), np.array([0.3, -0.7, 1.1])[:dimension]
+    misfits = np.stack([v(np.array(place, float)) - v(x) for place in places])
+    found = surface.nearest(misfits @ misfits.T, 50)
+    np.testing.assert_allclose(found.x, x, atol=1e-6)
+    assert abs(found.misfit) < 1e-9
+    J = b + np.einsum("ijn,j->in", C + C.swapaxes(0, 1), x)
+    slopes = misfits.T @ surface.slopes(x)
+    np.testing.assert_allclose(slopes.T, J, atol=1e-9)
+    beyond = np.stack([v(np.array(place, float)) - v(10 * x) for place in places])
+    assert np.abs(surface.nearest(beyond @ beyond.T, 50).x).max() == REACH
+
+
+def test_noise_alone_is_stated_as_it_scatters(seed: int) -> None:
+    rng, surface = np.random.default_rng(seed), Surface(composite(2))
+    b = rng.normal(size=(2, 400))
+    v = np.array(composite(2)) @ b
+    pulls = []
+    for _ in range(60):
+        misfits = v - (np.array([0.2, -0.3]) @ b + rng.normal(size=400))
+        found = surface.nearest(misfits @ misfits.T, 400)
+        assert found.roughness < 1e-9
+        pulls.append((found.x - [0.2, -0.3]) / np.sqrt(np.diag(found.covariance)))
+    assert 0.8 < float(np.sqrt(np.mean(np.square(pulls)))) < 1.2  # 120 pulls: 1 +- 0.065
+
+
+def test_what_runs_do_by_themselves_is_no_difference_from_the_data(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few directions, along which every run and the data lie at random: they are left out."""
+    rng, x = np.random.default_rng(seed), np.array([0.2, -0.3])
+    places = np.array(filled(2))
+    surface = Surface(places)
+    b, modes = rng.normal(size=(2, 400)), rng.normal(size=(3, 400))
+    modes += 0.5 * b[0]
+
+    def errors() -> tuple[float, float]:
+        found, pulls = [], []
+        for _ in range(40):
+            v = places @ b + rng.normal(size=(len(places), 3)) @ modes
+            misfits = v - (x @ b + rng.normal(size=3) @ modes + 0.1 * rng.normal(size=400))
+            nearest = surface.nearest(misfits @ misfits.T, 400)
+            assert nearest.roughness > 10
+            found.append(nearest.x - x)
+            pulls.append(found[-1] / np.sqrt(np.diag(nearest.covariance)))
+        return tuple(float(np.sqrt(np.mean(np.square(e)))) for e in (found, pulls))
+
+    weighed, pulls = errors()
+    monkeypatch.setattr(response_surface, "ROUGH_RUNS", 1e-12)
+    plain, _ = errors()
+    assert weighed < plain / 10
+    assert 0.5 < pulls < 2
