@@ -14,7 +14,8 @@ differences at a known law into the Cramer-Rao bound: the standard deviation tha
 estimate from N velocity vectors with white noise can beat, I0 known or not. What bands and rounding
 add to the differences would pass for information; it drops out of the product of the differences on
 two grids, (J^T J' + J'^T J) / 2, with what the bands of one grid do know. So the truth lies between
-J^T J ("one grid", too small a deviation) and that ("two grids", too large).
+J^T J ("one grid", too small a deviation) and that ("two grids", too large). Differences over more
+of the law (--nudge 0.1) have less of it, which matters where I0 is unknown.
 Neither the model error of a coarse grid nor an unknown initial state is in it.
 Defends: nothing; it is what a method that may use the simulator reaches, with its time.
 """

@@ -109,7 +109,7 @@ class SimulatorFit:
 
     Attributes:
         mu_s, mu_2: of the least misfit.
-        std: of both, by the scatter of the misfit alone: the error of the simulator is not in it.
+        std: of both, by noise and the roughness of runs: the error of the simulator is not in it.
         misfit_percent: of the velocity, relative to its root mean square.
         common_percent: share of the points that all simulations have.
         inside: whether the least misfit lies among the laws that were simulated.
@@ -139,7 +139,7 @@ class SimulatorFit:
             third_std += f", correlation of mu_2 with I0 {self.correlation:+.2f}"
         return (
             f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f}{third} (noise "
-            f"alone makes +- {self.std[0]:.4f}, {self.std[1]:.4f}{third_std}; {self.runs} runs, "
+            f"and rough runs: +- {self.std[0]:.4f}, {self.std[1]:.4f}{third_std}; {self.runs} runs, "
             f"the last on {self.cells} cells, misfit {self.misfit_percent:.2f} %{doubt})"
         )
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -87,6 +90,32 @@ def test_runs_are_made_once(flow: Flow, runs: LawRuns) -> None:
     before = runs.made
     fit(flow, runs, (0.41, 0.68))
     assert runs.made == before
+
+
+def test_fits_at_the_same_time_share_their_runs(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, together = [], threading.Barrier(4)
+
+    def run(self: LawRuns, collapse: Collapse) -> np.ndarray:
+        made.append((collapse.mu_s, collapse.mu_2))
+        time.sleep(0.05)
+        return np.full((2, 3), collapse.mu_s, np.float32)
+
+    monkeypatch.setattr(LawRuns, "_run", run)
+    runs = law_runs_of(flow, 0.3)
+    nodes = [(-120, -38), (-118, -38), (-118, -36)]
+
+    def ask(_: int) -> list[np.ndarray]:
+        together.wait()
+        return runs.velocities(64, nodes)
+
+    with ThreadPoolExecutor(4) as pool:
+        answers = list(pool.map(ask, range(4)))
+    assert runs.made == len(made) == len(set(made)) == 3
+    expected = [float(np.exp(law_runs.SPACING[0] * node[0])) for node in nodes]
+    for answer in answers:
+        assert [float(v[0, 0]) for v in answer] == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_minimum_that_is_not_enclosed_is_said(
