@@ -139,8 +139,8 @@ class SimulatorFit:
             third_std += f", correlation of mu_2 with I0 {self.correlation:+.2f}"
         return (
             f"fitted by the simulator: mu_s {self.mu_s:.4f}, mu_2 {self.mu_2:.4f}{third} (noise "
-            f"and rough runs: +- {self.std[0]:.4f}, {self.std[1]:.4f}{third_std}; {self.runs} runs, "
-            f"the last on {self.cells} cells, misfit {self.misfit_percent:.2f} %{doubt})"
+            f"and rough runs: +- {self.std[0]:.4f}, {self.std[1]:.4f}{third_std}; {self.runs} "
+            f"runs, the last on {self.cells} cells, misfit {self.misfit_percent:.2f} %{doubt})"
         )
 
 
