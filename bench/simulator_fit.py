@@ -235,7 +235,14 @@ def fits(options: argparse.Namespace) -> list[dict[str, Any]]:
         for row in fit_draws(path, levels, draws, points, options.cells, options.free_I0, start):
             rows += with_bounds([row], known)
             print(text(rows[-1], draws), flush=True)
+            save(options.json, rows)
     return rows
+
+
+def save(path: Path | None, rows: Sequence[dict[str, Any]]) -> None:
+    """Writes the rows that there are, so that what ends early leaves some."""
+    if path:
+        path.write_text(json.dumps(plain({"machine": describe(), "rows": rows}), indent=1) + "\n")
 
 
 def text(row: dict[str, Any], draws: int) -> str:
@@ -276,11 +283,7 @@ def main() -> None:
     options = parser.parse_args()
     if not options.flows and not options.bound:
         parser.error("give a flow file, or --bound")
-    rows = bounds(options) if options.bound else fits(options)
-    if options.json:
-        options.json.write_text(
-            json.dumps(plain({"machine": describe(), "rows": rows}), indent=1) + "\n"
-        )
+    save(options.json, bounds(options) if options.bound else fits(options))
 
 
 if __name__ == "__main__":

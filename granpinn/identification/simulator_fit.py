@@ -44,7 +44,7 @@ ROUNDS = 12  # of all nodes, at most, on each grid
 NARROWEST = (4, 2)  # at least: of a search from afar, of the last one
 WIDEST = 16
 DEVIATIONS = 1.0  # at least so many standard deviations are from node to node
-ROUGH = 0.25  # of the noise's variance: a roughness that more nodes are worth
+ROUGH = 1.0  # of the noise's variance: a roughness that is worth more nodes
 FARTHEST_I0 = 10.0  # times the given one, or a tenth
 CHUNK = 1 << 14  # points at a time
 
