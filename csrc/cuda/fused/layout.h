@@ -46,9 +46,9 @@ enum class Size { small, medium, large };
 // rows of their own (which the few points of the surface do without).
 constexpr bool compensated(bool tensor_cores) { return tensor_cores; }
 
-// On the way back, all channels and the weights in two pieces, as on the way forward. The weights'
-// rounding is the same for all points and does not average out. The strong form does without:
-// second derivatives make its error in float32 the larger one.
+// On the way back the weights, too, in two pieces, and all channels (but see MmaEngine::fine_inputs
+// for large tiles). The weights' rounding is the same for all points and does not average out. The
+// strong form does without: second derivatives make its error in float32 the larger one.
 constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }

@@ -210,6 +210,13 @@ struct MmaEngine : Lanes<Width, Split> {
   static __device__ constexpr bool of_values(int c) { return quad ? c < 2 : c == 0; }
   static constexpr bool has_values(int t) { return quad ? t == 0 : t < PT / 8; }
 
+  // Whether second pieces of the inputs are taken too: not of the derivatives' adjoints in large
+  // tiles. Their rounding differs from point to point and, unlike the weights', averages out.
+  template <bool Forward>
+  static constexpr bool fine_inputs(int t) {
+    return Forward || PT < 16 || has_values(t);
+  }
+
   // Products of tensor-core tiles with a stage. Of weights in two pieces: low high + high low +
   // high high, then added to the sum in a register. Of one piece: those of its two halves of the
   // inputs, added up by the tensor core.
@@ -236,6 +243,7 @@ struct MmaEngine : Lanes<Width, Split> {
 #pragma unroll
         for (int m = 0; m < 2; ++m) {
           if (first + i >= tiles) continue;
+          if (FineWeights && part == 1 && !fine_inputs<Forward>(first + i)) continue;
           const uint4& v = b[i];
           mma_f16(d[i][m], a[part == second ? 2 + m : m], part == 1 ? v.z : v.x,
                   part == 1 ? v.w : v.y, d[i][m]);
