@@ -77,8 +77,11 @@ class Weights:
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
 
-    interior: int = setting(1024, "points inside the grains")
+    interior: int = setting(2048, "points inside the grains")
     surface: int = setting(128, "points on the free surface")
+    collocation: float = setting(
+        1.0, "random points between the vectors of a grid, for the equations alone, per vector"
+    )
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ RANGES: tuple[tuple[str, float, float], ...] = (
     ("weights.sigma_constitutive", 1e-9, math.inf),
     ("batch.interior", 1, 2**31),
     ("batch.surface", 0, 2**31),
+    ("batch.collocation", 0, 100),
     ("optimizer.learning_rate", 0, 1e3),
     ("optimizer.muon_learning_rate", 0, 1e3),
     ("optimizer.scalars_learning_rate", 0, 1e3),

@@ -29,7 +29,7 @@ SECTIONS: dict[str, type] = {
     "profile": Profile,
     "resimulation": Resimulation,
 }
-# For much noise: fewer unknowns and larger batches, at the same cost (docs/method.md, section 5).
+# For much noise: fewer unknowns and larger batches, at half the cost (docs/method.md, section 5).
 # The paper to the letter: section Training; where it is silent, what its library does by default
 # (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
 # unit weights in the units of the data, no scaling of inputs and outputs).
@@ -60,6 +60,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "weights.sigma_constitutive": 1.0,
         "batch.interior": 512,
         "batch.surface": 512,
+        "batch.collocation": 0.0,
         "optimizer.method": "adam",
         "optimizer.learning_rate": 5e-4,
         "optimizer.scalars_learning_rate": 5e-4,

@@ -1,5 +1,6 @@
 """Flow files and what is made of them: reading, writing, rules, noise, points."""
 
+from granpinn.data.collocation import with_collocation
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
 from granpinn.data.foreign import read
 from granpinn.data.noise import add_noise, known_sd, redraw
@@ -27,5 +28,6 @@ __all__ = [
     "redraw",
     "test_grid",
     "training_set",
+    "with_collocation",
     "write_flow",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,7 @@ Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """What the network is fitted to; N data points, M points of the free surface.
+    """What the network is fitted to; N data points, M of the free surface, B of equations alone.
 
     Positions and velocities are in the axes of granpinn/axes.py.
 
@@ -40,6 +40,8 @@ class TrainingSet:
             the data.
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
+        between: (x, y, t) between the data, where only the equations are asked for, [B, 3]
+            (granpinn/data/collocation.py).
     """
 
     points: torch.Tensor
@@ -49,6 +51,27 @@ class TrainingSet:
     surface_pressure: torch.Tensor
     lower: torch.Tensor
     upper: torch.Tensor
+    between: torch.Tensor
+
+    def pooled(self) -> TrainingSet:
+        """The same with the B points among the others, to be drawn from like them.
+
+        They have no velocity and no weight of one; that of the data is larger by as much, so that
+        the mean over all N + B points is that over the data.
+        """
+        N, B = len(self.points), len(self.between)
+        if B == 0:
+            return self
+        velocity, physics = self.point_weights.unbind(1)
+        weights = torch.stack([velocity * ((N + B) / N), physics], 1)
+        of_equations = weights.new_tensor([0.0, 1.0]).expand(B, 2)
+        return replace(
+            self,
+            points=torch.cat([self.points, self.between]),
+            velocity=torch.cat([self.velocity, self.velocity.new_zeros(B, 2)]),
+            point_weights=torch.cat([weights, of_equations]),
+            between=self.between[:0],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +108,7 @@ def training_set(
     weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
     surface_points, surface_pressure = _surface(flow, scales, level)
     points, velocity, surface_points = (
-        _turned_and_rounded(values, axes) for values in (points, velocity, surface_points)
+        turned_and_rounded(values, axes) for values in (points, velocity, surface_points)
     )
 
     def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
@@ -99,6 +122,7 @@ def training_set(
         tensor(surface_pressure),
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
+        between=tensor(points[:0]),
     )
     for name, values in vars(training).items():
         if not torch.isfinite(values).all():
@@ -115,10 +139,16 @@ def test_grid(flow: Flow, scales: Scales) -> TestGrid:
     return TestGrid(torch.as_tensor(_points(flow, scales, indices)), indices)
 
 
-def _turned_and_rounded(values: npt.NDArray[np.float64], axes: Axes) -> npt.NDArray[np.float64]:
+def turned_and_rounded(values: npt.NDArray[np.float64], axes: Axes) -> npt.NDArray[np.float64]:
     """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
     turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
+
+
+def vectors_used(flow: Flow) -> BoolArray:
+    """Which vectors of a grid are data: the valid ones at t > 0 [T, Y, X]."""
+    used: BoolArray = flow.valid & (flow.t > 0)[:, None, None]
+    return used
 
 
 def _indices(mask: BoolArray) -> Indices:
@@ -142,7 +172,7 @@ def _samples(flow: Flow) -> Particles:
         kept = particles.t > 0
         found = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
     else:
-        kept = flow.valid & (flow.t > 0)[:, None, None]
+        kept = vectors_used(flow)
         frame, row, column = _indices(kept)
         fields = {name: getattr(flow, name) for name in ("u", "v", *_sigmas_of(flow))}
         found = {name: np.broadcast_to(a, kept.shape)[kept] for name, a in fields.items()}

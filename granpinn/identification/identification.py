@@ -26,9 +26,9 @@ from granpinn.data import (
     known_sd,
     read_flow,
     redraw,
-    training_set,
 )
 from granpinn.identification import closed_fields, conclusion, prediction
+from granpinn.identification.training_data import training_data
 from granpinn.results import Result, fields, write_csv
 from granpinn.scales import Scales
 from granpinn.training import problem
@@ -132,7 +132,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
     scales = Scales.from_flow(seen)
-    data = training_set(seen, scales, config.level, getattr(torch, config.dtype))
+    data = training_data(seen, scales, config)
     posed = problem.build(seen, scales, data, config)
     member = Member(posed, data, config.seed, config.I0)
     return Case(flow, config, scales, member, seen, known_sd(seen))
@@ -149,8 +149,7 @@ def members(case: Case) -> list[Case]:
         redrawn = case.known_sd > 0 and 2 * k >= config.members
         if redrawn:
             seen = redraw(case.seen, config.noise, member.seed)
-            dtype = getattr(torch, config.dtype)
-            data = training_set(seen, case.scales, config.level, dtype)
+            data = training_data(seen, case.scales, config)
             member = dataclasses.replace(member, data=data)
         made.append(dataclasses.replace(case, member=member, redrawn=redrawn))
     return made
@@ -200,9 +199,12 @@ def start(
     run = Run(objective, config, folder, progress, deadline, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
+    vectors = sum(len(data.points) for data in objective.distinct)
+    between = len(objective.points) - vectors
+    many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
     progress.message(
-        f"{many}{len(objective.points)} points, {len(objective.surface_points)} surface "
-        f"points, {objective.spec.n_params} network parameters, {config.dtype} on {device}"
+        f"{many}{len(objective.surface_points)} surface points, "
+        f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run
 

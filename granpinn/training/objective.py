@@ -53,6 +53,7 @@ class Objective:
     """The data on their device, and the two losses that a run minimizes in turn.
 
     Attributes:
+        distinct: training sets of the members, each once.
         share: which of the equal parts of every batch this process draws, and how many there are.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.ops.residual_loss).
     """
@@ -70,7 +71,8 @@ class Objective:
         self.spec = members[0].problem.spec
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
-        self.sets, self.set_of = _distinct(members)
+        self.distinct, self.set_of = _distinct(members)
+        self.sets = [s.pooled() for s in self.distinct]
         self.share, parts = share
         has_surface = all(len(s.surface_points) for s in self.sets)
         if batch.interior % parts or (has_surface and batch.surface % parts):
@@ -109,7 +111,7 @@ class Objective:
         return [places[i] for i in self.set_of]
 
     def data(self, member: int) -> TrainingSet:
-        """The data of a member, on the device; of the surface, where the loss has it."""
+        """All points of a member, on the device; of the surface, where the loss has it."""
         first, count, first_surface, count_surface = self.places[member].tolist()
         own = slice(first, first + count)
         surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
@@ -120,6 +122,7 @@ class Objective:
             point_weights=self.point_weights[own],
             surface_points=self.surface_points[surface],
             surface_pressure=self.surface_pressure[surface],
+            between=self.points[:0],
         )
 
     def tensors(self) -> dict[str, Tensor]:

@@ -62,7 +62,7 @@ class Run:
             History(part / "history.csv" if part and writes else None) for part in parts
         ]
         self.data_sha256 = _digest(objective)
-        self.at_most = _steps(config, max(len(s.points) for s in objective.sets))
+        self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))
         schedule = Schedule(self.at_most, config.optimizer)
         self.training = Training(objective, schedule, config, self.processes)
         self.wall_s = 0.0

@@ -72,7 +72,7 @@ def test_members_share_the_data_of_one_flow(flow: Flow, other: Flow) -> None:
     cases.append(dataclasses.replace(cases[0]))
     run = start(cases, CONFIG, None, None, 0.0, [None] * 3)
     objective = run.training.objective
-    N = [len(case.member.data.points) for case in cases]
+    N = [len(case.member.data.pooled().points) for case in cases]
     assert len(objective.points) == N[0] + N[1]
     assert objective.places[:, :2].tolist() == [[0, N[0]], [N[0], N[1]], [0, N[0]]]
 

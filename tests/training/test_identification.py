@@ -158,13 +158,13 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Flow] = []
-    real = identification.training_set
+    real = identification.training_data
 
-    def training_set(flow: Flow, *args: Any) -> Any:
+    def training_data(flow: Flow, *args: Any) -> Any:
         seen.append(flow)
         return real(flow, *args)
 
-    monkeypatch.setattr(identification, "training_set", training_set)
+    monkeypatch.setattr(identification, "training_data", training_data)
     references: list[Any] = []
     real_predict = identification.predict
 

@@ -38,7 +38,9 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
     g = torch.Generator().manual_seed(seed)
     rand = lambda *shape: torch.rand(*shape, generator=g, dtype=torch.float64)  # noqa: E731
     x, velocity, weights = rand(points, 3), rand(points, 2), 0.5 + rand(points, 2)
-    return TrainingSet(x, velocity, weights, rand(surface, 3), rand(surface), x.amin(0), x.amax(0))
+    surface_points, pressure = rand(surface, 3), rand(surface)
+    bounds = (x.amin(0), x.amax(0))
+    return TrainingSet(x, velocity, weights, surface_points, pressure, *bounds, x[:0])
 
 
 def every_point(data: TrainingSet, features: Features) -> module.Data:

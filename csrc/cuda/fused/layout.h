@@ -40,14 +40,15 @@ struct TileShape {
 // Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
 enum class Size { small, medium, large };
 
-// Near convergence the parts of the value channel's gradient cancel, and ten bits of mantissa leave
-// it an error that shows (three times that of float32 in the mixed form). Both products of the way
+// Near convergence the parts of the gradient cancel, those of the value channel most, and ten bits
+// of mantissa leave it an error that shows (three times that of float32). Both products of the way
 // back therefore take that channel in two pieces; in the panels, the products of the pieces are
 // rows of their own (which the few points of the surface do without).
 constexpr bool compensated(bool tensor_cores) { return tensor_cores; }
 
-// The weights, too, are in two pieces there. Their rounding is the same for all points and cancels
-// with the rest, so that the strong form does without.
+// On the way back the weights, too, in two pieces, and all channels (but see MmaEngine::fine_inputs
+// for large tiles). The weights' rounding is the same for all points and does not average out. The
+// strong form does without: second derivatives make its error in float32 the larger one.
 constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }

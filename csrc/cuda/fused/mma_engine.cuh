@@ -1,12 +1,14 @@
-// Products of a tile on tensor cores: float32-grade forward, ten-bit mantissas backward.
+// Products of a tile on tensor cores: float32-grade, or, on the strong form's way back, with
+// mantissas of ten bits (of the value channel, twenty).
 //
 // z^T = W a^T with mma.m16n8k16 on halves: neurons are the rows of the tensor cores' tile, so a
 // weight fragment is used by one warp alone and comes straight from its stream, and a thread ends
-// up with all channels of its points. Forward, each operand is split into two halves of 11 bits
-// each; of the four products the smallest is left out, and the tensor cores' sums over 16 terms are
-// added in float32 registers: added up inside, they would be truncated. Halves have the mantissa of
-// TF32 at twice its rate but a short range, hence scales, all powers of two: each channel of a tile
-// is scaled by its largest value, weights by 2^8 (beyond +-255 a weight makes the loss infinite).
+// up with all channels of its points. Float32-grade, each operand is split into two halves of 11
+// bits each; of the four products the smallest is left out, and the tensor cores' sums over 16
+// terms are added in float32 registers: added up inside, they would be truncated. Halves have the
+// mantissa of TF32 at twice its rate but a short range, hence scales, all powers of two: each
+// channel of a tile is scaled by its largest value, weights by 2^8 (beyond +-255 a weight makes the
+// loss infinite).
 #pragma once
 
 #include <cuda_fp16.h>
@@ -17,6 +19,14 @@ namespace granpinn::cuda::fused {
 
 constexpr int kWeightExponent = 8;
 constexpr int kNoScale = 1 << 20;  // of zeros
+
+// Tensor cores cut off what they cannot keep of a sum. That takes a third of the last place from
+// those of a block of inputs on average (measured on an H200), alike in all points, so that it does
+// not average out. These factors give it back: of each sum, and of what they add up to. (The strong
+// form, whose error in float32 is larger, does without.)
+constexpr float kBlockFactor = 1.2421875f, kSumFactor = 0x1.9c2d16p-1f;
+constexpr double kGivenBack = (double{kBlockFactor} * double{kSumFactor} - 1) * (1 << 23);
+static_assert(0.33 < kGivenBack && kGivenBack < 0.34, "a third of the last place");
 
 // Two numbers as halves, the first in the lower bits, and what rounding took away.
 __device__ inline unsigned to_halves(float a, float b) {
@@ -69,6 +79,8 @@ struct MmaEngine : Lanes<Width, Split> {
   using Values = float[CP * PPT][neurons];
   using Element = __half;  // of the panels
   using Stored = unsigned[neurons / 2];
+  template <bool Forward>
+  static constexpr bool fine = Forward || FineWeights;  // operands in two pieces, weights too
 
   static __device__ int point(int q) {
     return quad ? L::point_lane() : q / 2 * 8 + L::point_lane() * 2 + q % 2;
@@ -92,7 +104,8 @@ struct MmaEngine : Lanes<Width, Split> {
   static __device__ void remove_scales(Values& z, const unsigned* peaks) {
 #pragma unroll
     for (int c = 0; c < C; ++c) {
-      const float factor = power_of_two(-scale_exponent(peaks[c]) - kWeightExponent);
+      float factor = power_of_two(-scale_exponent(peaks[c]) - kWeightExponent);
+      if constexpr (FineWeights) factor *= kSumFactor;
 #pragma unroll
       for (int i = 0; i < PPT * neurons; ++i) z[c * PPT + i / neurons][i % neurons] *= factor;
     }
@@ -121,7 +134,7 @@ struct MmaEngine : Lanes<Width, Split> {
   template <bool Forward>
   static __device__ void put(float* panel, int c, int q, float scale, const float (&v)[neurons],
                              Stored& stored, [[maybe_unused]] Stored& rest) {
-    constexpr bool two_pieces = Forward || FineWeights;
+    constexpr bool two_pieces = fine<Forward>;
     unsigned halves[neurons];
 #pragma unroll
     for (int j = 0; j < neurons; j += 2) {
@@ -166,7 +179,7 @@ struct MmaEngine : Lanes<Width, Split> {
     for (int i = 0; i < CP * PPT * 4; ++i) sum[i / 4][i % 4] = 0;
     // this lane's sixteen bytes of the row of its tensor-core column
     const float* from = panel + place(L::lane() / 4) * ld + L::lane() % 4 * 4;
-    constexpr int block = Forward || FineWeights ? 16 : 32;  // inputs of a stage
+    constexpr int block = fine<Forward> ? 16 : 32;  // inputs of a stage
     from += L::part() * (H / Split / block) * 16;
 #pragma unroll 1
     for (int k = 0; k < H / Split; k += block, from += 16) {
@@ -197,14 +210,16 @@ struct MmaEngine : Lanes<Width, Split> {
   static __device__ constexpr bool of_values(int c) { return quad ? c < 2 : c == 0; }
   static constexpr bool has_values(int t) { return quad ? t == 0 : t < PT / 8; }
 
-  // Products of a tensor-core tile with a stage. In two pieces: low high + high low + high high,
-  // then added to the sum in a register. Of one piece: those of its two halves of the inputs, or of
-  // the high pieces, added up by the tensor core.
+  // Whether second pieces of the inputs are taken too: not of the derivatives' adjoints in large
+  // tiles. Their rounding differs from point to point and, unlike the weights', averages out.
   template <bool Forward>
-  static constexpr int products(int t) {
-    return Forward || (FineWeights && has_values(t)) ? 3 : FineWeights ? 1 : 2;
+  static constexpr bool fine_inputs(int t) {
+    return Forward || PT < 16 || has_values(t);
   }
 
+  // Products of tensor-core tiles with a stage. Of weights in two pieces: low high + high low +
+  // high high, then added to the sum in a register. Of one piece: those of its two halves of the
+  // inputs, added up by the tensor core.
   template <bool Forward>
   static __device__ void multiply_group(const float* from, int first, const uint4 (&a)[4],
                                         float (&sum)[CP * PPT][4]) {
@@ -217,20 +232,21 @@ struct MmaEngine : Lanes<Width, Split> {
     for (int j = 0; j < together * 8; ++j) {
       const int t = first + j / 8;
       d[j / 8][j / 4 % 2][j % 4] =
-          t < tiles && products<Forward>(t) < 3 ? value_of(sum, t, j / 4 % 2, j % 4) : 0;
+          t < tiles && !fine<Forward> ? value_of(sum, t, j / 4 % 2, j % 4) : 0;
     }
+    constexpr int parts = fine<Forward> ? 3 : 2;
+    constexpr int second = fine<Forward> ? 0 : 1;  // part that takes the later weights
 #pragma unroll
-    for (int part = 0; part < 3; ++part)
+    for (int part = 0; part < parts; ++part)
 #pragma unroll
       for (int i = 0; i < together; ++i)
 #pragma unroll
         for (int m = 0; m < 2; ++m) {
-          const int count = first + i < tiles ? products<Forward>(first + i) : 0;
-          if (part >= count) continue;
-          const bool low_weights = count == 3 ? part == 0 : part == 1;
+          if (first + i >= tiles) continue;
+          if (FineWeights && part == 1 && !fine_inputs<Forward>(first + i)) continue;
           const uint4& v = b[i];
-          mma_f16(d[i][m], a[low_weights ? 2 + m : m], part == 1 ? v.z : v.x, part == 1 ? v.w : v.y,
-                  d[i][m]);
+          mma_f16(d[i][m], a[part == second ? 2 + m : m], part == 1 ? v.z : v.x,
+                  part == 1 ? v.w : v.y, d[i][m]);
         }
     if constexpr (!Forward && !FineWeights && MoreRows) {  // and those of the second pieces
 #pragma unroll
@@ -248,7 +264,10 @@ struct MmaEngine : Lanes<Width, Split> {
       if (t >= tiles) continue;
       float& s = value_of(sum, t, j / 4 % 2, j % 4);
       const float product = d[j / 8][j / 4 % 2][j % 4];
-      s = products<Forward>(t) == 3 ? s + product : product;
+      if constexpr (FineWeights)  // both ways
+        s = fmaf(product, kBlockFactor, s);
+      else
+        s = fine<Forward> ? s + product : product;
     }
   }
 

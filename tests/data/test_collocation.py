@@ -1,0 +1,106 @@
+"""Points between the vectors, where only the equations are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import torch
+from flows import make_flow
+
+from granpinn.data import Flow, TrainingSet, training_set, with_collocation
+from granpinn.data.collocation import above_ground
+from granpinn.scales import Scales
+from tests.data.test_particles import FLOW as SCATTERED
+from tests.data.test_points import FLOW, SCALES, with_gaps
+
+
+def collocated(flow: Flow, share: float, dtype: torch.dtype = torch.float64) -> TrainingSet:
+    scales = Scales.from_flow(flow)
+    return with_collocation(training_set(flow, scales, "V1", dtype), flow, scales, share)
+
+
+def cells_of(flow: Flow, points: torch.Tensor) -> npt.NDArray[np.int64]:
+    """Frame, row and column [B, 3] below the points, from their places in the units of the file."""
+    x, y, t = SCALES.points_to_physical(points).T
+    edges = ((t, flow.t), (y, flow.y), (x, flow.x))
+    return np.stack([np.searchsorted(own, values, "right") - 1 for values, own in edges], 1)
+
+
+@pytest.mark.parametrize("flow", [FLOW, with_gaps(FLOW)], ids=["full", "gaps"])
+def test_they_lie_in_cells_full_of_grains_above_the_lowest_row(flow: Flow) -> None:
+    data = collocated(flow, 3.0)
+    assert len(data.between) == 3 * len(data.points)
+    cells = cells_of(flow, data.between)
+    for corner in product((0, 1), repeat=3):
+        assert flow.material[tuple((cells + corner).T)].all()
+    assert cells[:, 1].min() == 1
+    grains = flow.material[:, 1:]
+    for axis in range(3):
+        grains = np.delete(grains, 0, axis) & np.delete(grains, -1, axis)
+    assert len(np.unique(cells, axis=0)) > 0.9 * grains.sum()
+
+
+def test_they_fill_their_cells() -> None:
+    flow = make_flow(frames=40, rows=80, columns=60)
+    cells = cells_of(flow, points := collocated(flow, 2.0).between)
+    x, y, t = SCALES.points_to_physical(points).T
+    for values, edges, k in zip((t, y, x), (flow.t, flow.y, flow.x), cells.T, strict=True):
+        part = (values - edges[k]) / (edges[k + 1] - edges[k])
+        assert np.histogram(part, 5, (0, 1))[0] == pytest.approx(len(points) / 5, rel=0.05)
+
+
+def test_the_equations_are_not_asked_for_in_the_lowest_row() -> None:
+    data = collocated(FLOW, 1.0)
+    lowest = data.points[:, 1] == data.lower[1]
+    assert 0 < int(lowest.sum()) < len(lowest)
+    assert torch.equal(data.point_weights[:, 1], (~lowest).double())
+    assert torch.equal(data.point_weights[:, 0], torch.ones(len(lowest), dtype=torch.float64))
+
+
+@pytest.mark.parametrize(
+    ("gravity", "axis", "lowest"),
+    [((0, -9), 1, 2), ((0, 9), 1, 21), ((-9, 1), 2, 2), ((9, 1), 2, 17)],
+)
+def test_the_lowest_row_is_where_gravity_points(
+    gravity: tuple[float, float], axis: int, lowest: int
+) -> None:
+    grains = np.zeros((3, 24, 20), bool)
+    grains[:, 2:22, 2:18] = True
+    removed = np.argwhere(grains & ~above_ground(grains, gravity))
+    assert set(removed[:, axis]) == {lowest}
+    assert len(removed) == grains.sum() / (20 if axis == 1 else 16)
+
+
+def test_pooled_weights_keep_the_mean_over_the_data() -> None:
+    data = collocated(FLOW, 0.5)
+    pool, N, B = data.pooled(), len(data.points), len(data.between)
+    assert len(pool.points) == len(pool.velocity) == len(pool.point_weights) == N + B
+    assert torch.equal(pool.points, torch.cat([data.points, data.between]))
+    assert not pool.point_weights[N:, 0].any()
+    assert torch.equal(
+        pool.point_weights[:, 1], torch.cat([data.point_weights[:, 1], torch.ones(B)])
+    )
+    before = (data.point_weights[:, :1] * data.velocity**2).mean()
+    after = (pool.point_weights[:, :1] * pool.velocity**2).mean()
+    assert float(after) == pytest.approx(float(before), rel=1e-12)
+    assert pool.pooled() is pool
+
+
+def test_nothing_changes_without_them() -> None:
+    scales = Scales.from_flow(SCATTERED)
+    scattered = training_set(SCATTERED, scales)
+    assert with_collocation(scattered, SCATTERED, scales, 1.0) is scattered
+    data = training_set(FLOW, SCALES)
+    assert with_collocation(data, FLOW, SCALES, 0.0) is data
+    one_row = replace(FLOW, c=np.where(np.arange(FLOW.y.size)[:, None] < 2, FLOW.c, 0).astype("f4"))
+    thin = training_set(one_row, SCALES)
+    assert with_collocation(thin, one_row, SCALES, 1.0) is thin
+
+
+def test_they_are_the_same_in_either_precision() -> None:
+    single, double = (collocated(FLOW, 1.0, dtype) for dtype in (torch.float32, torch.float64))
+    assert torch.equal(single.between, double.between.float())
