@@ -61,8 +61,7 @@ class Nearest(NamedTuple):
 def composite(dimension: int) -> list[Place]:
     """Middle, faces and corners of a cube: 9 places of two dimensions (all), 15 of three.
 
-    That is the face-centered central composite design. It leaves out the 12 edges of three
-    dimensions and finds a law about as well as all 27 places do (docs/method.md, section 5).
+    That is the face-centered central composite design, without the 12 edges of three dimensions.
     """
     places = product((0, -1, 1), repeat=dimension)
     return [place for place in places if sum(map(abs, place)) in (0, 1, dimension)]
