@@ -2,9 +2,10 @@
 
 Equations between the vectors (granpinn/data/collocation.py) hold a network to the law at places
 where no vector says what the velocity is. Where the vectors are those of a simulation, mu_2 is then
-two to three times as near and scatters a third as much over seeds. Measured vectors it makes worse:
-on those of a PIV, 2 % off, mu_2 was 8 % too low, and 1 % without (docs/method.md, section 8). So it
-is done where the vectors have no noise to speak of.
+two to three times as near and scatters a third as much over seeds. Measured vectors do not allow
+what goes with it, a lowest row without equations: on those of a PIV, 2 % off, mu_2 was then 8 % too
+low, and else 1 % (docs/method.md, section 8). So it is done where the vectors have no noise to
+speak of.
 """
 
 from __future__ import annotations
