@@ -37,7 +37,7 @@ def with_collocation(
     As it is where share is 0, for tracked particles, and where no cell of the grid above the lowest
     row is full of grains.
     """
-    if share == 0 or flow.particles is not None:
+    if flow.particles is not None:
         return training
     asked = above_ground(flow.material & (flow.t > 0)[:, None, None], flow.gravity)
     x, y, t = points_between(flow, asked, round(share * len(training.points)))
