@@ -1,10 +1,10 @@
 """Where the equations are asked for beside the data: points between the vectors of a grid.
 
-Equations that are asked for at the vectors alone are overfitted there: in the layer over the
-ground, thinner than the spacing of the vectors, a trained network left 2 to 6 g of momentum between
-the lowest two rows and 0.1 g at them (docs/method.md, section 8). So the network has to follow them
-at random places and times between the vectors too; but neither in the lowest row nor between it and
-the next, as no vector tells what the layer over the ground does there.
+Equations that are asked for at the vectors alone are overfitted there, so the network has to follow
+them at random places and times between the vectors too; but not between the lowest two rows. The
+layer over the ground is often thinner than that, and no vector tells what it does there: asked for
+the equations there, the network bends the law to the layer that it made up (docs/method.md,
+section 8).
 
 Vectors of tracked particles are at random places already.
 """
@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes
+from granpinn.axes import Axes, height
 from granpinn.data.flow import BoolArray, Flow
-from granpinn.data.points import TrainingSet, turned_and_rounded, vectors_used
+from granpinn.data.points import TrainingSet, turned_and_rounded
 
 if TYPE_CHECKING:
     from granpinn.scales import Scales
@@ -39,25 +39,23 @@ def with_collocation(
     """
     if flow.particles is not None:
         return training
-    asked = above_ground(flow.material & (flow.t > 0)[:, None, None], flow.gravity)
-    x, y, t = points_between(flow, asked, round(share * len(training.points)))
+    above = above_ground(flow.material & (flow.t > 0)[:, None, None], flow.gravity)
+    x, y, t = points_between(flow, above, round(share * len(training.points)))
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)
     between = torch.as_tensor(turned_and_rounded(points, Axes.of(flow.gravity)))
-    weights = training.point_weights.clone()
-    weights[:, 1] *= torch.as_tensor(asked[vectors_used(flow)])
-    return replace(training, point_weights=weights, between=between.to(training.points))
+    return replace(training, between=between.to(training.points))
 
 
 def above_ground(grains: BoolArray, gravity: tuple[float, float]) -> BoolArray:
     """`grains` [T, Y, X] without its lowest row, against gravity."""
-    g_x, g_y = gravity
-    axis, falls = (2, g_x) if abs(g_x) > abs(g_y) else (1, g_y)
+    coordinate, downwards = height(gravity)
+    axis = 2 - coordinate
     rows = np.flatnonzero(grains.any(axis=(0, 3 - axis)))
     above = grains.copy()
     if rows.size:
-        np.moveaxis(above, axis, 0)[rows[-1] if falls > 0 else rows[0]] = False
+        np.moveaxis(above, axis, 0)[rows[-1] if downwards else rows[0]] = False
     return above
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes
+from granpinn.axes import Axes, height
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
 
 if TYPE_CHECKING:
@@ -244,11 +244,11 @@ def outline(flow: Flow) -> Surface:
     cell higher on average. Grains at the edge of the grid are left out: what is above them was not
     seen.
     """
-    g_x, g_y = flow.gravity
-    grains, up, along, falls = flow.material, flow.y, flow.x, g_y
-    if abs(g_x) > abs(g_y):
-        grains, up, along, falls = grains.swapaxes(1, 2), flow.x, flow.y, g_x
-    if falls > 0:
+    upright, downwards = height(flow.gravity)
+    grains, up, along = flow.material, flow.y, flow.x
+    if not upright:
+        grains, up, along = grains.swapaxes(1, 2), flow.x, flow.y
+    if downwards:
         grains, up = grains[:, ::-1], up[::-1]
     highest = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
     frame, place = np.nonzero(grains.any(axis=1) & (highest < up.size - 1))
@@ -256,6 +256,6 @@ def outline(flow: Flow) -> Surface:
     cell = flow.stated("grid_spacing_of_solver") or 0.0
     gap = up[k + 1] - up[k]  # negative where the ground is at large coordinates
     above = (gap + np.sign(gap) * np.minimum(cell, np.abs(gap))) / 2
-    height, position = up[k] + above, along[place]
-    x, y = (height, position) if abs(g_x) > abs(g_y) else (position, height)
+    top, position = up[k] + above, along[place]
+    x, y = (position, top) if upright else (top, position)
     return Surface(flow.t[frame], x, y)

@@ -21,14 +21,16 @@ from granpinn.command import arguments
 from granpinn.config import Config, ConfigError
 from granpinn.data import (
     Flow,
+    TrainingSet,
     add_noise,
     check_flow,
     known_sd,
     read_flow,
     redraw,
+    training_set,
+    with_collocation,
 )
 from granpinn.identification import closed_fields, conclusion, prediction
-from granpinn.identification.training_data import training_data
 from granpinn.results import Result, fields, write_csv
 from granpinn.scales import Scales
 from granpinn.training import problem
@@ -119,6 +121,16 @@ class Case:
     seen: Flow
     known_sd: float
     redrawn: bool = False
+
+
+def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
+    """What the network is fitted to: the data of a flow, and points between them for the equations.
+
+    Raises:
+        FlowFileError: the flow has not what the level needs.
+    """
+    data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
+    return with_collocation(data, flow, scales, config.batch.collocation)
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:

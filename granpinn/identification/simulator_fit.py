@@ -41,7 +41,7 @@ Widths = npt.NDArray[np.int64]
 
 ROUNDS = 12  # of all nodes, at most, on each grid
 # Spacings of the lattice between two nodes, powers of two:
-NARROWEST = (4, 2)  # at least: of a search from afar, of the last one
+NARROWEST = 2  # at least; of a search from afar twice that
 WIDEST = 16
 DEVIATIONS = 1.0  # at least so many standard deviations are from node to node
 ROUGH = 1.0  # of the noise's variance: a roughness that is worth more nodes
@@ -93,11 +93,11 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
     begin = time.monotonic()
     data = np.stack([flow.u, flow.v]).reshape(2, -1)[:, runs.points]
     mu_s, mu_2 = start
-    q, widths = np.log([mu_s, mu_2 - mu_s]), np.full(2, NARROWEST[False])
+    q, widths = np.log([mu_s, mu_2 - mu_s]), np.full(2, 2 * NARROWEST)
     for cells, unknowns in runs.stages:
         last = (cells, unknowns) == runs.stages[-1]
         more = unknowns - len(q)
-        q, widths = np.append(q, np.zeros(more)), np.append(widths, np.full(more, NARROWEST[True]))
+        q, widths = np.append(q, np.zeros(more)), np.append(widths, np.full(more, NARROWEST))
         found = search(data, runs, cells, q, widths, last)
         q, widths = found.q, found.widths
     free = len(q) == 3
@@ -125,7 +125,7 @@ def search(
     data: Array32, runs: LawRuns, cells: int, q: Array, widths: Widths, last: bool
 ) -> Minimum:
     """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
-    least = np.full(len(q), NARROWEST[last])
+    least = np.full(len(q), NARROWEST if last else 2 * NARROWEST)
     found = settle(data, runs, cells, q, widths, least, composite(len(q)))
     if not last or found.roughness <= ROUGH:
         return found

@@ -71,7 +71,7 @@ def test_its_scatter_over_noise_is_the_stated_one(flow: Flow, runs: LawRuns) -> 
 
 def test_nodes_are_as_far_apart_as_noise_asks_for(flow: Flow, runs: LawRuns) -> None:
     """With so much noise the nodes of quiet data would not enclose what is left open."""
-    narrowest, widest = NARROWEST[True], simulator_fit.WIDEST
+    narrowest, widest = NARROWEST, simulator_fit.WIDEST
     np.testing.assert_array_equal(
         asked_for(np.array([0.1, 4.0, 4.1, 100.0]), np.full(4, narrowest)),
         [narrowest, 4, 8, widest],

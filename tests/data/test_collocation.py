@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import product
 
 import numpy as np
@@ -53,12 +53,11 @@ def test_they_fill_their_cells() -> None:
         assert np.histogram(part, 5, (0, 1))[0] == pytest.approx(len(points) / 5, rel=0.05)
 
 
-def test_the_equations_are_not_asked_for_in_the_lowest_row() -> None:
-    data = collocated(FLOW, 1.0)
-    lowest = data.points[:, 1] == data.lower[1]
-    assert 0 < int(lowest.sum()) < len(lowest)
-    assert torch.equal(data.point_weights[:, 1], (~lowest).double())
-    assert torch.equal(data.point_weights[:, 0], torch.ones(len(lowest), dtype=torch.float64))
+def test_the_data_stay_as_they_are() -> None:
+    data, before = collocated(FLOW, 1.0), training_set(FLOW, SCALES, "V1", torch.float64)
+    for field in fields(before):
+        if field.name != "between":
+            assert torch.equal(getattr(data, field.name), getattr(before, field.name))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from granpinn.command.arguments import read_toml
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.identification import closed_fields, identification
-from granpinn.identification.identification import choose_device, identify
+from granpinn.identification.identification import choose_device, identify, pose
 from granpinn.training.run import Run
 from tests.training.conftest import make_training, tiny
 
@@ -152,6 +152,12 @@ def test_training_sees_no_truth_and_no_reference_pressure(
     assert one.data_sha256 == other.data_sha256
     for name, tensor in one.training.tensors().items():
         assert torch.equal(tensor, other.training.tensors()[name])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_equations_are_asked_for_between_vectors_of_any_noise(flow: Flow, share: float) -> None:
+    data = pose(flow, tiny(batch__collocation=share, noise=0.2)).member.data
+    assert len(data.between) == round(share * len(data.points))
 
 
 def test_noise_is_seen_by_the_training_and_not_by_the_scores(

@@ -95,8 +95,10 @@ def test_members_are_spread_over_processes(flow_file: Path, tmp_path: Path) -> N
     assert process.returncode == 0, err
     before = torch.get_num_threads()
     torch.set_num_threads(1)  # as in the processes: the last-layer step adds up in their order
-    alone = identify_many([flow_file] * 3, make(**changes), [0, 1, 2])
-    torch.set_num_threads(before)
+    try:
+        alone = identify_many([flow_file] * 3, make(**changes), [0, 1, 2])
+    finally:
+        torch.set_num_threads(before)
     expected = [result.parameters.mu_s.value for result in alone]
     for rank in (0, 1):
         assert json.loads((tmp_path / f"run.{rank}").read_text()) == expected
