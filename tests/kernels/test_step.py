@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -208,6 +209,33 @@ def test_theta_itself_may_move(device: torch.device) -> None:
     assert moved[4].tolist() == [[1, 1]] * 3
     assert torch.equal(moved[11].cpu(), averages)
     assert not moved[20].any()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("P", [1001, 60_001], ids=["few", "many"])
+def test_update_on_the_gpu_is_that_on_the_cpu(
+    P: int, dtype: torch.dtype, cuda_ops: ModuleType
+) -> None:
+    """Of few parameters and of many, but for rounding, and bit for bit again; one has a fault."""
+    arguments = update_arguments(3, P, dtype)
+    arguments[6][1, -1] = torch.nan
+    arguments[2][2] = 0.5
+
+    def updated(device: str) -> list[Tensor]:
+        copies = [a.to(device, copy=True) if isinstance(a, Tensor) else a for a in arguments]
+        for _ in range(3):
+            torch.ops.granpinn.update(*copies)
+        return [a.cpu() for a in copies if isinstance(a, Tensor)]
+
+    found, sound = updated("cuda"), torch.tensor([0, 2])
+    for a, b in zip(found, updated("cuda"), strict=True):
+        assert torch.equal(a.nan_to_num(), b.nan_to_num())
+    for a, b in zip(found[4:], updated("cpu")[4:], strict=True):
+        rtol = 32 * torch.finfo(dtype).eps
+        torch.testing.assert_close(a[sound], b[sound], rtol=rtol, atol=rtol)
+    assert found[0].tolist() == [3, 0, 0]
+    assert found[3].tolist() == [HEALTHY, 1, HEALTHY]
+    assert found[4][:, 0].tolist() == [3, 1, 3]
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
