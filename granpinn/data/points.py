@@ -145,12 +145,6 @@ def turned_and_rounded(values: npt.NDArray[np.float64], axes: Axes) -> npt.NDArr
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
 
 
-def vectors_used(flow: Flow) -> BoolArray:
-    """Which vectors of a grid are data: the valid ones at t > 0 [T, Y, X]."""
-    used: BoolArray = flow.valid & (flow.t > 0)[:, None, None]
-    return used
-
-
 def _indices(mask: BoolArray) -> Indices:
     frame, row, column = np.nonzero(mask)
     return frame, row, column
@@ -172,7 +166,7 @@ def _samples(flow: Flow) -> Particles:
         kept = particles.t > 0
         found = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
     else:
-        kept = vectors_used(flow)
+        kept = flow.valid & (flow.t > 0)[:, None, None]
         frame, row, column = _indices(kept)
         fields = {name: getattr(flow, name) for name in ("u", "v", *_sigmas_of(flow))}
         found = {name: np.broadcast_to(a, kept.shape)[kept] for name, a in fields.items()}
