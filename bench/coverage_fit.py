@@ -31,7 +31,7 @@ from granpinn.results.records import Members, Residuals
 
 Array = npt.NDArray[np.float64]
 
-KNOTS = (0.2, 0.4, 0.6)  # mu_s
+KNOTS = (0.2, 0.4, 0.5, 0.6)  # mu_s; above 0.5 the errors grow fast (ill-posedness)
 CONFIDENCE = 0.9
 BEYOND = 1.1  # materials outside of the study by more than this factor are called so
 ALARM = 1.2  # times the largest residual of a study: others will have larger ones
