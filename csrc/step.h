@@ -90,9 +90,7 @@ struct Sound {
 template <class T>
 GRANPINN_HD Sound sound(const UpdateArguments<T>& a, std::int64_t e) {
   const T* g = a.law.gradient + 3 * e;
-  bool law = true;
-  for (int i = 0; i < 3; ++i) law &= finite(g[i]);  // all are read, whatever the first one is
-  return {finite(a.loss[e]), law};
+  return {finite(a.loss[e]), finite(g[0]) && finite(g[1]) && finite(g[2])};
 }
 
 // The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.
@@ -129,68 +127,50 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
 // The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
 constexpr double kLowestLogarithm = -4.605170185988091, kHighestLogarithm = 1.0986122886681098;
 
-// What an update of the friction law of a member starts from.
+// The friction law of member e: its update, its average, and theta for the next step; false where
+// something would not be finite. All numbers are read before one is written, so that they can be on
+// their way together.
 template <class T>
-struct LawState {
-  double factor, average, slower;  // of the control table and of the member
-  std::int64_t t;                  // the number of this update, from 1
-  T q[3], first[3], second[3], average_q[3], theta[3], grad_theta[3];
-};
-
-// Reads all of it, so that the numbers can be on their way together.
-template <class T>
-GRANPINN_HD LawState<T> law_state(const UpdateArguments<T>& arguments, std::int64_t e,
-                                  std::int64_t step) {
+GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
   const LawArguments<T>& a = arguments.law;
+  const double* row = arguments.control.row(step);
+  const double factor = row[0] * arguments.members.slower[e];
+  const T weight = static_cast<T>(row[1]);
+  std::int64_t* count = arguments.members.counts + 2 * e + 1;
+  const std::int64_t t = *count + 1;
   const int numbers = law_numbers(a.variables);
-  LawState<T> s{};
-  s.t = arguments.members.counts[2 * e + 1] + 1;
+  T q[3] = {}, first[3] = {}, second[3] = {}, average[3] = {}, theta[3], grad_theta[3];
   for (int i = 0; i < 3; ++i) {
-    s.theta[i] = a.theta[3 * e + i];
-    s.grad_theta[i] = a.gradient[3 * e + i];
+    theta[i] = a.theta[3 * e + i];
+    grad_theta[i] = a.gradient[3 * e + i];
     if (i >= numbers) continue;
     const std::int64_t at = numbers * e + i;
-    s.q[i] = a.q[at];
-    s.first[i] = a.first[at];
-    s.second[i] = a.second[at];
-    s.average_q[i] = a.average_q[at];
+    q[i] = a.q[at];
+    first[i] = a.first[at];
+    second[i] = a.second[at];
+    average[i] = a.average_q[at];
   }
-  const double* row = arguments.control.row(step);
-  s.factor = row[0];
-  s.average = row[1];
-  s.slower = arguments.members.slower[e];
-  return s;
-}
-
-// The friction law of member e: its update, its average, and theta for the next step; false where
-// something would not be finite.
-template <class T>
-GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, LawState<T> s) {
-  const LawArguments<T>& a = arguments.law;
-  const int numbers = law_numbers(a.variables);
-  const T weight = static_cast<T>(s.average);
   bool good = true;
   if (a.moves) {
-    const AdamPowers powers = adam_powers(a.adam, s.t);
     T grad_q[3] = {};
-    law_pull_back(a.variables, s.q, s.grad_theta, grad_q);
-    const AdamRates<T> rates = adam_rates<T>(a.adam, s.factor * s.slower, powers);
+    law_pull_back(a.variables, q, grad_theta, grad_q);
+    const AdamRates<T> rates = adam_rates<T>(a.adam, factor, t);
     for (int i = 0; i < 3; ++i) {
-      if (i < numbers) good &= adam(rates, grad_q[i], s.q + i, s.first + i, s.second + i);
+      if (i < numbers) good &= adam(rates, grad_q[i], q + i, first + i, second + i);
       if (a.variables == LawVariables::logarithm)
-        s.q[i] = minimum(maximum(s.q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
+        q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
     }
-    law_from(a.variables, s.q, s.theta);
-    arguments.members.counts[2 * e + 1] = s.t;
+    law_from(a.variables, q, theta);
+    *count = t;
   }
   for (int i = 0; i < 3; ++i) {
-    a.theta[3 * e + i] = s.theta[i];
+    a.theta[3 * e + i] = theta[i];
     if (i >= numbers) continue;
     const std::int64_t at = numbers * e + i;
-    a.q[at] = s.q[i];
-    a.first[at] = s.first[i];
-    a.second[at] = s.second[i];
-    if (weight > T(0)) a.average_q[at] = interpolate(s.average_q[i], s.q[i], weight);
+    a.q[at] = q[i];
+    a.first[at] = first[i];
+    a.second[at] = second[i];
+    if (weight > T(0)) a.average_q[at] = interpolate(average[i], q[i], weight);
   }
   return good;
 }

@@ -70,8 +70,8 @@ struct CpuStep {
       if (!all_finite(a.gradient + e * a.P, a.P)) note(fault, step, kGradient);
       if (a.members.frozen(e, step, kParams)) continue;
       const double* row = a.control.row(step);
-      const AdamRates<T> rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e],
-                                               adam_powers(a.adam, a.members.counts[2 * e]));
+      const AdamRates<T> rates =
+          adam_rates<T>(a.adam, row[0] * a.members.slower[e], a.members.counts[2 * e]);
       const std::int64_t from = e * a.P;
       bool good = true;
       std::int64_t at = from;
@@ -86,7 +86,7 @@ struct CpuStep {
                                a.direction + at);
       }
       if (!good) note(fault, step, kParams);
-      if (!move_law(a, e, law_state(a, e, step))) note(fault, step, kLawScalars);
+      if (!move_law(a, e, step)) note(fault, step, kLawScalars);
     }
   }
 

@@ -11,6 +11,7 @@ namespace granpinn::cuda {
 namespace {
 
 constexpr int kThreads = 256;
+constexpr int kEach = 4;                    // values that a thread has on their way at once
 constexpr std::int64_t kMostBlocks = 1024;  // for a member
 
 __device__ std::int64_t first_index() {
@@ -50,15 +51,7 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   return matrix;
 }
 
-// In the blocks of an update, one more warp than have values, for what all of them need to know.
-constexpr int kUpdateThreads = kThreads + 32;
-
-// Values that a thread has on their way at once: fewer where there are so few in all that every
-// block runs from the start, since then the time is that of one thread.
-constexpr int kEach = 4, kEachOfFew = 2;
-constexpr std::int64_t kFew = std::int64_t(1) << 17;
-
-// What its first thread finds out while the others wait for their values.
+// What thread 0 finds out for its block while the others wait for their values.
 template <class T>
 struct Update {
   bool frozen;  // who had a fault before this step, or has one that each block finds by itself
@@ -70,16 +63,12 @@ struct Update {
 template <class T>
 __device__ void find_out(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
   const std::int64_t step = a.control.counter[0], count = a.members.counts[2 * e] + 1;
-  const bool frozen = a.members.frozen(e, step, kLoss);
   const Sound now = sound(a, e);
   const double* row = a.control.row(step);
-  const double factor = row[0], average = row[1], slower = a.members.slower[e];
-  asm volatile("" ::: "memory");  // all of these are on their way now, and stay so in the loop
-  const AdamPowers powers = adam_powers(a.adam, count);
-  update.frozen = frozen | !now.loss | !now.law;
+  update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
   update.step = step;
-  update.weight = static_cast<T>(average);
-  update.rates = adam_rates<T>(a.adam, factor * slower, powers);
+  update.weight = static_cast<T>(row[1]);
+  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], count);
 }
 
 // By one thread of every block: the block has read the state of the step.
@@ -87,11 +76,12 @@ __device__ void arrive(const Control& control) {
   asm volatile("red.release.gpu.global.add.u64 [%0], 1;" ::"l"(control.counter + 2) : "memory");
 }
 
-// By the last warp of one block, when all blocks have arrived, and they need not wait for it: on to
-// the next step.
+// By one block, when all have arrived, and they need not wait for it: on to the next step.
 template <class T>
-__device__ void advance(const UpdateArguments<T>& a, std::int64_t step) {
-  if (threadIdx.x == kThreads) {
+__device__ void advance(const UpdateArguments<T>& a) {
+  const std::int64_t step = a.control.counter[0];
+  __syncthreads();
+  if (threadIdx.x == 0) {
     const std::int64_t blocks = std::int64_t{gridDim.x} * gridDim.y;
     std::int64_t arrived = 0;
     while (arrived < blocks)
@@ -102,55 +92,45 @@ __device__ void advance(const UpdateArguments<T>& a, std::int64_t step) {
     a.control.counter[0] = step + 1;
     a.control.counter[2] = 0;
   }
-  __syncwarp();
-  for (std::int64_t e = threadIdx.x % 32; e < a.control.members; e += 32)
+  __syncthreads();
+  for (std::int64_t e = threadIdx.x; e < a.control.members; e += kThreads)
     if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
 }
 
-// By a block: its first thread moves the friction law, its last warp sees to the next step.
 template <class T>
 __device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t e) {
-  if (threadIdx.x >= 32 && threadIdx.x < kThreads) return;
-  wait_for_earlier();
-  const std::int64_t step = a.control.counter[0];
-  const LawState<T> law = law_state(a, e, step);
-  const Sound now = sound(a, e);
-  const bool frozen = __syncthreads_or(a.members.frozen(e, step, kLoss));
-  if (threadIdx.x == kThreads) arrive(a.control);
-  if (e == 0 && threadIdx.x >= kThreads) advance(a, step);
   if (threadIdx.x != 0) return;
+  const std::int64_t step = a.control.counter[0];
+  const bool frozen = a.members.frozen(e, step, kLoss);
+  arrive(a.control);
+  const Sound now = sound(a, e);
   std::int64_t* fault = a.members.fault + e;
   if (!now.loss) note(fault, step, kLoss);
   if (!now.law) note(fault, step, kLawGradient);
   if (frozen || !now.loss || !now.law) return;
-  if (!move_law(a, e, law)) note(fault, step, kLawScalars);
+  if (!move_law(a, e, step)) note(fault, step, kLawScalars);
 }
 
 // The first block of a member moves its friction law, the others have its parameters.
-template <class T, int Each>
-__global__ void __launch_bounds__(kUpdateThreads)
+template <class T>
+__global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {
   __shared__ Update<T> update;
-  const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * Each};
+  const std::int64_t e = blockIdx.y, apart = (gridDim.x - 1) * std::int64_t{kThreads * kEach};
   if (blockIdx.x == 0) {
-    move_law_by_one_thread(a, e);
-    return;
-  }
-  if (threadIdx.x >= kThreads) {
     wait_for_earlier();
-    if (threadIdx.x == kThreads) find_out(a, e, update);
-    __syncthreads();
-    if (threadIdx.x == kThreads) arrive(a.control);
+    move_law_by_one_thread(a, e);
+    if (e == 0) advance(a);
     return;
   }
-  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * Each} + threadIdx.x;
+  const std::int64_t begin = (blockIdx.x - 1) * std::int64_t{kThreads * kEach} + threadIdx.x;
   const T momentum = static_cast<T>(a.momentum);
   bool good = true, good_gradient = true;
   for (std::int64_t from = begin; from == begin || from - threadIdx.x < a.P; from += apart) {
-    T gradient[Each], first[Each], second[Each], param[Each], average[Each], direction;
-    bool matrix[Each], other[Each];
+    T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
+    bool matrix[kEach], other[kEach];
 #pragma unroll
-    for (int k = 0; k < Each; ++k) {
+    for (int k = 0; k < kEach; ++k) {
       const std::int64_t i = from + k * kThreads;
       matrix[k] = i < a.P && in_matrix(a, i);
       other[k] = i < a.P && !matrix[k];
@@ -158,7 +138,7 @@ __global__ void __launch_bounds__(kUpdateThreads)
     const bool once = from == begin;
     if (once) wait_for_earlier();
 #pragma unroll
-    for (int k = 0; k < Each; ++k) {
+    for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
       const bool inside = matrix[k] || other[k];
       gradient[k] = inside ? a.gradient[at] : T(0);
@@ -166,17 +146,21 @@ __global__ void __launch_bounds__(kUpdateThreads)
       second[k] = other[k] ? a.second[at] : T(0);
       param[k] = other[k] ? a.params[at] : T(0);
     }
-    if (once) __syncthreads();
+    if (once) {
+      if (threadIdx.x == 0) find_out(a, e, update);
+      __syncthreads();
+      if (threadIdx.x == kThreads - 1) arrive(a.control);
+    }
 #pragma unroll
-    for (int k = 0; k < Each; ++k) good_gradient &= finite(gradient[k]);
+    for (int k = 0; k < kEach; ++k) good_gradient &= finite(gradient[k]);
     if (update.frozen) continue;
     const T weight = update.weight;
     if (weight > T(0))
 #pragma unroll
-      for (int k = 0; k < Each; ++k)
+      for (int k = 0; k < kEach; ++k)
         average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
 #pragma unroll
-    for (int k = 0; k < Each; ++k) {
+    for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
       if (matrix[k]) {
         good &= accumulate(momentum, gradient[k], first + k, &direction);
@@ -222,18 +206,12 @@ cudaError_t draw_batch(const BatchArguments<T>& a, cudaStream_t stream) {
   return launch_after(draw_kernel<T>, grid, kThreads, 0, stream, a);
 }
 
-template <class T, int Each>
-cudaError_t launch_update(const UpdateArguments<T>& a, cudaStream_t stream) {
-  dim3 grid = grid_of((a.P + Each - 1) / Each, a.control.members);
-  ++grid.x;  // for the law
-  return launch_after(update_kernel<T, Each>, grid, kUpdateThreads, 0, stream, a);
-}
-
 template <class T>
 cudaError_t update(const UpdateArguments<T>& a, cudaStream_t stream) {
   if (a.control.members == 0) return cudaSuccess;
-  return a.control.members * a.P <= kFew ? launch_update<T, kEachOfFew>(a, stream)
-                                         : launch_update<T, kEach>(a, stream);
+  dim3 grid = grid_of((a.P + kEach - 1) / kEach, a.control.members);
+  ++grid.x;  // for the law
+  return launch_after(update_kernel<T>, grid, kThreads, 0, stream, a);
 }
 
 template <class T>

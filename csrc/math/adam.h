@@ -33,12 +33,10 @@ struct AdamRates {
   T epsilon;
 };
 
-// beta_1^t and beta_2^t, made by squaring, with the same bits on every device: off by t / 2^53 of
-// themselves at most, and small where t is large.
-struct AdamPowers {
-  double power_1, power_2;
-};
-GRANPINN_HD AdamPowers adam_powers(const AdamSettings& s, std::int64_t t) {
+// `t` counts from 1; `factor` scales the learning rate. The powers are made by squaring, with the
+// same bits on every device: off by t / 2^53 of themselves at most, and small where t is large.
+template <class T>
+GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, std::int64_t t) {
   double power_1 = 1, power_2 = 1, square_1 = s.beta_1, square_2 = s.beta_2;
   for (auto left = static_cast<std::uint64_t>(t); left > 0; left /= 2) {
     power_1 *= left % 2 != 0 ? square_1 : 1.0;
@@ -46,14 +44,8 @@ GRANPINN_HD AdamPowers adam_powers(const AdamSettings& s, std::int64_t t) {
     square_1 *= square_1;
     square_2 *= square_2;
   }
-  return {power_1, power_2};
-}
-
-// Of update t, counted from 1; `factor` scales the learning rate.
-template <class T>
-GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, const AdamPowers& at_t) {
-  return {static_cast<T>(factor * s.learning_rate / (1 - at_t.power_1)),
-          static_cast<T>(sqrt(1 - at_t.power_2)),
+  return {static_cast<T>(factor * s.learning_rate / (1 - power_1)),
+          static_cast<T>(sqrt(1 - power_2)),
           static_cast<T>(1 - s.beta_1),
           static_cast<T>(s.beta_2),
           static_cast<T>(1 - s.beta_2),
