@@ -39,6 +39,7 @@ RECIPES: dict[str, dict[str, Any]] = {
         "network.widths": (64, 64, 64, 64),
         "batch.interior": 4096,
         "batch.surface": 512,
+        "batch.collocation": 0.0,
     },
     "paper": {
         "level": "V2",
