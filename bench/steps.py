@@ -213,8 +213,8 @@ def functional_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
         return torch.func.grad_and_value(objective, argnums=(0, 1))(params, theta)
 
     if compiled:
-        # In the mixed form torch would write to a tensor of zeros without memory (pytorch#177261).
-        options: dict[str, Any] = {"allow_buffer_reuse": task.form == "strong"}
+        # Else torch would write to a tensor of zeros without memory (pytorch#177261).
+        options: dict[str, Any] = {"allow_buffer_reuse": False}
         gradient = torch.compile(gradient, dynamic=False, options=options)
 
     def step() -> Tensor:
