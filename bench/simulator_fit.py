@@ -26,6 +26,7 @@ import argparse
 import dataclasses
 import json
 import math
+import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -40,7 +41,7 @@ from bench.noise_study import read_bounds, statistics, thinned, where_bounded
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
 from granpinn.identification.comparison import interpolation
-from granpinn.identification.law_runs import LawRuns, side_by_side
+from granpinn.identification.law_runs import LawRuns
 from granpinn.identification.resimulation import collapse_of, initial_column
 from granpinn.identification.simulator_fit import fit
 from granpinn.results import plain
@@ -134,9 +135,11 @@ def sensitivities(collapse: Collapse, nudge: float) -> tuple[Array, float]:
     assert full.t_end is not None  # resolved
     times = [full.t_end * k / full.frames for k in range(1, full.frames + 1)]
     width, height = full.box
+    cores, runs = len(os.sched_getaffinity(0)), len(BOXES) * len(NAMES) * 2
     changed = [
         dataclasses.replace(
             collapse,
+            threads=max(1, cores // runs),
             box_width=size * width,
             box_height=size * height,
             **{name: getattr(collapse, name) * (1 + sign * nudge)},
@@ -151,7 +154,8 @@ def sensitivities(collapse: Collapse, nudge: float) -> tuple[Array, float]:
         record(recorder, Silent(), times)
         return recorder.flow()
 
-    flows = side_by_side(simulated, changed)
+    with ThreadPoolExecutor(min(cores, runs)) as pool:
+        flows = list(pool.map(simulated, changed))
     at = [interpolation(flow, flows[0]) for flow in flows]
     v = [
         np.stack([[at_k(frame) for frame in field] for field in (flow.u, flow.v)])
@@ -225,9 +229,10 @@ def bounds(options: argparse.Namespace) -> list[dict[str, Any]]:
     return rows
 
 
-def fits(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """The fits of every file at every level of noise, printed."""
-    rows, known = [], read_bounds(options.against)
+def fits(options: argparse.Namespace) -> None:
+    """The fits of every file at every level of noise, printed and saved one after the other."""
+    rows: list[dict[str, Any]] = []
+    known = read_bounds(options.against)
     for path in options.flows:
         draws = options.draws if options.noise else 1
         levels, points = options.noise or (0.0,), options.points or 0
@@ -236,7 +241,6 @@ def fits(options: argparse.Namespace) -> list[dict[str, Any]]:
             rows += with_bounds([row], known)
             print(text(rows[-1], draws), flush=True)
             save(options.json, rows)
-    return rows
 
 
 def save(path: Path | None, rows: Sequence[dict[str, Any]]) -> None:
@@ -283,7 +287,10 @@ def main() -> None:
     options = parser.parse_args()
     if not options.flows and not options.bound:
         parser.error("give a flow file, or --bound")
-    save(options.json, bounds(options) if options.bound else fits(options))
+    if options.bound:
+        save(options.json, bounds(options))
+    else:
+        fits(options)
 
 
 if __name__ == "__main__":

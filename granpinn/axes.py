@@ -57,8 +57,8 @@ class Axes:
         return double.undo(tau_xx, tau_xy)
 
 
-def height(gravity: tuple[float, float]) -> tuple[int, bool]:
-    """The coordinate of the file that counts as the height, 0 for x and 1 for y.
+def vertical_coordinate(gravity: tuple[float, float]) -> tuple[int, bool]:
+    """The coordinate of the file that is nearer to the vertical, 0 for x and 1 for y.
 
     Returns:
         The coordinate, and whether the ground is where it is large.

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes, height
+from granpinn.axes import Axes, vertical_coordinate
 from granpinn.data.flow import BoolArray, Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
 
@@ -50,7 +50,7 @@ def with_collocation(
 
 def above_ground(grains: BoolArray, gravity: tuple[float, float]) -> BoolArray:
     """`grains` [T, Y, X] without its lowest row, against gravity."""
-    coordinate, downwards = height(gravity)
+    coordinate, downwards = vertical_coordinate(gravity)
     axis = 2 - coordinate
     rows = np.flatnonzero(grains.any(axis=(0, 3 - axis)))
     above = grains.copy()

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes, height
+from granpinn.axes import Axes, vertical_coordinate
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def outline(flow: Flow) -> Surface:
     cell higher on average. Grains at the edge of the grid are left out: what is above them was not
     seen.
     """
-    upright, downwards = height(flow.gravity)
+    upright, downwards = vertical_coordinate(flow.gravity)
     grains, up, along = flow.material, flow.y, flow.x
     if not upright:
         grains, up, along = grains.swapaxes(1, 2), flow.x, flow.y

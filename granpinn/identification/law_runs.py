@@ -10,12 +10,12 @@ three.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,6 @@ Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 Law = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
-T = TypeVar("T")
 
 SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
 COARSE_CELLS = 256  # across the box, at most, where a law is searched for from afar
@@ -74,14 +73,6 @@ class AtPoints:
 class _Grid(NamedTuple):
     y: Array
     x: Array
-
-
-def side_by_side(run: Callable[[Collapse], T], collapses: Sequence[Collapse]) -> list[T]:
-    """The results of many simulations, on all cores."""
-    cores = len(os.sched_getaffinity(0))
-    threads = max(1, cores // len(collapses))
-    with ThreadPoolExecutor(min(cores, len(collapses))) as pool:
-        return list(pool.map(lambda collapse: run(replace(collapse, threads=threads)), collapses))
 
 
 class LawRuns:

@@ -54,9 +54,8 @@ class Minimum(NamedTuple):
 
     Attributes:
         q: where it is.
-        middle: of the nodes, on the lattice.
         widths: between two nodes along each unknown, in spacings of the lattice.
-        x: of q from the middle, in those widths.
+        x: of q from the middle of the nodes, in those widths.
         limited: whether I0 is as far from the given one as it may be.
         covariance: of q, by the scatter of the misfit and the roughness of the runs.
         misfit: of the velocity, relative to its root mean square.
@@ -65,7 +64,6 @@ class Minimum(NamedTuple):
     """
 
     q: Array
-    middle: Widths
     widths: Widths
     x: Array
     limited: bool
@@ -178,7 +176,6 @@ def closest(
     q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
     return Minimum(
         q=q,
-        middle=middle,
         widths=widths,
         x=nearest.x,
         limited=bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any()),

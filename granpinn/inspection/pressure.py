@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from granpinn.axes import vertical_coordinate
 from granpinn.inspection.gradients import Gradients
 from granpinn.inspection.view import Float64, View
 
@@ -23,18 +24,17 @@ FLOOR = 0.1
 
 def estimated_pressure(view: View, found: Gradients) -> Float64:
     """Pressure at the cells of `found` [K], in units of rho |g| H0, above zero."""
-    g_x, g_y = view.gravity
-    vertical = abs(g_y) >= abs(g_x)
-    axis, component, spacing = (1, g_y, view.steps[1]) if vertical else (2, g_x, view.steps[2])
+    coordinate, downwards = vertical_coordinate(view.gravity)
+    axis, component = 2 - coordinate, view.gravity[coordinate]
+    spacing = view.steps[axis]
     weight = np.full(view.grains.shape, abs(component))
-    along = found.acceleration[:, 1 if vertical else 0] * np.sign(component)
+    along = found.acceleration[:, coordinate] * np.sign(component)
     weight[found.index] -= along
     weight = np.where(view.grains, weight, 0.0) * spacing
-    # Downwards along the axis: from its end where the component is negative.
-    order = -1 if component < 0 else 1
-    flipped = np.flip(weight, axis) if order < 0 else weight
-    below = np.cumsum(flipped, axis=axis) - flipped / 2
-    pressure = np.flip(below, axis) if order < 0 else below
+    # Downwards along the axis: from its end where the ground is at its beginning.
+    ordered = weight if downwards else np.flip(weight, axis)
+    below = np.cumsum(ordered, axis=axis) - ordered / 2
+    pressure = below if downwards else np.flip(below, axis)
     least = FLOOR * max(spacing, view.d) / 2
     return np.maximum(pressure[found.index], least)
 
