@@ -33,12 +33,14 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from bench.machine import describe
-from granpinn import recipes
-from granpinn.config import ConfigError
+from granpinn.config import ConfigError, recipes
 from granpinn.data import Flow
-from granpinn.identification import closed_fields, closure, scoring
-from granpinn.identification.identification import Model, pose, predict
+from granpinn.data.norms import relative_l2
+from granpinn.identification import scoring, simulated_fields
+from granpinn.identification.case import Model, pose
+from granpinn.identification.identify import predict
 from granpinn.results import Fields, number
+from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import settling
 
 Array = npt.NDArray[np.float64]
@@ -56,15 +58,15 @@ def frames_of(
 ) -> tuple[list[Array], int, float]:
     """Closed pressures of some usable frames, cells across the box, and CPU seconds of a frame."""
     mu_s, mu_2, I0 = model.theta.tolist()
-    collapse = closure.collapse_over(flow, usable, (mu_s, mu_2, I0), cells)
-    velocity = closed_fields.velocity_of(flow, model)
+    collapse = simulated_pressure.collapse_over(flow, usable, (mu_s, mu_2, I0), cells)
+    velocity = simulated_fields.velocity_of(flow, model)
     before = settling.settled_after(collapse, *how)
 
     def one(k: int) -> tuple[Array, float]:
         begin = time.thread_time()
-        start = closure.start_of(flow, k, collapse, velocity, before)
+        start = simulated_pressure.start_of(flow, k, collapse, velocity, before)
         state = settling.settle(collapse, start, *how)
-        p = closure.pressure_at(flow, state, collapse.spacing)
+        p = simulated_pressure.pressure_at(flow, state, collapse.spacing)
         return p, time.thread_time() - begin
 
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
@@ -74,13 +76,13 @@ def frames_of(
 
 def errors(flow: Flow, fields: Fields) -> dict[str, Any]:
     """Of the predicted and of the closed pressure over the same points: all, flowing, stagnant."""
-    p, closed, known = (fields.values[n] for n in ("p", "p_closed", "p_reference"))
+    p, closed, known = (fields.values[n] for n in ("p", "p_simulated", "p_reference"))
     ok = np.isfinite(closed) & np.isfinite(known)
     split = scoring.zones_of(flow, fields)
     zones = {"all": ok, "flowing": ok & split.flowing, "stagnant": ok & split.stagnant}
 
     def of(a: Any, b: Any) -> dict[str, float | None]:
-        return {name: scoring.relative_l2(a[zone], b[zone]) for name, zone in zones.items()}
+        return {name: relative_l2(a[zone], b[zone]) for name, zone in zones.items()}
 
     return {"network": of(p, known), "closed": of(closed, known), "difference": of(p, closed)}
 
@@ -98,10 +100,10 @@ def study(
     variants: list[dict[str, Any]] = []
     for i, path in enumerate(flows):
         case = pose(path, recipes.make())
-        flow, usable = case.flow, closure.usable_frames(case.flow)
+        flow, usable = case.flow, simulated_pressure.usable_frames(case.flow)
         if isinstance(usable, str):
             raise ConfigError(f"{path}: {usable}")
-        chosen = closure.evenly(usable, frames)
+        chosen = simulated_pressure.evenly(usable, frames)
         parts = {name: getattr(flow, name)[chosen] for name in ("t", "u", "v", "c", "p")}
         scored = dataclasses.replace(flow, **parts)
         for seed in range(seeds):
@@ -113,7 +115,9 @@ def study(
                 row = {"flow": path.stem, "source": flow.attributes.get("source")}
                 row |= {"seed": seed, "cells": used, "steps": how[0], "step": how[1]}
                 row |= {"frames": len(closed), "seconds_of_frame": seconds}
-                row |= errors(scored, closed_fields.with_closed(maps, dict(enumerate(closed))))
+                row |= errors(
+                    scored, simulated_fields.with_simulated_pressure(maps, dict(enumerate(closed)))
+                )
                 (rows if how == USUAL else variants).append(row)
                 print(line(row), flush=True)
     return {"rows": rows, "variants": variants}

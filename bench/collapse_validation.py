@@ -20,8 +20,8 @@ import numpy.typing as npt
 from bench.collapse_residual import FLOWING, frames, merge, momentum_balance, regression
 from bench.machine import describe
 from granpinn.data import Flow, read_flow
+from granpinn.figures.simulation import strain_rate
 from granpinn.simulation import Collapse, Engine
-from granpinn.simulation.figures import strain_rate
 from granpinn.simulation.recorder import Recorder
 
 Array = npt.NDArray[np.float64]

@@ -31,9 +31,9 @@ from typing import Any
 import numpy as np
 
 from bench.machine import describe
-from granpinn import identify_many, recipes
-from granpinn.command.arguments import convert
-from granpinn.config import Config, ConfigError, kinds_of
+from granpinn import identify_many
+from granpinn.config import Config, ConfigError, kinds_of, recipes
+from granpinn.config.toml import convert
 from granpinn.data import Flow, read_flow
 from granpinn.results import Result
 from granpinn.simulation import Collapse, simulate
@@ -173,7 +173,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, required=True, help="file for the results")
     own, words = parser.parse_known_args()
     try:
-        usual = {"closure.frames": 0}
+        usual = {"simulated_pressure.frames": 0}
         config = recipes.build(usual | settings_of(words) | {"members": own.members})
     except ConfigError as error:
         parser.error(str(error))

@@ -24,10 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.coverage import LAW
-from granpinn.identification import calibration, uncertainty
-from granpinn.identification.calibration import Calibration, Range
 from granpinn.results.decoding import decode
 from granpinn.results.records import Members, Residuals
+from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty.calibration import Calibration, Range
 
 Array = npt.NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
         widening=(1.0, 1.0),
         scatter=_scatter(cases, base),
     )
-    errors = [uncertainty.velocity_error(case.residuals, table) for case in cases]
+    errors = [error_bars.velocity_error(case.residuals, table) for case in cases]
     table = dataclasses.replace(
         table,
         misfit=float(np.quantile(errors, CONFIDENCE)),
@@ -97,7 +97,7 @@ def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
     for case in cases:
         kept = ~np.array(case.members.redrawn)
         mu = np.stack([case.members.mu_s, case.members.mu_2], axis=1)[kept]
-        z = (mu - mu.mean(axis=0)) / uncertainty.center(case.members)[0]
+        z = (mu - mu.mean(axis=0)) / error_bars.center(case.members)[0]
         total, freedom = total + z.T @ z, freedom + max(0, len(z) - 1)
     return _matrix(total / freedom) if freedom >= 2 else base.scatter
 
@@ -107,7 +107,7 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
     The truths of one study have much the same misfit: the slope stays as it is.
     """
-    errors = np.array([uncertainty.velocity_error(case.residuals, table) for case in cases])
+    errors = np.array([error_bars.velocity_error(case.residuals, table) for case in cases])
     found = {}
     for name in ("momentum", "constitutive"):
         old: Range = getattr(table, name)
@@ -128,10 +128,10 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
     """Second moments of z beyond the scatter, over s^2, averaged around each knot."""
     beyond, mu_s = [], []
     for case in cases:
-        center = np.array(uncertainty.center(case.members))
+        center = np.array(error_bars.center(case.members))
         z = (center - case.mu) / center[0]
-        scale = uncertainty.discrepancy_scale(case.residuals, case.steps, table)
-        scatter, _ = uncertainty.scatter(case.members, table)
+        scale = error_bars.discrepancy_scale(case.residuals, case.steps, table)
+        scatter, _ = error_bars.scatter(case.members, table)
         beyond.append((np.outer(z, z) - scatter) / scale**2)
         mu_s.append(center[0])
     matrices, counts = [], []
@@ -148,14 +148,14 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
 def _reach(case: Case, table: Calibration) -> Array:
     """Half of the 90 % intervals, in log mu."""
-    found = uncertainty.estimate(case.members, case.residuals, case.steps, table)
+    found = error_bars.estimate(case.members, case.residuals, case.steps, table)
     return np.array(
         [math.log(high / mu) for mu, (_, high) in zip(found.mu, found.intervals, strict=True)]
     )
 
 
 def _missed(case: Case) -> Array:
-    return np.abs(np.log(np.array(uncertainty.center(case.members)) / case.mu))
+    return np.abs(np.log(np.array(error_bars.center(case.members)) / case.mu))
 
 
 def _upper_quantile(values: Array) -> Array:
@@ -184,7 +184,7 @@ class Score(NamedTuple):
 
 
 def score(case: Case, table: Calibration) -> Score:
-    found = uncertainty.estimate(case.members, case.residuals, case.steps, table)
+    found = error_bars.estimate(case.members, case.residuals, case.steps, table)
     error = np.array(found.mu) - case.mu
     covered = [low <= mu <= high for (low, high), mu in zip(found.intervals, case.mu, strict=True)]
     return Score(error / case.mu, error / np.array(found.std), np.array(covered))
@@ -207,8 +207,8 @@ def verdicts(pairs: Sequence[tuple[Case, Calibration]]) -> list[str]:
     """How many flows of each law are said to follow mu(I), to contradict it, or neither."""
     counts: dict[str, list[int]] = {}
     for case, table in pairs:
-        mu = uncertainty.center(case.members)
-        follows = uncertainty.verdict(mu, case.residuals, table).follows
+        mu = error_bars.center(case.members)
+        follows = error_bars.verdict(mu, case.residuals, table).follows
         counts.setdefault(case.law, [0, 0, 0])[(True, False, None).index(follows)] += 1
     return [
         f"{law}: {yes} follow mu(I), {no} contradict it, {open_} cannot be told"

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from bench.particle_images import surface_points
 from bench.velocity_field import VelocityField
 from granpinn.data import Flow
-from granpinn.identification.scoring import relative_l2
+from granpinn.data.norms import relative_l2
 from granpinn.importers import Validity, VectorFields
 
 if TYPE_CHECKING:

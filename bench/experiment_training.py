@@ -61,7 +61,9 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="file for the results")
     arguments, settings = parser.parse_known_args()
     # The parser of the command asks for a flow and a folder, which are not used.
-    config = parse([str(arguments.flows[0]), "--out", "unused", "--closure.frames", "0", *settings])
+    config = parse(
+        [str(arguments.flows[0]), "--out", "unused", "--simulated_pressure.frames", "0", *settings]
+    )
     begin = time.monotonic()
     found = {
         "errors_percent": study(arguments.flows, config, arguments.seeds),

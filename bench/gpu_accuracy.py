@@ -24,11 +24,13 @@ import torch
 from torch import Tensor
 
 from bench.steps import HIDDEN, PHYSICS, make_task
-from granpinn import ops, recipes, reference
-from granpinn.command.arguments import read_toml
-from granpinn.config import ConfigError
-from granpinn.identification.identification import Case, pose, start
-from granpinn.network import NetworkSpec
+from granpinn import reference
+from granpinn.config import ConfigError, recipes
+from granpinn.config.toml import read_toml
+from granpinn.identification.case import Case, pose
+from granpinn.identification.identify import start
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec
 from granpinn.simulation import demo_path
 from granpinn.training import checkpoint
 

@@ -37,7 +37,7 @@ from bench.rivals import (
     expected_seconds,
     too_large,
 )
-from granpinn.identification.identification import choose_device
+from granpinn.identification.case import choose_device
 
 JAX = "JAX"
 PARTS = ("rows", "accuracy", "ensembles", "training")

@@ -17,9 +17,9 @@ import torch
 from bench.device import graphed, milliseconds
 from bench.rivals import STEPS_PER_GRAPH
 from bench.steps import Task, fused_step, make_task
-from granpinn import recipes
-from granpinn.config import Config
-from granpinn.identification.identification import pose, start
+from granpinn.config import Config, recipes
+from granpinn.identification.case import pose
+from granpinn.identification.identify import start
 from granpinn.simulation import demo_path
 from granpinn.training.history import Row
 from granpinn.training.progress import Silent

@@ -28,8 +28,8 @@ import numpy as np
 from bench.coverage import settings_of
 from bench.machine import describe
 from bench.noise_study import read_bounds, read_study, statistics, thinned, where_bounded
-from granpinn import identify_many, recipes
-from granpinn.config import Config, ConfigError, flatten
+from granpinn import identify_many
+from granpinn.config import Config, ConfigError, flatten, recipes
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
 from granpinn.identification.inertial_profile import (
     LEAST_AVERAGE,
@@ -47,7 +47,11 @@ NAMES = ("mu_s", "mu_2", "I0")
 
 def settings(words: Sequence[str], values: int, reach: float) -> Config:
     """Those of the trainings of a profile."""
-    given: dict[str, Any] = {"profile.values": values, "profile.reach": reach, "closure.frames": 0}
+    given: dict[str, Any] = {
+        "profile.values": values,
+        "profile.reach": reach,
+        "simulated_pressure.frames": 0,
+    }
     config = recipes.build(given | settings_of(words))
     average = max(LEAST_AVERAGE, config.optimizer.average)
     return recipes.replace(config, optimizer__average=average)

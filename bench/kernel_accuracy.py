@@ -54,7 +54,7 @@ def measure(
 
 
 def _compare(index: int, device: str) -> list[Comparison]:
-    from granpinn import ops
+    from granpinn.kernels import ops
 
     return compare(configuration(index), ops if device == "cpu" else OnDevice(ops, device))
 

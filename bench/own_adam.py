@@ -8,7 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from granpinn.training import step_ops  # noqa: F401  (registers the operators)
+from granpinn.kernels import step_ops  # noqa: F401  (registers the operators)
 from granpinn.training.control import Control
 
 ADAM = [5e-4, 0.9, 0.999, 1e-8]  # as torch has them: learning rate, two decay rates, epsilon

@@ -28,8 +28,9 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 from bench.collapse_residual import Balance, regression
 from bench.machine import describe
 from granpinn.data import Flow, add_noise, read_flow
-from granpinn.identification.scoring import difference, relative_l2
-from granpinn.scales import Scales
+from granpinn.data.norms import relative_l2
+from granpinn.data.scaling import scales_of
+from granpinn.identification.scoring import difference
 
 Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -140,7 +141,7 @@ def identify(flow: Flow, width: float, with_pressure: bool) -> dict[str, Any]:
     """mu_s and mu_2 with the pressure of the file, or without."""
     begin = time.monotonic()
     I0 = (flow.truth.I0 if flow.truth else None) or 0.3
-    threshold = FLOWING / Scales.from_flow(flow).time
+    threshold = FLOWING / scales_of(flow).time
     k = kinematics(flow, width)
     found = START
     if with_pressure:

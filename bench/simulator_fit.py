@@ -6,7 +6,7 @@ python -m bench.simulator_fit FLOW.h5 ... --noise 0.2 0.8 --draws 20 --points 66
     --against bound.json --json fit.json
 python -m bench.simulator_fit FLOW.h5 --free-I0 --noise 0.02 --draws 20 --json I0.json
 
-The fit is that of `granpinn.train --resimulate` (granpinn/identification/simulator_fit.py), from
+The fit is that of `granpinn.train --resimulate` (granpinn/second_opinion/simulator_fit.py), from
 the same start for every flow and draw of the noise, I0 included where it is free; draws share the
 runs. --against puts the bound of the same law beside the errors, the joint one where I0 is free.
 --bound turns central
@@ -40,12 +40,12 @@ from bench.machine import describe
 from bench.noise_study import read_bounds, statistics, thinned, where_bounded
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
-from granpinn.identification.comparison import interpolation
-from granpinn.identification.law_runs import LawRuns
-from granpinn.identification.resimulation import collapse_of, initial_column
-from granpinn.identification.simulator_fit import fit
 from granpinn.results import plain
 from granpinn.results.findings import SimulatorFit
+from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.law_runs import LawRuns
+from granpinn.second_opinion.resimulation import collapse_of, initial_column
+from granpinn.second_opinion.simulator_fit import fit
 from granpinn.simulation import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder

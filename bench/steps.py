@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid, silu
 
-from granpinn.rheology import inertial_number, mu_of_I, viscosity
+from granpinn.physics.rheology import inertial_number, mu_of_I, viscosity
 
 HIDDEN = [250, 250, 250]
 D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = PHYSICS = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
@@ -118,7 +118,7 @@ def _network(params: Tensor, widths: list[int]) -> Network:
 def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Callable[[], Tensor]:
     """granpinn: the loss [] (or [E]) and its gradient from one op; without `update` no Adam."""
     from bench.own_adam import OwnAdam
-    from granpinn import ops
+    from granpinn.kernels import ops
 
     params, theta = task.params.clone(), task.theta.clone()
     optimizer = OwnAdam(params, theta)

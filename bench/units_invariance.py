@@ -188,7 +188,9 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="file for the results")
     arguments, settings = parser.parse_known_args()
     # The parser of the command asks for a flow and a folder, which are not used.
-    config = parse([str(demo_path()), "--out", "unused", "--closure.frames", "0", *settings])
+    config = parse(
+        [str(demo_path()), "--out", "unused", "--simulated_pressure.frames", "0", *settings]
+    )
     begin = time.monotonic()
     found = study(cases(arguments.every, arguments.tilt), config, arguments.seeds)
     found |= {

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
-    from granpinn.identification.ensemble import identify_many
-    from granpinn.identification.identification import identify
+    from granpinn.identification.batch import identify_many
+    from granpinn.identification.identify import identify
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -35,8 +35,8 @@ __all__ = [
 _HOMES = {
     "Config": "granpinn.config",
     "Result": "granpinn.results",
-    "identify": "granpinn.identification.identification",
-    "identify_many": "granpinn.identification.ensemble",
+    "identify": "granpinn.identification.identify",
+    "identify_many": "granpinn.identification.batch",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",

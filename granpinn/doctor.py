@@ -160,7 +160,10 @@ def self_check() -> Section:
 def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> str:
     """How well the kernel of a device agrees with nested autograd; Trouble where it does not."""
     torch = import_module("torch")
-    ops, reference = load("granpinn.ops", BUILD_HINT), load("granpinn.reference", BUILD_HINT)
+    ops, reference = (
+        load("granpinn.kernels.ops", BUILD_HINT),
+        load("granpinn.reference", BUILD_HINT),
+    )
 
     def there(x: Any) -> Any:
         return x.to(device, getattr(torch, dtype)) if isinstance(x, torch.Tensor) else x

@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.atomic import atomic_path
-from granpinn.command.arguments import convert
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
+from granpinn.config.toml import convert
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file
 from granpinn.inspection import Inspection, Law, inspect
 from granpinn.inspection.text import lines_of
-from granpinn.inspection.verdict import verdict
+from granpinn.uncertainty.data_verdict import verdict
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5
@@ -122,7 +122,7 @@ def _require_flow_file(paths: list[Path]) -> None:
 
 def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
     """inspect.json and the figures, to a folder that is made."""
-    from granpinn.inspection.figures import save_figures  # matplotlib is slow to import
+    from granpinn.figures.inspection import save_figures  # matplotlib is slow to import
 
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_path(folder / "inspect.json") as path:

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.command.arguments import convert
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
+from granpinn.config.toml import convert
 from granpinn.data.flow import Flow
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate
 from granpinn.simulation.progress import automatic
@@ -124,7 +124,7 @@ def _run(values: dict[str, Any]) -> None:
         return
     flow = _one(Collapse(**values), outputs["out"], outputs.get("figures"))
     if "animation" in outputs:
-        from granpinn.simulation.animation import animate
+        from granpinn.figures.animation import animate
 
         print(f"animation: {animate(flow, outputs['animation'])}")
 
@@ -134,7 +134,7 @@ def _one(collapse: Collapse, out: Path, figures: Path | None) -> Flow:
     flow = simulate(collapse, out=out, listener=automatic())
     print(f"flow file: {out}")
     if figures is not None:
-        from granpinn.simulation.figures import save_figures
+        from granpinn.figures.simulation import save_figures
 
         for path in save_figures(flow, figures, out.stem):
             print(f"figure: {path}")
@@ -143,7 +143,7 @@ def _one(collapse: Collapse, out: Path, figures: Path | None) -> Flow:
 
 def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None:
     """The paper's six regimes and the figure of their final states."""
-    from granpinn.simulation.figures import save_final_states
+    from granpinn.figures.simulation import save_final_states
 
     folder.mkdir(parents=True, exist_ok=True)
     flows = []

@@ -13,25 +13,22 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn import report, results
 from granpinn.command.arguments import parse
-from granpinn.command.parser import fail
-from granpinn.config import Config, ConfigError
-from granpinn.data import FlowFileError, add_noise, read_flow
-from granpinn.identification import comparison, resimulation, simulator_fit
-from granpinn.identification.identification import identify
+from granpinn.command.exit_codes import exit_code
+from granpinn.config import Config
+from granpinn.data import add_noise, read_flow
+from granpinn.identification.identify import identify
 from granpinn.identification.inertial_profile import profile_I0
-from granpinn.identification.law_runs import LawRuns
-from granpinn.identification.resimulation import Column
 from granpinn.results.findings import Resimulation
-from granpinn.simulation import SimulationError
+from granpinn.second_opinion import comparison, resimulation, simulator_fit
+from granpinn.second_opinion.law_runs import LawRuns
+from granpinn.second_opinion.resimulation import Column
 from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
-from granpinn.training.checkpoint import CheckpointError
-from granpinn.training.guard import Interrupted, NonFiniteError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,20 +40,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _train(config, rank)
 
     return exit_code("train", run)
-
-
-def exit_code(command: str, run: Callable[[], int]) -> int:
-    """What a command that trains returns: that of `run`, or what its error stands for."""
-    try:
-        return run()
-    except (ConfigError, FlowFileError) as error:
-        return fail(command, 2, str(error))
-    except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
-        return fail(command, 1, str(error))
-    except Interrupted as error:
-        return fail(command, 128 + error.signum, str(error))
-    except KeyboardInterrupt:
-        return fail(command, 130, "stopped before or after the training")
 
 
 def _train(config: Config, rank: int) -> int:

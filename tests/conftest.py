@@ -29,7 +29,7 @@ def device(request: pytest.FixtureRequest) -> torch.device:
     """Each device in turn; a GPU where there is one and kernels for it were built."""
     name = str(request.param)
     if name == "cuda":
-        importlib.import_module("granpinn.ops")
+        importlib.import_module("granpinn.kernels.ops")
         operator = "granpinn::draw_batch"
         if not torch._C._dispatch_has_kernel_for_dispatch_key(operator, "CUDA"):
             pytest.skip("granpinn was built without CUDA kernels")

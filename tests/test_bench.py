@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from bench import (
-    closure,
     device,
     gpu_accuracy,
     gpu_step,
@@ -20,14 +19,15 @@ from bench import (
     parallel,
     processes,
     rivals,
+    simulated_pressure,
 )
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
-from granpinn import recipes
+from granpinn.config import recipes
 from granpinn.data import write_flow
-from granpinn.identification.identification import pose
-from granpinn.network import initial_parameters
+from granpinn.identification.case import pose
+from granpinn.kernels.network import initial_parameters
 from tests.flows import make_flow
 
 CPU = torch.device("cpu")
@@ -229,14 +229,14 @@ def test_numbers_of_the_file_are_rounded() -> None:
     }
 
 
-def test_the_closed_pressure_of_a_checkpoint(tmp_path: Path) -> None:
+def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
     write_flow(make_flow(), tmp_path / "heap.h5")
     spec = pose(tmp_path / "heap.h5", recipes.make()).member.problem.spec
     tensors = {
         "params": torch.stack([initial_parameters(spec, seed) for seed in (0, 1)]),
         "theta": torch.tensor([[0.4, 0.6, 0.3]] * 2, dtype=torch.float64),
     }
-    found = closure.study([tmp_path / "heap.h5"], tensors, 2, 3, None, [(2, 6e-5)])
+    found = simulated_pressure.study([tmp_path / "heap.h5"], tensors, 2, 3, None, [(2, 6e-5)])
     rows, (variant,) = found["rows"], found["variants"]
     assert [(row["flow"], row["seed"], row["frames"]) for row in rows] == [
         ("heap", 0, 3),

@@ -115,7 +115,8 @@ def test_the_cuda_part_is_reported_as_built_or_with_the_reason(
 
 @pytest.mark.parametrize("factor", [1.001, float("nan")])
 def test_wrong_kernels_are_trouble(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
-    from granpinn import ops, reference
+    from granpinn import reference
+    from granpinn.kernels import ops
 
     def wrong(*arguments: Any) -> tuple[torch.Tensor, ...]:
         return tuple(output * factor for output in reference.residual_loss(*arguments))

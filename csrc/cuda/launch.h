@@ -55,7 +55,7 @@ struct DeviceNetwork {
   }
 };
 
-// Everything of residual_loss (granpinn/ops.py), for all members.
+// Everything of residual_loss (granpinn/kernels/ops.py), for all members.
 template <class T>
 struct DeviceLoss {
   DeviceNetwork<T> net;

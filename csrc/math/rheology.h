@@ -15,7 +15,7 @@ struct FrictionLaw {
   R mu_s, mu_2, I0;
 };
 
-// Constants of a problem, all dimensionless (granpinn/scales.py).
+// Constants of a problem, all dimensionless (granpinn/physics/scales.py).
 template <class T>
 struct Physics {
   T grain_diameter;

@@ -2,7 +2,6 @@
 
 from granpinn.data.collocation import with_collocation
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
-from granpinn.data.foreign import read
 from granpinn.data.noise import add_noise, known_sd, redraw
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
@@ -23,7 +22,6 @@ __all__ = [
     "check_flow",
     "known_sd",
     "particle_flow",
-    "read",
     "read_flow",
     "redraw",
     "test_grid",

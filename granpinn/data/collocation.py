@@ -18,12 +18,12 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes, vertical_coordinate
 from granpinn.data.flow import BoolArray, Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
+from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
-    from granpinn.scales import Scales
+    from granpinn.physics.scales import Scales
 
 # Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64

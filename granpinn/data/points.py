@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.axes import Axes, vertical_coordinate
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
+from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
-    from granpinn.scales import Scales
+    from granpinn.physics.scales import Scales
 
 LEVELS = ("V0", "V1", "V2")
 # In the toe the layer is thinner than this many grains and p = 0 does not hold.
@@ -30,7 +30,7 @@ Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]
 class TrainingSet:
     """What the network is fitted to; N data points, M of the free surface, B of equations alone.
 
-    Positions and velocities are in the axes of granpinn/axes.py.
+    Positions and velocities are in the axes of granpinn/physics/axes.py.
 
     Attributes:
         points: (x, y, t) of the data, [N, 3].

@@ -9,28 +9,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn import results
-from granpinn.config import Config, flatten
-from granpinn.identification import calibration, prediction, scoring, uncertainty
+from granpinn.identification import prediction, scoring
+from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
-from granpinn.recipes import build
-from granpinn.results import Covariance, Fields, Parameter, Parameters, Result
-from granpinn.results.findings import Closure, Loss
-from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
+from granpinn.results import Fields, Parameter, Parameters, Result
+from granpinn.results.findings import Loss, SimulatedPressure
+from granpinn.results.records import Members, Residuals
 from granpinn.training.run import Run
-
-if TYPE_CHECKING:
-    from granpinn.identification.identification import Case, Model
-
-CALIBRATED_LEVELS = ("V1", "V2")
-TOO_LITTLE = (
-    "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
-    "errors as large as the values"
-)
-DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
+from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty.judgement import judge
 
 
 def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, int]:
@@ -48,7 +37,7 @@ def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, in
         redrawn=tuple(cases[k].redrawn for k in sound),
         lost=sum(first + k in run.training.lost for k in places),
     )
-    shown = uncertainty.nearest(members, calibration.load())
+    shown = error_bars.nearest(members, calibration.load())
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 
@@ -69,14 +58,14 @@ def result(
     members: Members,
     model: Model,
     maps: Fields,
-    closure: Closure | None = None,
+    simulated_pressure: SimulatedPressure | None = None,
 ) -> Result:
     """The result of an ensemble.
 
     Args:
         case, e: the member that is shown, and its place in the run.
         model, maps: its network and fields.
-        closure: the record of the closed pressure among the fields.
+        simulated_pressure: the record of the closed pressure among the fields.
     """
     flow, config, data = case.flow, case.config, case.member.data
     loss, lost = final_loss(run.training, e), run.training.lost.get(e)
@@ -112,61 +101,10 @@ def result(
         zones=scores.zones,
         inertial_number=scores.inertial_number,
         covariance=judged.covariance,
-        closure=closure,
+        simulated_pressure=simulated_pressure,
         loss=loss,
         members=members,
         residuals=residuals,
         error_bars=judged.bars,
         verdict=judged.verdict,
-    )
-
-
-class Judgement(NamedTuple):
-    """Center (mu_s, mu_2) with its error bars, where there are any, and what to think of it."""
-
-    free: tuple[Parameter, Parameter]
-    covariance: Covariance | None
-    bars: ErrorBars | None
-    verdict: Verdict
-
-
-def judge(
-    members: Members, residuals: Residuals | None, steps: int, config: Config, lost: str | None
-) -> Judgement:
-    """Error bars and verdict, unless they would mean nothing: the verdict then says why."""
-    table, changed = calibration.load(), uncalibrated(config)
-    mu = uncertainty.center(members)
-
-    def without(words: str) -> Judgement:
-        mu_s, mu_2 = (Parameter(value, fixed=False) for value in mu)
-        return Judgement((mu_s, mu_2), None, None, Verdict(None, words))
-
-    if lost is not None or residuals is None:
-        return without("the training diverged")
-    if changed:
-        return without(_why_not(changed))
-    found = uncertainty.estimate(members, residuals, steps, table)
-    if any(std > value for std, value in zip(found.std, mu, strict=True)):
-        return without(TOO_LITTLE)
-    mu_s, mu_2 = (
-        Parameter(value, False, std, interval)
-        for value, std, interval in zip(found.mu, found.std, found.intervals, strict=True)
-    )
-    rows = tuple(tuple(row) for row in found.covariance.tolist())
-    verdict = uncertainty.verdict(found.mu, residuals, table)
-    return Judgement((mu_s, mu_2), Covariance(("mu_s", "mu_2"), rows), found.bars, verdict)
-
-
-def uncalibrated(config: Config) -> list[str]:
-    """The settings that are others than those which the calibration table was made with."""
-    usual = flatten(build({}))
-    fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
-    changed = [key for key in fixed if flatten(config)[key] != usual[key]]
-    return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
-
-
-def _why_not(settings: Sequence[str]) -> str:
-    return (
-        "no error bars and no verdict: they are calibrated for the default recipe at level V1 or "
-        f"V2, and this run has another {', '.join(settings)}"
     )

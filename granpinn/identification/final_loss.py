@@ -10,8 +10,8 @@ import math
 
 import torch
 
-from granpinn import ops
-from granpinn.op_rules import TERMS
+from granpinn.kernels import ops
+from granpinn.kernels.op_rules import TERMS
 from granpinn.results.findings import Loss
 from granpinn.training.training import Training
 

@@ -34,7 +34,7 @@ import numpy.typing as npt
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.identification.ensemble import identify_many
+from granpinn.identification.batch import identify_many
 from granpinn.results import Result
 from granpinn.results.findings import Profile, ProfilePoint
 from granpinn.results.summary import BAND_POINTS, friction
@@ -76,7 +76,7 @@ def profile_I0(
     config = dataclasses.replace(
         config,
         members=1,  # the seeds of the profile are its ensemble
-        closure=dataclasses.replace(config.closure, frames=0),
+        simulated_pressure=dataclasses.replace(config.simulated_pressure, frames=0),
         tensorboard=False,
         optimizer=dataclasses.replace(config.optimizer, average=average),
     )

@@ -18,13 +18,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn import ops, rheology
-from granpinn.axes import Axes
 from granpinn.data import Flow, test_grid
-from granpinn.network import NetworkSpec
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec
+from granpinn.physics import rheology
+from granpinn.physics.axes import Axes
+from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, Float32, Float64, Units
-from granpinn.scales import Quantity, Scales
 
 CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
+from granpinn.data.norms import relative_l2
 from granpinn.results import ErrorPercent, Fields, InertialNumber, Parameter, Parameters, Zones
 
 Array = npt.NDArray[np.floating]
@@ -45,18 +46,6 @@ class Split(NamedTuple):
     source: str
     flowing: Mask
     stagnant: Mask
-
-
-def relative_l2(predicted: Array, reference: Array) -> float | None:
-    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
-
-    None where there is nothing to compare with: no points, or a reference that is zero everywhere.
-    """
-    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
-    size = float(np.sum(reference**2))
-    if size == 0.0:
-        return None
-    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
 
 
 def scalar_error(parameter: Parameter, true: float | None) -> float | None:
@@ -136,10 +125,10 @@ def score(
         for zone, mask in masks.items():
             reference = values["p_reference"]
             errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
-            if "p_closed" in values:
-                closed = mask & np.isfinite(values["p_closed"])
-                error = relative_l2(values["p_closed"][closed], reference[closed])
-                errors[f"pressure_closed{zone}"] = error
+            if "p_simulated" in values:
+                closed = mask & np.isfinite(values["p_simulated"])
+                error = relative_l2(values["p_simulated"][closed], reference[closed])
+                errors[f"pressure_simulated{zone}"] = error
         counts = (int(np.sum(masks[zone])) for zone in ("_flowing", "_stagnant"))
         zones = Zones(D2_STAGNANT, split.source, *counts)
     q05, median, q95 = np.quantile(values["I"][counted], (0.05, 0.5, 0.95)).tolist()

@@ -6,6 +6,7 @@ SI of them, grains.py and surface.py find where the grains are, conversion.py pu
 
 from granpinn.importers.arrays import from_arrays
 from granpinn.importers.conversion import convert
+from granpinn.importers.reading import read
 from granpinn.importers.series import read_vectors
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -17,6 +18,7 @@ __all__ = [
     "VectorFields",
     "convert",
     "from_arrays",
+    "read",
     "read_vectors",
     "vector_fields",
 ]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.data.flow import Flow, Surface
+from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.frame import Frame, frame_of, missing_units
@@ -18,7 +19,6 @@ from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
 from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
-from granpinn.scales import Scales
 
 
 def convert(
@@ -113,7 +113,7 @@ def _described(fields: VectorFields) -> str:
 
 def _summary(flow: Flow, material: Material) -> list[str]:
     """The numbers that tell a slip of calibration at a glance."""
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
     particles = flow.particles
     u, v = (flow.u, flow.v) if particles is None else (particles.u, particles.v)

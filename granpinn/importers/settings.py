@@ -1,4 +1,4 @@
-"""What a conversion has to be told: the command line and `granpinn.data.read` are made of it."""
+"""Settings of a conversion; the command line and `granpinn.importers.read` are made from them."""
 
 from __future__ import annotations
 

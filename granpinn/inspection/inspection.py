@@ -11,13 +11,14 @@ import numpy as np
 
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
+from granpinn.data.scaling import scales_of
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.gradients import Gradients, gradients
 from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
 from granpinn.inspection.precision import Law, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.view import Bool, Float64, View, view_of
-from granpinn.scales import Scales
+from granpinn.physics.scales import Scales
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
 # granpinn/identification/scoring.py), and this many times what noise makes of rest.
@@ -143,7 +144,7 @@ def inspect(flow: Flow, law: Law | None = None) -> Inspection:
         law: the friction law that the precision is estimated for, by default (0.4, 0.64, 0.3).
     """
     law = law or Law()
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     view = view_of(flow, scales)
     noise, cells = _noise(flow, scales, view)
     sigma = noise.sigma or 0.0

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from granpinn.axes import vertical_coordinate
 from granpinn.inspection.gradients import Gradients
 from granpinn.inspection.view import Float64, View
+from granpinn.physics.axes import vertical_coordinate
 
 # The weight below which p is not taken to fall, as a part of half a cell or half a grain of it.
 FLOOR = 0.1

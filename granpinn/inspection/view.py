@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
-from granpinn.scales import Scales
+from granpinn.data.scaling import material_of
+from granpinn.physics.scales import Scales
 
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
@@ -52,7 +53,7 @@ class View:
 
 def view_of(flow: Flow, scales: Scales) -> View:
     """The flow as a View; the vectors of particles count in the cell that they are in."""
-    material = scales.material(flow)
+    material = material_of(flow, scales)
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0
 

@@ -1,4 +1,4 @@
-r"""The slow, readable truth: every op of `granpinn.ops` by nested automatic differentiation.
+r"""The slow truth: every op of `granpinn.kernels.ops` by nested automatic differentiation.
 
 Nothing here shares code or a closed-form derivative with the kernels of csrc/: derivatives with
 respect to x, y, t, the weights and the rheology all come from `torch.autograd.grad`. Works in any
@@ -7,7 +7,7 @@ floating dtype; float64 is the yardstick of the tests, float32 the rival whose e
 Shapes: points [N, 3] in the order (x, y, t), params [P], theta = (mu_s, mu_2, I_0) [3]. With an
 ensemble, params [E, P], theta [E, 3] and any input may lead with E; outputs then lead with E.
 `physics` is [d, g_x, g_y, eta_min, eta_max, U, P, p_floor] (`Physics`); all quantities are
-dimensionless (`granpinn.scales`). Equation numbers are those of the paper.
+dimensionless (`granpinn.physics.scales`). Equation numbers are those of the paper.
 """
 
 from granpinn.reference.equations import (

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from granpinn import rheology
+from granpinn.physics import rheology
 from granpinn.reference.network import RawNetwork, gradient, network
 
 # gamma_dot = sqrt(... + SMOOTHING): the shear rate keeps a finite derivative in material at rest.

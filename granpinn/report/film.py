@@ -17,8 +17,8 @@ import numpy.typing as npt
 from matplotlib import colormaps
 from PIL import Image
 
-from granpinn.plots.maps import RESIDUAL_RANGE
-from granpinn.plots.style import VALUE_MAP, NothingToDraw
+from granpinn.figures.maps import RESIDUAL_RANGE
+from granpinn.figures.style import VALUE_MAP, NothingToDraw
 from granpinn.results import Fields
 
 Array = npt.NDArray[np.floating]

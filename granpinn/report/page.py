@@ -21,11 +21,9 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from granpinn.atomic import atomic_path
-from granpinn.identification.comparison import FILE, Comparison, read_comparison
-from granpinn.plots import album, maps
-from granpinn.plots.style import NothingToDraw
+from granpinn.figures import album, maps
+from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
-from granpinn.report.assessment import assess
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -37,7 +35,9 @@ from granpinn.results import (
     write_csv,
 )
 from granpinn.results.summary import summarize
+from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
 from granpinn.training.history import COLUMNS
+from granpinn.uncertainty.assessment import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
 PAGE = 2_900_000  # bytes that figures and film may make of the page

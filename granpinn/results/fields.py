@@ -37,7 +37,7 @@ VARIABLES = {
     "momentum_residual_x": ("number", "strong-form momentum residual along x / (rho |g|)"),
     "momentum_residual_y": ("number", "strong-form momentum residual along y / (rho |g|)"),
     "divergence": ("rate", "divergence of the predicted velocity"),
-    "p_closed": ("pressure", "pressure closed by the simulator, at some frames"),
+    "p_simulated": ("pressure", "pressure given by the simulator, at some frames"),
     "u_reference": ("velocity", "velocity along x in the flow file"),
     "v_reference": ("velocity", "velocity along y in the flow file"),
     "p_reference": ("pressure", "reference pressure in the flow file"),

@@ -185,8 +185,8 @@ class Resimulation:
 
 
 @dataclass(frozen=True)
-class Closure:
-    """The pressure as the simulator closes it at some frames (identification/closure.py).
+class SimulatedPressure:
+    """The pressure as the simulator has it at some frames (identification/closure.py).
 
     `objection` says why it was not closed, and all numbers are then None.
 
@@ -214,11 +214,11 @@ class Closure:
         if self.objection is not None:
             return f"pressure not closed where nothing flows: {self.objection}"
         if not self.frames:
-            return f"pressure closed by the simulator at no time{self.left_out}"
+            return f"pressure given by the simulator at no time{self.left_out}"
         differences = {"flows": self.flowing_percent, "rests": self.stagnant_percent}
         parts = [f"{p:.1f} % where it {zone}" for zone, p in differences.items() if p is not None]
         return (
-            f"pressure closed by the simulator at {len(self.frames)} times: it differs from the "
+            f"pressure given by the simulator at {len(self.frames)} times: it differs from the "
             f"predicted one by {' and '.join(parts) or 'an unknown amount'}{self.left_out}"
         )
 

@@ -98,9 +98,9 @@ class ErrorPercent:
     pressure: float | None = None
     pressure_flowing: float | None = None
     pressure_stagnant: float | None = None
-    pressure_closed: float | None = None
-    pressure_closed_flowing: float | None = None
-    pressure_closed_stagnant: float | None = None
+    pressure_simulated: float | None = None
+    pressure_simulated_flowing: float | None = None
+    pressure_simulated_stagnant: float | None = None
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.data import Truth
 from granpinn.results.decoding import decode
-from granpinn.results.findings import Closure, Loss, Profile, Resimulation
+from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.records import ErrorBars, ErrorPercent, Members, Residuals, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
@@ -31,8 +31,8 @@ FORMAT_VERSION = 1
 LEVELS = ("V0", "V1", "V2")
 FORMS = ("mixed", "strong")
 PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
-CLOSED = ("pressure_closed", "pressure_closed_flowing", "pressure_closed_stagnant")
-FIELD_ERRORS = ("velocity", *PRESSURES, *CLOSED)
+SIMULATED = ("pressure_simulated", "pressure_simulated_flowing", "pressure_simulated_stagnant")
+FIELD_ERRORS = ("velocity", *PRESSURES, *SIMULATED)
 
 
 class ResultsFileError(ValueError):
@@ -159,7 +159,7 @@ class Result:
     inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
     loss: Loss | None = None
-    closure: Closure | None = None
+    simulated_pressure: SimulatedPressure | None = None
     profile: Profile | None = None
     resimulation: Resimulation | None = None
     members: Members | None = None
@@ -193,11 +193,11 @@ class Result:
             lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
         for name in FIELD_ERRORS:
             error = number(getattr(self.error_percent, name), ".2f")
-            if error != "-" or "closed" not in name:
+            if error != "-" or "simulated" not in name:
                 lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
         if self.verdict is not None:
             lines.append(self.verdict.words)
-        parts = (self.closure, self.profile, self.resimulation)
+        parts = (self.simulated_pressure, self.profile, self.resimulation)
         lines += [str(part) for part in parts if part is not None]
         return "\n".join(lines)
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from granpinn.physics.rheology import mu_of_I
 from granpinn.results.result import Covariance, Parameters, Result
-from granpinn.rheology import mu_of_I
 
 LAST_PART = 0.1  # of the steps: how much the parameters still changed
 BAND_POINTS = 200

@@ -14,15 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.arguments import read_toml
+from granpinn.command.exit_codes import exit_code
 from granpinn.command.parser import Parser
 from granpinn.config import Config, ConfigError
+from granpinn.config.recipes import build
+from granpinn.config.toml import read_toml
 from granpinn.data import Flow
-from granpinn.identification.identification import choose_device
-from granpinn.recipes import build
+from granpinn.identification.case import choose_device
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case
-from granpinn.train import exit_code
 from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
@@ -109,7 +109,9 @@ def parse(argv: Sequence[str]) -> Request:
 
 
 def _request(given: argparse.Namespace) -> Request:
-    values = {"closure.frames": CLOSED_FRAMES} | (read_toml(given.config) if given.config else {})
+    values = {"simulated_pressure.frames": CLOSED_FRAMES} | (
+        read_toml(given.config) if given.config else {}
+    )
     passed = {name: getattr(given, name) for name in PASSED}
     values |= {name: value for name, value in passed.items() if value is not None}
     I0 = values.get("I0") if given.I0 is None else given.I0

@@ -16,18 +16,18 @@ from granpinn.atomic import atomic_path
 from granpinn.config import flatten
 from granpinn.report.page import TEMPLATES, duration
 from granpinn.results import number, plain
-from granpinn.results.result import CLOSED, PRESSURES
+from granpinn.results.result import PRESSURES, SIMULATED
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import Row, Spread
 from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
 FORMAT_VERSION = 1
-MEASURES = ("mu_s", "mu_2", *PRESSURES, "velocity", *CLOSED)
+MEASURES = ("mu_s", "mu_2", *PRESSURES, "velocity", *SIMULATED)
 IN_TEXT = {
     "pressure_flowing": "flowing",
     "pressure_stagnant": "at rest",
-    "pressure_closed": "closed",
+    "pressure_simulated": "closed",
 }
 PAPER_ERRORS = {"mu_s": "error_mu_s", "mu_2": "error_mu_2", "pressure": "error_p"}
 

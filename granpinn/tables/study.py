@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from granpinn.config import Config
-from granpinn.identification.ensemble import identify_many
+from granpinn.identification.batch import identify_many
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
 from granpinn.tables.rows import Case, Row, row_of

@@ -27,7 +27,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from granpinn import rheology
+from granpinn.physics import rheology
 
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in training
 PRESSURE_ERROR = 5e-4  # delta p: what the pressure may be off by

@@ -7,8 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from granpinn import ops
-from granpinn.network import NetworkSpec, layer_offsets, views
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec, layer_offsets, views
 
 
 class Features:

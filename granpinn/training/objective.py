@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from granpinn import ops
 from granpinn.config import Batch, ConfigError
 from granpinn.data import TrainingSet
-from granpinn.training import step_ops  # noqa: F401
+from granpinn.kernels import (
+    ops,
+    step_ops,  # noqa: F401
+)
 from granpinn.training.control import Control
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import MISFIT, draw
@@ -55,7 +57,7 @@ class Objective:
     Attributes:
         distinct: training sets of the members, each once.
         share: which of the equal parts of every batch this process draws, and how many there are.
-        precision: of the products on a GPU, "fp32" or "fast" (granpinn.ops.residual_loss).
+        precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
 
     def __init__(

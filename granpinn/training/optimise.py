@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer
-from granpinn.network import layer_offsets
-from granpinn.training import step_ops  # noqa: F401  (registers the shapes of the operators)
+from granpinn.kernels import step_ops  # noqa: F401  (registers the shapes of the operators)
+from granpinn.kernels.network import layer_offsets
 from granpinn.training.control import Control
 from granpinn.training.scalars import Scalars
 
@@ -51,7 +51,7 @@ class BatchOptimizer:
     """Updates params [E, P] and the rheology scalars q [E, 2] in place, and their averages.
 
     Args:
-        precision: of Muon's products on a GPU, "fp32" or "fast" (granpinn/training/step_ops.py).
+        precision: of Muon's products on a GPU, "fp32" or "fast" (granpinn/kernels/step_ops.py).
 
     Attributes:
         average_params, average_q: means over the steps that the control table gives a weight.

@@ -1,7 +1,7 @@
 """What training needs besides the data: the scaling of the network and the weights of the terms.
 
 This is the one place that decides how inputs and outputs are scaled. All numbers that leave it are
-dimensionless (granpinn/scales.py).
+dimensionless (granpinn/physics/scales.py).
 """
 
 from __future__ import annotations
@@ -12,17 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.axes import Axes
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
-from granpinn.network import OUTPUTS, NetworkSpec
-from granpinn.op_rules import TERMS
-from granpinn.scales import Scales
+from granpinn.data.scaling import material_of
+from granpinn.kernels.network import OUTPUTS, NetworkSpec
+from granpinn.kernels.op_rules import TERMS
+from granpinn.physics.axes import Axes
+from granpinn.physics.scales import Scales
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The network and the constants of the residuals, as granpinn.ops takes them.
+    """The network and the constants of the residuals, as granpinn.kernels.ops takes them.
 
     Attributes:
         spec: widths, input map and form of the network.
@@ -49,7 +50,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
-    material = scales.material(flow)
+    material = material_of(flow, scales)
     physics = [
         material.grain_diameter,
         *Axes.of(flow.gravity).gravity,

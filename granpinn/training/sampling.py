@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from granpinn import ops
+from granpinn.kernels import ops
 
 INTERIOR, SURFACE, MISFIT, LAST_LAYER = 0, 1, 2, 3  # of which the last has three
 

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Config
-from granpinn.network import initial_parameters
+from granpinn.kernels.network import initial_parameters
 from granpinn.training.control import Control
 from granpinn.training.engine import engine
 from granpinn.training.guard import NonFiniteError

@@ -12,8 +12,8 @@ import pytest
 import granpinn
 import granpinn.simulate as command
 from granpinn.config import ConfigError
+from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
-from granpinn.simulation.animation import animate
 from granpinn.simulation.engine import Engine, StepReport
 from granpinn.simulation.progress import Lines, Silent
 

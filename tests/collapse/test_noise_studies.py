@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from bench import inertial_study, noise_study
-from granpinn import recipes
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config, ConfigError, recipes
 from granpinn.data import Truth
 from granpinn.results import Parameter, Parameters, Result, plain
 from granpinn.results.findings import Loss

@@ -11,8 +11,9 @@ import pytest
 
 from granpinn import report, results, train
 from granpinn.data import Flow, write_flow
-from granpinn.identification import simulator_fit
-from granpinn.identification.comparison import (
+from granpinn.results import Parameter, Parameters
+from granpinn.second_opinion import simulator_fit
+from granpinn.second_opinion.comparison import (
     compare,
     fronts,
     interpolation,
@@ -20,8 +21,7 @@ from granpinn.identification.comparison import (
     surface_heights,
     write_comparison,
 )
-from granpinn.identification.resimulation import Column, collapse_of, initial_column, resimulate
-from granpinn.results import Parameter, Parameters
+from granpinn.second_opinion.resimulation import Column, collapse_of, initial_column, resimulate
 from granpinn.simulation import Collapse, simulate
 from tests.flows import make_flow
 

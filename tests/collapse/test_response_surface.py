@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.identification import response_surface
-from granpinn.identification.response_surface import REACH, Surface, composite, filled
+from granpinn.second_opinion import response_surface
+from granpinn.second_opinion.response_surface import REACH, Surface, composite, filled
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

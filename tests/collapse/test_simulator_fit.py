@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
-from granpinn.identification import law_runs, simulator_fit
-from granpinn.identification.comparison import interpolation
-from granpinn.identification.law_runs import AtPoints, LawRuns
-from granpinn.identification.resimulation import Column, initial_column
-from granpinn.identification.simulator_fit import NARROWEST, asked_for, fit, products
 from granpinn.results.decoding import decode
 from granpinn.results.findings import Resimulation
+from granpinn.second_opinion import law_runs, simulator_fit
+from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.law_runs import AtPoints, LawRuns
+from granpinn.second_opinion.resimulation import Column, initial_column
+from granpinn.second_opinion.simulator_fit import NARROWEST, asked_for, fit, products
 from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.run import record

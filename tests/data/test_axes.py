@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.axes import LARGEST_TILT, Axes
 from granpinn.data import training_set
 from granpinn.data.points import RESOLUTION
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
+from granpinn.physics.axes import LARGEST_TILT, Axes
 from tests.flows import make_flow
 
 
@@ -58,7 +58,7 @@ def test_stress_is_turned_back_as_a_tensor() -> None:
 def test_a_training_set_is_upright_and_rounded() -> None:
     """To 2^-24 in dimensionless units: turned by hand, all its numbers agree to half of that."""
     flow = replace(make_flow(), gravity=gravity(math.radians(4)))
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     found = training_set(flow, scales, "V1", torch.float64)
     k, row, column = (int(i[7]) for i in np.nonzero(flow.valid & (flow.t > 0)[:, None, None]))
     cos, sin = math.cos(math.radians(4)), math.sin(math.radians(4))

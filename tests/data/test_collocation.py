@@ -13,13 +13,13 @@ from flows import make_flow
 
 from granpinn.data import Flow, TrainingSet, training_set, with_collocation
 from granpinn.data.collocation import above_ground
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
 from tests.data.test_particles import FLOW as SCATTERED
 from tests.data.test_points import FLOW, SCALES, with_gaps
 
 
 def collocated(flow: Flow, share: float, dtype: torch.dtype = torch.float64) -> TrainingSet:
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     return with_collocation(training_set(flow, scales, "V1", dtype), flow, scales, share)
 
 
@@ -90,7 +90,7 @@ def test_pooled_weights_keep_the_mean_over_the_data() -> None:
 
 
 def test_nothing_changes_without_them() -> None:
-    scales = Scales.from_flow(SCATTERED)
+    scales = scales_of(SCATTERED)
     scattered = training_set(SCATTERED, scales)
     assert with_collocation(scattered, SCATTERED, scales, 1.0) is scattered
     data = training_set(FLOW, SCALES)

@@ -26,7 +26,7 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data.points import RESOLUTION
-from granpinn.scales import Scales
+from granpinn.data.scaling import material_of, scales_of
 
 GRID = make_flow()
 
@@ -74,7 +74,7 @@ def test_a_file_returns_every_vector(tmp_path: Path) -> None:
 
 
 def test_training_takes_the_vectors_as_they_are() -> None:
-    scales = Scales.from_flow(FLOW)
+    scales = scales_of(FLOW)
     data = training_set(FLOW, scales, dtype=torch.float64)
     expected = scales.points_to_dimensionless(PARTICLES.x, PARTICLES.y, PARTICLES.t)
     half = 0.5001 * RESOLUTION
@@ -87,16 +87,16 @@ def test_training_takes_the_vectors_as_they_are() -> None:
 
 def test_no_vector_at_the_start_is_used() -> None:
     shifted = scattered(t=PARTICLES.t - PARTICLES.t.min())
-    data = training_set(replace(shifted, surface=None), Scales.from_flow(shifted), "V0")
+    data = training_set(replace(shifted, surface=None), scales_of(shifted), "V0")
     assert len(data.points) == int((PARTICLES.t > PARTICLES.t.min()).sum())
     none = scattered(t=PARTICLES.t - 9)
     with pytest.raises(FlowFileError, match="particles/t must hold times after 0, got none"):
-        training_set(replace(none, surface=None), Scales.from_flow(none), "V0")
+        training_set(replace(none, surface=None), scales_of(none), "V0")
 
 
 def test_the_height_is_that_of_the_first_grains() -> None:
     """The first frame of the grid has grains in 21 rows of 1.1/24 m."""
-    assert Scales.from_flow(FLOW).length == pytest.approx(20 * 1.1 / 24 + FLOW.grain_diameter)
+    assert scales_of(FLOW).length == pytest.approx(20 * 1.1 / 24 + FLOW.grain_diameter)
 
 
 def test_the_view_shows_where_grains_are() -> None:
@@ -201,14 +201,14 @@ def test_density_of_grains_enters_the_inertial_number() -> None:
     At the same physical state the inertial number from dimensionless quantities is the one from
     physical ones.
     """
-    scales = Scales.from_flow(FLOW)
-    d = scales.material(FLOW).grain_diameter
+    scales = scales_of(FLOW)
+    d = material_of(FLOW, scales).grain_diameter
     rate, p = 7.0, 640.0  # 1/s, Pa
     physical = FLOW.grain_diameter * rate / math.sqrt(p / 2500.0)
     ours = d * scales.to_dimensionless(rate, "rate")
     ours /= math.sqrt(scales.to_dimensionless(p, "pressure"))
     assert ours == pytest.approx(physical, rel=1e-12)
-    merged = scales.material(replace(FLOW, grain_density=None)).grain_diameter
+    merged = material_of(replace(FLOW, grain_density=None), scales).grain_diameter
     assert d / merged == pytest.approx(math.sqrt(2500 / 1500), rel=1e-12)
     with pytest.raises(FlowFileError, match="grain_density must be at least density"):
         check_flow(replace(FLOW, grain_density=1499.0))

@@ -12,10 +12,11 @@ from flows import make_flow
 from granpinn import data
 from granpinn.data import Flow, FlowFileError, training_set
 from granpinn.data.points import RESOLUTION, outline
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
+from granpinn.physics.scales import Scales
 
 FLOW = make_flow()
-SCALES = Scales.from_flow(FLOW)
+SCALES = scales_of(FLOW)
 SURFACE = FLOW.surface
 assert SURFACE is not None
 assert SURFACE.p is not None
@@ -126,7 +127,7 @@ def test_pressure_at_v2_only_and_dimensionless() -> None:
 def test_the_toe_is_low_against_gravity() -> None:
     """With gravity along +x the lowest points are those with the largest x."""
     flow = replace(FLOW, gravity=(9.81, 0.0), grain_diameter=0.05)
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     points = scales.points_to_physical(training_set(flow, scales, "V1").surface_points)
     assert len(points) < SURFACE.x.size
     assert points[:, 0].max() < SURFACE.x.max() - 0.1

@@ -13,10 +13,11 @@ from flows import make_flow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from granpinn.scales import Quantity, Scales, initial_height
+from granpinn.data.scaling import initial_height, material_of, scales_of
+from granpinn.physics.scales import Quantity, Scales
 
 FLOW = make_flow()
-SCALES = Scales.from_flow(FLOW)
+SCALES = scales_of(FLOW)
 QUANTITIES = get_args(Quantity)
 positive = st.floats(1e-6, 1e6)
 # Far from the smallest doubles, which have fewer digits.
@@ -54,7 +55,7 @@ def test_needs_grains_in_the_first_frame() -> None:
     c = FLOW.c.copy()
     c[0] = 0
     with pytest.raises(ValueError, match="c must be 1 at some point of the first frame"):
-        Scales.from_flow(replace(FLOW, c=c))
+        scales_of(replace(FLOW, c=c))
 
 
 def test_units_are_consistent() -> None:
@@ -118,13 +119,13 @@ def test_units_of_the_file_do_not_matter() -> None:
         eta_max=None,
         eta_min=None,
     )
-    scales = Scales.from_flow(small)
+    scales = scales_of(small)
     np.testing.assert_allclose(
         scales.points_to_dimensionless(small.x[:9], small.y[:9], small.t[:9]),
         SCALES.points_to_dimensionless(FLOW.x[:9], FLOW.y[:9], FLOW.t[:9]),
         rtol=1e-12,
     )
-    assert scales.material(small).grain_diameter == pytest.approx(
+    assert material_of(small, scales).grain_diameter == pytest.approx(
         SCALES.material(FLOW).grain_diameter, rel=1e-12
     )
     assert scales.velocity == pytest.approx(SCALES.velocity, rel=1e-12)

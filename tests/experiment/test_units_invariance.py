@@ -12,7 +12,7 @@ from bench.units_invariance import PAIRS, cases, study, table
 from granpinn import Config
 from granpinn.config import Batch, Network
 from granpinn.data import Flow, TrainingSet, read_flow, training_set, write_flow
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
 from granpinn.training.problem import Problem, build
 
 TILT = 3.0
@@ -24,7 +24,7 @@ def flows() -> dict[str, Flow]:
 
 
 def posed(flow: Flow) -> tuple[TrainingSet, Problem]:
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     data = training_set(flow, scales)
     return data, build(flow, scales, data, Config())
 

@@ -13,8 +13,8 @@ import pytest
 from granpinn import Config, identify
 from granpinn.config import Network
 from granpinn.convert import main, parse
-from granpinn.data import read, read_flow
-from granpinn.importers import DataFileError, Settings, Validity, read_vectors
+from granpinn.data import read_flow
+from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
 from tests.importing import scene
 from tests.importing.test_pivlab_text import export
 from tests.importing.test_simulation_files import basilisk

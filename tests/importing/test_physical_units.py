@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, Surface, TrainingSet, read, read_flow, training_set, write_flow
-from granpinn.importers import Settings, from_arrays
+from granpinn.data import Flow, Surface, TrainingSet, read_flow, training_set, write_flow
+from granpinn.data.scaling import material_of, scales_of
+from granpinn.importers import Settings, from_arrays, read
 from granpinn.importers.conversion import missing_units
 from granpinn.importers.frame import frame_of
-from granpinn.scales import Scales
 from granpinn.simulation import demo_path
 
 MILLIMETERS = 8.0  # of one unit of length of the demonstration
@@ -40,9 +40,9 @@ def demo() -> Flow:
 
 
 def dimensionless(flow: Flow, level: str = "V1") -> tuple[TrainingSet, float]:
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     data = training_set(flow, scales, level, torch.float64)
-    return data, scales.material(flow).grain_diameter
+    return data, material_of(flow, scales).grain_diameter
 
 
 def measured(flow: Flow, **changes: Any) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def test_millimeters_and_milliseconds(tmp_path: Path, demo: Flow) -> None:
     d = 0.025 * math.sqrt(FRACTION)
     same = replace(demo, surface=seen, grain_diameter=d, grain_density=1 / FRACTION)
     expected = dimensionless(same)
-    assert expected[1] == pytest.approx(0.025 / Scales.from_flow(demo).length)
+    assert expected[1] == pytest.approx(0.025 / scales_of(demo).length)
     assert len(expected[0].surface_points) > 100
     assert_same(dimensionless(read_flow(tmp_path / "flow.h5")), expected)
 
@@ -201,7 +201,7 @@ def test_round_trip(demo: Flow, down: bool) -> None:
 def test_round_trip_without_dimensions(demo: Flow) -> None:
     """SI to dimensionless and back, points and velocities, in float64: 1e-12."""
     flow = read(measured(demo), surface="none", **material())
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     points = scales.points_to_dimensionless(flow.x[3], flow.y, flow.t[1])
     np.testing.assert_allclose(scales.points_to_physical(points)[:, 1], flow.y, rtol=1e-12)
     speed = measured(demo)["u"][flow.valid]

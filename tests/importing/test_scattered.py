@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import FlowFileWarning, check_flow, read
-from granpinn.importers import DataFileError
+from granpinn.data import FlowFileWarning, check_flow
+from granpinn.importers import DataFileError, read
 
 MATERIAL: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1"}
 RNG = np.random.default_rng(3)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileWarning, check_flow, read
-from granpinn.importers import DataFileError, Validity
+from granpinn.data import Flow, FlowFileWarning, check_flow
+from granpinn.importers import DataFileError, Validity, read
 from granpinn.importers.surface import from_fraction
 
 DOWN = (0.0, -1.0)

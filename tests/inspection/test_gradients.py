@@ -7,11 +7,11 @@ import pytest
 from flows import make_flow
 
 from granpinn.data import Flow
+from granpinn.data.scaling import scales_of
 from granpinn.inspection import inspect
 from granpinn.inspection.gradients import gradients
 from granpinn.inspection.pressure import estimated_pressure
 from granpinn.inspection.view import view_of
-from granpinn.scales import Scales
 
 
 def shear(*, noise: float = 0.0, seed: int = 0) -> Flow:
@@ -27,7 +27,7 @@ def shear(*, noise: float = 0.0, seed: int = 0) -> Flow:
 
 def test_a_linear_flow_is_exact() -> None:
     flow = shear()
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     found = gradients(view_of(flow, scales), 0.0)
     rate, g = 1 / scales.time, 9.81
     np.testing.assert_allclose(found.du[:, 0] * g, 3, rtol=1e-4)
@@ -44,7 +44,7 @@ def test_errors_are_those_of_the_noise(seed: int) -> None:
     """Scatter of the slopes over their stated deviations is 1; overlapping windows, so 10 %."""
     noise = 0.05
     flow = shear(noise=noise, seed=seed)
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     found = gradients(view_of(flow, scales), noise / scales.velocity)
     slope = (found.du[:, 1] / scales.time - 2) / (found.sd[:, 1] / scales.time)
     assert np.sqrt(np.mean(slope**2)) == pytest.approx(1, abs=0.1)
@@ -55,7 +55,7 @@ def test_errors_are_those_of_the_noise(seed: int) -> None:
 def test_pressure_at_rest_is_hydrostatic() -> None:
     flow = shear()
     flow = replace(flow, u=0 * flow.u, v=0 * flow.v)
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     view = view_of(flow, scales)
     found = gradients(view, 0.0)
     p = estimated_pressure(view, found) * scales.pressure
@@ -68,7 +68,7 @@ def test_pressure_below_gravity_along_x(turned: int) -> None:
     """A camera that lies on its side."""
     flow = shear()
     flow = replace(flow, u=0 * flow.u, v=0 * flow.v, gravity=(turned * 9.81, 0.0))
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     view = view_of(flow, scales)
     found = gradients(view, 0.0)
     p = estimated_pressure(view, found) * scales.pressure

@@ -7,10 +7,10 @@ import pytest
 
 from granpinn.data import Flow, Particles, add_noise, particle_flow
 from granpinn.data.noise import max_speed
+from granpinn.data.scaling import scales_of
 from granpinn.inspection import inspect
 from granpinn.inspection.noise import grid_noise, noise_map, particle_noise
 from granpinn.inspection.view import view_of
-from granpinn.scales import Scales
 
 TOLERANCE = 0.25  # what is promised
 
@@ -121,7 +121,7 @@ def test_outliers_and_gaps_do_not_matter(demo: Flow, seed: int) -> None:
     u[wrong] = 5 * max_speed(demo)
     gone = generator.uniform(size=u.shape) < 0.1
     u[gone] = v[gone] = np.nan
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     sigma = grid_noise(view_of(replace(flow, u=u, v=v), scales)).sigma
     assert sigma is not None
     assert sigma * scales.velocity == pytest.approx(0.02 * max_speed(demo), rel=TOLERANCE)
@@ -129,7 +129,7 @@ def test_outliers_and_gaps_do_not_matter(demo: Flow, seed: int) -> None:
 
 def test_noise_map_shows_where(demo: Flow, seed: int) -> None:
     """Twice the noise on the right half."""
-    scales = Scales.from_flow(demo)
+    scales = scales_of(demo)
     flow = add_noise(demo, 0.02, seed)
     half = demo.x.size // 2
     u, v = (

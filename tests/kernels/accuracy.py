@@ -28,7 +28,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from granpinn import reference, rheology
+from granpinn import reference
+from granpinn.physics import rheology
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Configuration, Problem, problem

@@ -16,15 +16,15 @@ from .devices import OnDevice
 
 @pytest.fixture
 def cpu_ops() -> ModuleType:
-    """granpinn.ops, imported on first use: the oracle's own tests run without compiled kernels."""
-    from granpinn import ops
+    """granpinn.kernels.ops, imported on first use: the oracle's tests need no compiled kernels."""
+    from granpinn.kernels import ops
 
     return ops
 
 
 @pytest.fixture
 def cuda_ops(cpu_ops: ModuleType) -> ModuleType:
-    """granpinn.ops on the GPU, for tensors of the CPU."""
+    """granpinn.kernels.ops on the GPU, for tensors of the CPU."""
     from granpinn import _C
 
     if not torch.cuda.is_available():

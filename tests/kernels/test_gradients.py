@@ -12,7 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import reference, rheology
+from granpinn import reference
+from granpinn.physics import rheology
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Form, Problem, Regime, problem, small

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn.training import step_ops  # noqa: F401
+from granpinn.kernels import step_ops  # noqa: F401
 
 SHAPES = [(128, 128), (33, 31), (20, 50), (50, 20), (1, 5), (7, 7), (250, 130)]
 # On a GPU with clusters float32 takes another way above a side of 128 or 1000 matrices, and shares

@@ -12,9 +12,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import recipes, reference
+from granpinn import reference
+from granpinn.config import recipes
 from granpinn.data import training_set
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
 from granpinn.training.control import HEALTHY
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import Group
@@ -96,7 +97,7 @@ def test_jet_and_its_gradient(order: int, cuda_ops: ModuleType) -> None:
 
 def torch_ops() -> ModuleType:
     """The same operators on the CPU, which the other tests hold to the oracle."""
-    from granpinn import ops
+    from granpinn.kernels import ops
 
     return ops
 
@@ -162,7 +163,7 @@ def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
         optimizer__average=1.0,
     )
     flow = make_flow()
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     data = training_set(flow, scales, config.level, torch.float64)
     posed = build(flow, scales, data, config)
     members = [Member(posed, data, seed, config.I0) for seed in (0, 1, 2)]

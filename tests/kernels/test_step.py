@@ -9,9 +9,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import ops
-from granpinn.network import n_params
-from granpinn.training import step_ops  # noqa: F401
+from granpinn.kernels import (
+    ops,
+    step_ops,  # noqa: F401
+)
+from granpinn.kernels.network import n_params
 from granpinn.training.control import HEALTHY
 from granpinn.training.optimise import Group
 from granpinn.training.sampling import INTERIOR, SURFACE

@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import reference, rheology
+from granpinn import reference
+from granpinn.physics import rheology
 
 D, ETA_MIN, ETA_MAX, P_FLOOR = LAW = (0.02, 1e-3, 1e3, 1e-4)
 THETA = (0.4, 0.65, 0.3)

@@ -66,8 +66,8 @@ def test_json_has_every_training(out: Path) -> None:
     assert row["paper_1"]["mu_2"] == 0.622
     assert content["rows"][2]["paper_2"]["error_p"] == 9.71
     assert content["settings"]["level"] == "V1"
-    assert content["settings"]["closure.frames"] == 10
-    for name in ("pressure_closed", "pressure_closed_flowing"):
+    assert content["settings"]["simulated_pressure.frames"] == 10
+    for name in ("pressure_simulated", "pressure_simulated_flowing"):
         errors = [m["error_percent"][name] for m in content["members"][:2]]
         assert row["errors"][name]["median"] == pytest.approx(sum(errors) / 2)
     assert (out / "runs" / "005" / "results.json").exists()
@@ -75,11 +75,11 @@ def test_json_has_every_training(out: Path) -> None:
 
 
 def test_settings_say_how_many_times_are_closed(tmp_path: Path) -> None:
-    (tmp_path / "settings.toml").write_text("[closure]\nframes = 0\n")
+    (tmp_path / "settings.toml").write_text("[simulated_pressure]\nframes = 0\n")
     argv = ["--out", str(tmp_path / "o")]
-    assert parse(argv).config.closure.frames == 10
+    assert parse(argv).config.simulated_pressure.frames == 10
     argv += ["--config", str(tmp_path / "settings.toml")]
-    assert parse(argv).config.closure.frames == 0
+    assert parse(argv).config.simulated_pressure.frames == 0
 
 
 def test_noise_is_another_draw_for_every_seed(out: Path) -> None:
@@ -98,7 +98,11 @@ def test_csv_has_a_line_per_table_and_case(out: Path) -> None:
     assert rows[1]["paper_mu_2"] == "0.839"
     assert rows[2]["paper_mu_2"] == "0.833"
     assert float(rows[0]["mu_s_median"]) > 0
-    assert float(rows[0]["pressure_closed_worst"]) >= float(rows[0]["pressure_closed_median"]) > 0
+    assert (
+        float(rows[0]["pressure_simulated_worst"])
+        >= float(rows[0]["pressure_simulated_median"])
+        > 0
+    )
 
 
 def test_the_page_stands_alone(out: Path) -> None:

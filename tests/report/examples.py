@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from granpinn.data import Flow, Truth
-from granpinn.network import OUTPUTS, NetworkSpec, initial_parameters
+from granpinn.data.scaling import scales_of
+from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.results import (
     Covariance,
     DataSummary,
@@ -25,7 +26,6 @@ from granpinn.results import (
 )
 from granpinn.results.fields import Units
 from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
-from granpinn.scales import Scales
 
 PARAMETERS = Parameters(
     mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),
@@ -85,7 +85,7 @@ def make_fields(flow: Flow, **values: Any) -> Fields:
     Predicted are, unless replaced, the known velocity and pressure themselves, D2 = 1 and I = 0.1.
     """
     inside = flow.material
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     known = {"u": flow.u[inside], "v": flow.v[inside]}
     if flow.p is not None:
         known["p"] = flow.p[inside]

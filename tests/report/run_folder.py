@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn import identify, recipes, report
+from granpinn import identify, report
+from granpinn.config import recipes
 from granpinn.results import Fields, Result, read_fields, read_results
 from tests.flows import make_flow
 

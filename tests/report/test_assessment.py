@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from granpinn.report.assessment import Assessment, assess
 from granpinn.results import ErrorPercent, Parameter, Parameters
 from granpinn.results.records import Verdict
 from granpinn.results.summary import summarize
+from granpinn.uncertainty.assessment import Assessment, assess
 from tests.report.examples import make_result
 
 SURE = Parameters(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 from PIL import Image
 
-from granpinn.plots.style import NothingToDraw
+from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
 from granpinn.results import Fields
 from tests.flows import make_flow

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.plots import maps, profiles, style
-from granpinn.plots.style import NothingToDraw
+from granpinn.figures import maps, profiles, style
+from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
 from tests.report.run_folder import Array, Contents, with_values, without_frame
@@ -56,10 +56,10 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
     assert cut[-2].any()
 
 
-def test_the_closed_pressure_and_what_is_open(fields: Fields) -> None:
-    drawing = maps.closed_pressure(fields, K)
+def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
+    drawing = maps.simulated_pressure(fields, K)
     closed, open_, error = drawing.figure.axes[:3]
-    p, found = fields.frame("p", K), fields.frame("p_closed", K)
+    p, found = fields.frame("p", K), fields.frame("p_simulated", K)
     assert np.isfinite(found).any()
     expected = (found, np.abs(p - found), found - fields.frame("p_reference", K))
     for axes, values in zip((closed, open_, error), expected, strict=True):
@@ -69,17 +69,19 @@ def test_the_closed_pressure_and_what_is_open(fields: Fields) -> None:
     assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
 
 
-def test_the_closed_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
+def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
     frame = fields.index // (fields.y.size * fields.x.size)
-    some = np.where(np.isin(frame, (2, 6)), fields.values["p_closed"], np.nan)
+    some = np.where(np.isin(frame, (2, 6)), fields.values["p_simulated"], np.nan)
     for k, shown_k in ((K, 6), (0, 2)):
-        drawing = maps.closed_pressure(with_values(fields, p_closed=some, p_reference=None), k)
+        drawing = maps.simulated_pressure(
+            with_values(fields, p_simulated=some, p_reference=None), k
+        )
         assert f"t = {fields.t[shown_k]:.3g}" in drawing.caption
         assert len(drawing.figure.axes) == 4  # two maps and their scales
-        expected = inside(fields.frame("p_closed", shown_k))
+        expected = inside(fields.frame("p_simulated", shown_k))
         np.testing.assert_array_equal(shown(drawing.figure.axes[0]), expected)
     with pytest.raises(NothingToDraw, match="no closed pressure"):
-        maps.closed_pressure(with_values(fields, p_closed=None), K)
+        maps.simulated_pressure(with_values(fields, p_simulated=None), K)
 
 
 def test_pressure_beside_its_reference(fields: Fields) -> None:

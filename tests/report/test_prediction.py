@@ -12,18 +12,18 @@ from torch import Tensor
 
 from granpinn import reference
 from granpinn.data import Flow
+from granpinn.data.scaling import scales_of
 from granpinn.identification import prediction
 from granpinn.identification.prediction import evaluate, predict
 from granpinn.reference.equations import pressure
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
-from granpinn.scales import Scales
 from tests.flows import make_flow
 from tests.report.examples import Model, make_model
 
 FORMS = ("mixed", "strong")
 REFERENCES = ["u_reference", "v_reference", "p_reference"]
-PREDICTED = [name for name in VARIABLES if name not in [*REFERENCES, "p_closed"]]
+PREDICTED = [name for name in VARIABLES if name not in [*REFERENCES, "p_simulated"]]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def flow() -> Flow:
 
 
 def run(flow: Flow, model: Model, chunk: int = prediction.CHUNK) -> Fields:
-    return predict(flow, *model, Scales.from_flow(flow), chunk)
+    return predict(flow, *model, scales_of(flow), chunk)
 
 
 def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
@@ -112,7 +112,7 @@ def test_nothing_is_recorded_for_gradients() -> None:
 
 
 def test_values_lie_at_their_points_in_the_units_of_the_file(flow: Flow) -> None:
-    model, scales = make_model("mixed"), Scales.from_flow(flow)
+    model, scales = make_model("mixed"), scales_of(flow)
     fields = run(flow, model)
     k, row, column = 2, 1, 3
     assert flow.c[k, row, column] == 1
@@ -135,7 +135,7 @@ def test_values_lie_at_their_points_in_the_units_of_the_file(flow: Flow) -> None
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_dimensionless_flow_gives_the_same_physics(form: str, flow: Flow) -> None:
-    scales, model = Scales.from_flow(flow), make_model(form)
+    scales, model = scales_of(flow), make_model(form)
     assert flow.p is not None
     bare = replace(
         flow,
@@ -167,7 +167,7 @@ def test_a_tilted_camera_sees_the_same_fields_turned(form: str, flow: Flow) -> N
     angle = math.radians(7.0)
     gravity = (9.81 * math.sin(angle), -9.81 * math.cos(angle))
     tilted = replace(flow, gravity=gravity)
-    scales, model = Scales.from_flow(tilted), make_model(form)
+    scales, model = scales_of(tilted), make_model(form)
     fields = run(tilted, model)
     k, row, column = 2, 1, 3
     R = torch.tensor(

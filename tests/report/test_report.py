@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from granpinn.data import Truth
-from granpinn.plots import album
+from granpinn.figures import album
 from granpinn.report import page as pages
 from granpinn.results import ErrorPercent, Input, Parameter, Result, read_results
-from granpinn.results.findings import Closure
+from granpinn.results.findings import SimulatedPressure
 from tests.report.examples import PARAMETERS, make_result
 from tests.report.page import Page
 
@@ -50,7 +50,7 @@ def test_the_figures_are_inside(built: Path) -> None:
     still, *sources = page.values("img", "src")
     assert still.startswith("data:image/png;base64,")
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
-    titles["pressure_closed"] = "Pressure, closed where nothing flows"
+    titles["pressure_simulated"] = "Pressure, closed where nothing flows"
     for source, name in zip(sources, titles, strict=True):
         head, data = source.split(",")
         assert head == "data:image/png;base64"
@@ -111,24 +111,31 @@ def test_small_errors_keep_two_digits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("closure", "words"),
+    ("simulated_pressure", "words"),
     [
         (
-            Closure(None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3),
+            SimulatedPressure(
+                None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3
+            ),
             "At 2 times this pressure differs from the predicted one by 1.23 % where grains flow "
             "and 12.30 % where they do not: so much the motion leaves open (left out: 1 did not "
             "converge). It is off the reference by 1.60 %.",
         ),
-        (Closure("gravity is strange"), "none to compare them with: gravity is strange."),
-        (Closure(None, 64, late=4), "closed it at no time (left out: 4 had no time left)."),
+        (SimulatedPressure("gravity is strange"), "none to compare them with: gravity is strange."),
+        (
+            SimulatedPressure(None, 64, late=4),
+            "closed it at no time (left out: 4 had no time left).",
+        ),
     ],
 )
-def test_the_closed_pressure_is_said_in_words(closure: Closure, words: str) -> None:
-    errors = ErrorPercent(pressure=4.0, pressure_closed=1.6, pressure_closed_stagnant=0.9)
-    text = render(make_result(closure=closure, error_percent=errors)).text
+def test_the_simulated_pressure_is_said_in_words(
+    simulated_pressure: SimulatedPressure, words: str
+) -> None:
+    errors = ErrorPercent(pressure=4.0, pressure_simulated=1.6, pressure_simulated_stagnant=0.9)
+    text = render(make_result(simulated_pressure=simulated_pressure, error_percent=errors)).text
     assert words in text
     assert "by the simulator, all 1.60 closed, flowing - closed, stagnant 0.90" in text
-    assert "simulator" not in render(make_result(closure=None)).text
+    assert "simulator" not in render(make_result(simulated_pressure=None)).text
 
 
 @pytest.mark.parametrize(

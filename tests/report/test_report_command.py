@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from granpinn import report
-from granpinn.plots import album, curves, maps
-from granpinn.plots.style import Drawing, new_figure
+from granpinn.figures import album, curves, maps
+from granpinn.figures.style import Drawing, new_figure
 from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
 from granpinn.results import write_results
@@ -32,7 +32,7 @@ def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(album, "FIGURES", two)
     for name in two:
         monkeypatch.setattr(curves, name, lambda *_: Drawing(new_figure(1.0), "Empty."))
-    monkeypatch.setattr(maps, "closed_pressure", lambda *_: Drawing(new_figure(1.0), "Empty."))
+    monkeypatch.setattr(maps, "simulated_pressure", lambda *_: Drawing(new_figure(1.0), "Empty."))
 
 
 def build(folder: Path) -> Page:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Truth
+from granpinn.data.norms import relative_l2
 from granpinn.identification.scoring import (
     D2_STAGNANT,
     after_start,
     flowing,
-    relative_l2,
     scalar_error,
     score,
     strain_rate,

@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import recipes
-from granpinn.config import Config
+from granpinn.config import Config, recipes
 from granpinn.data import Flow, training_set, write_flow
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
 from granpinn.training import problem
 from granpinn.training.objective import Member, Objective
 from granpinn.training.progress import Silent
@@ -35,7 +34,7 @@ def tiny(**changes: Any) -> Config:
 
 
 def make_objective(config: Config, flow: Flow) -> Objective:
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
     member = Member(posed, data, config.seed, config.I0)

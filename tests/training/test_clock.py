@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import recipes
-from granpinn.config import Config
+from granpinn.config import Config, recipes
 from granpinn.data import Flow
 from granpinn.training import clock
 from granpinn.training import run as run_module

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from granpinn import recipes
-from granpinn.command.arguments import flag_of, parse, read_toml, to_toml
-from granpinn.config import FREE_SECTIONS, Config, ConfigError, flatten, identity, kinds_of
+from granpinn.command.arguments import flag_of, parse
+from granpinn.config import FREE_SECTIONS, Config, ConfigError, flatten, identity, kinds_of, recipes
+from granpinn.config.toml import read_toml, to_toml
 
 REQUIRED = ["flow.h5", "--out", "run"]
 

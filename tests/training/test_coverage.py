@@ -15,9 +15,9 @@ from bench import coverage, coverage_fit
 from bench.coverage_fit import Case
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
-from granpinn.identification import calibration, uncertainty
 from granpinn.results.records import Members, Residuals
 from granpinn.simulation import Collapse
+from granpinn.uncertainty import calibration, error_bars
 
 Array = npt.NDArray[np.float64]
 
@@ -71,9 +71,9 @@ def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
     assert (table.provenance, table.provisional) == ("made up", False)
     assert table.widening == pytest.approx((1, 1), abs=0.15)
     assert table.discrepancy_weight > 100
-    ratios = np.array([uncertainty.residual_ratios(case.residuals, table) for case in cases])
+    ratios = np.array([error_bars.residual_ratios(case.residuals, table) for case in cases])
     np.testing.assert_allclose(np.median(ratios, axis=0), 1, atol=0.3)
-    verdicts = [uncertainty.verdict((0.4, 0.64), case.residuals, table) for case in cases]
+    verdicts = [error_bars.verdict((0.4, 0.64), case.residuals, table) for case in cases]
     assert sum(verdict.follows is not True for verdict in verdicts) <= 2
 
 
@@ -94,7 +94,7 @@ def test_heavy_tails_widen_the_intervals(seed: int) -> None:
         grown = []
         for case in cases:
             factor = 8.0 if generator.uniform() < 0.25 else 1.0
-            mu = np.array(uncertainty.center(case.members))
+            mu = np.array(error_bars.center(case.members))
             grown.append(case._replace(mu=mu + (case.mu - mu) * factor))
         return grown
 

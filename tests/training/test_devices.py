@@ -19,9 +19,10 @@ import torch
 
 from granpinn import results, train
 from granpinn.data import Flow, write_flow
-from granpinn.identification import closed_fields
-from granpinn.identification.identification import Model, members, pose, predict, start
-from granpinn.identification.scoring import relative_l2
+from granpinn.data.norms import relative_l2
+from granpinn.identification import simulated_fields
+from granpinn.identification.case import Model, members, pose
+from granpinn.identification.identify import predict, start
 from granpinn.tables import __main__ as tables
 from tests.flows import make_flow
 
@@ -37,7 +38,7 @@ widths = [9, 7]
 [batch]
 interior = 33
 surface = 6
-[closure]
+[simulated_pressure]
 frames = 3
 """
 
@@ -50,8 +51,8 @@ def settings(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("device", DEVICES)
-def test_fields_and_closed_pressure_are_those_of_the_cpu(device: str, flow: Flow) -> None:
-    config = tiny(device=device, steps=50, members=2, closure__frames=3)
+def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: Flow) -> None:
+    config = tiny(device=device, steps=50, members=2, simulated_pressure__frames=3)
     cases = members(pose(flow, config))
     run = start(cases, config, None, None, time.monotonic(), [None] * 2)
     run.train()
@@ -66,10 +67,10 @@ def test_fields_and_closed_pressure_are_those_of_the_cpu(device: str, flow: Flow
             assert error is not None
             assert error < 1e-2, name  # in %: hundreds of roundings of float32
         with ThreadPoolExecutor(2) as pool:
-            maps, record = closed_fields.close(case, run, there, maps, pool)
-            same, _ = closed_fields.close(case, run, here, same, pool)
+            maps, record = simulated_fields.close(case, run, there, maps, pool)
+            same, _ = simulated_fields.close(case, run, here, same, pool)
         assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
-        found, wanted = (fields.values["p_closed"] for fields in (maps, same))
+        found, wanted = (fields.values["p_simulated"] for fields in (maps, same))
         known = np.isfinite(wanted)
         np.testing.assert_array_equal(np.isfinite(found), known)
         error = relative_l2(found[known], wanted[known])
@@ -90,14 +91,14 @@ def test_the_command_leaves_everything(
     assert result.failure is None
     assert result.members is not None
     assert len(result.members.mu_s) == 2
-    assert result.closure is not None
-    assert (len(result.closure.frames), result.closure.failed) == (3, 0)
-    for name in ("velocity", "pressure", "pressure_closed"):
+    assert result.simulated_pressure is not None
+    assert (len(result.simulated_pressure.frames), result.simulated_pressure.failed) == (3, 0)
+    for name in ("velocity", "pressure", "pressure_simulated"):
         assert np.isfinite(getattr(result.error_percent, name))
     with h5py.File(out / "fields.h5") as file:
-        closed = file["p_closed"][()]
+        closed = file["p_simulated"][()]
     frames = np.flatnonzero(np.isfinite(closed).any(axis=(1, 2)))
-    assert tuple(frames) == result.closure.frames
+    assert tuple(frames) == result.simulated_pressure.frames
     assert (out / "report.html").stat().st_size > 10_000
 
 
@@ -115,7 +116,7 @@ def test_tables_close_the_pressure_of_every_member(
     assert len(content["members"]) == 4
     for k, member in enumerate(content["members"]):
         assert member["failure"] is None
-        assert member["error_percent"]["pressure_closed"] > 0
-        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").closure
+        assert member["error_percent"]["pressure_simulated"] > 0
+        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").simulated_pressure
         assert found is not None
         assert (len(found.frames), found.failed, found.late) == (3, 0, 0)

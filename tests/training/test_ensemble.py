@@ -12,7 +12,8 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.identification.identification import pose, start
+from granpinn.identification.case import pose
+from granpinn.identification.identify import start
 from granpinn.results import Result
 from granpinn.training.history import Row
 from granpinn.training.progress import Silent

@@ -13,12 +13,15 @@ import pytest
 import torch
 
 import granpinn
-from granpinn import recipes, results
-from granpinn.command.arguments import read_toml
-from granpinn.config import Config, ConfigError
+from granpinn import results
+from granpinn.config import Config, ConfigError, recipes
+from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
-from granpinn.identification import closed_fields, identification
-from granpinn.identification.identification import choose_device, identify, pose
+from granpinn.identification import case as case_module
+from granpinn.identification import identify as identify_module
+from granpinn.identification import simulated_fields
+from granpinn.identification.case import choose_device, pose
+from granpinn.identification.identify import identify
 from granpinn.training.run import Run
 from tests.training.conftest import make_training, tiny
 
@@ -61,58 +64,58 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
 def test_every_form_at_every_level(form: str, level: str, flow: Flow) -> None:
     result = identify(flow, tiny(form=form, level=level, steps=3, optimizer__prefit=0.0))
     assert (result.form, result.level) == (form, level)
-    assert result.closure is not None
-    assert result.closure.frames == tuple(range(12))
+    assert result.simulated_pressure is not None
+    assert result.simulated_pressure.frames == tuple(range(12))
     assert result.data.n_surface > 0
 
 
-def test_the_closed_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> None:
-    result = identify(flow, tiny(closure__frames=3), run_dir=tmp_path)
-    closure = result.closure
-    assert closure is not None
-    assert closure.frames == (3, 7, 11)
+def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> None:
+    result = identify(flow, tiny(simulated_pressure__frames=3), run_dir=tmp_path)
+    simulated_pressure = result.simulated_pressure
+    assert simulated_pressure is not None
+    assert simulated_pressure.frames == (3, 7, 11)
     # dx = 0.1, 20 columns: the box is 1.1 times as wide as the grid.
-    assert closure.cells == 32
-    assert closure.flowing_percent is not None
-    assert closure.flowing_percent > 0
-    assert result.error_percent.pressure_closed is not None
-    assert results.read_results(tmp_path / "results.json").closure == closure
+    assert simulated_pressure.cells == 32
+    assert simulated_pressure.flowing_percent is not None
+    assert simulated_pressure.flowing_percent > 0
+    assert result.error_percent.pressure_simulated is not None
+    assert results.read_results(tmp_path / "results.json").simulated_pressure == simulated_pressure
     fields = results.read_fields(tmp_path / "fields.h5")
     frame = fields.index // (fields.y.size * fields.x.size)
-    closed = fields.values["p_closed"]
-    np.testing.assert_array_equal(np.isfinite(closed), np.isin(frame, closure.frames))
+    closed = fields.values["p_simulated"]
+    np.testing.assert_array_equal(np.isfinite(closed), np.isin(frame, simulated_pressure.frames))
     reference = fields.values["p_reference"][np.isfinite(closed)].astype(np.float64)
     difference = closed[np.isfinite(closed)] - reference
     error = 100 * np.linalg.norm(difference) / np.linalg.norm(reference)
-    assert result.error_percent.pressure_closed == pytest.approx(error, rel=1e-6)
-    assert "pressure closed by the simulator at 3 times" in str(result)
+    assert result.error_percent.pressure_simulated == pytest.approx(error, rel=1e-6)
+    assert "pressure given by the simulator at 3 times" in str(result)
 
 
 def test_the_pressure_is_not_closed_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
-    result = identify(flow, tiny(closure__frames=0), run_dir=tmp_path)
-    assert result.closure is None
-    assert result.error_percent.pressure_closed is None
+    result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
+    assert result.simulated_pressure is None
+    assert result.error_percent.pressure_simulated is None
     assert "closed" not in str(result)
-    assert "p_closed" not in results.read_fields(tmp_path / "fields.h5").values
+    assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
 
 
-def test_a_flow_that_the_simulator_cannot_have_has_no_closed_pressure(flow: Flow) -> None:
+def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: Flow) -> None:
     assert flow.surface is not None
     surface = dataclasses.replace(flow.surface, x=flow.surface.x + 5)
     result = identify(dataclasses.replace(flow, x=flow.x + 5, surface=surface), tiny())
-    assert result.closure is not None
-    assert "do not stand in the corner" in (result.closure.objection or "")
+    assert result.simulated_pressure is not None
+    assert "do not stand in the corner" in (result.simulated_pressure.objection or "")
     assert result.error_percent.pressure is not None
-    assert result.error_percent.pressure_closed is None
+    assert result.error_percent.pressure_simulated is None
 
 
 def test_a_time_limit_is_one_of_the_closing_too(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(closed_fields, "CLOSING_PART", -1000.0)
+    monkeypatch.setattr(simulated_fields, "CLOSING_PART", -1000.0)
     result = identify(flow, tiny(max_time=20.0, steps=3))
-    assert result.closure is not None
-    assert (result.closure.frames, result.closure.late) == ((), 12)
+    assert result.simulated_pressure is not None
+    assert (result.simulated_pressure.frames, result.simulated_pressure.late) == ((), 12)
 
 
 def test_the_paper_recipe_runs(flow: Flow) -> None:
@@ -164,21 +167,21 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Flow] = []
-    real = identification.training_data
+    real = case_module.training_data
 
     def training_data(flow: Flow, *args: Any) -> Any:
         seen.append(flow)
         return real(flow, *args)
 
-    monkeypatch.setattr(identification, "training_data", training_data)
+    monkeypatch.setattr(case_module, "training_data", training_data)
     references: list[Any] = []
-    real_predict = identification.predict
+    real_predict = identify_module.predict
 
-    def predict(flow: Flow, model: identification.Model) -> Any:
+    def predict(flow: Flow, model: case_module.Model) -> Any:
         references.append(flow)
         return real_predict(flow, model)
 
-    monkeypatch.setattr(identification, "predict", predict)
+    monkeypatch.setattr(identify_module, "predict", predict)
     result = identify(flow, tiny(noise=0.2, seed=5))
     assert result.data.noise == 0.2
     assert not np.array_equal(seen[0].u[flow.valid], flow.u[flow.valid])
@@ -265,6 +268,6 @@ def test_a_time_limit_leaves_time_for_the_report(
     monkeypatch.setattr(Run, "train", train)
     for max_time in (40.0, 600.0):
         identify(flow, tiny(max_time=max_time))
-    identify(flow, tiny(max_time=600.0, closure__frames=0))
-    closing = closed_fields.CLOSING * 25 / len(os.sched_getaffinity(0))
+    identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
+    closing = simulated_fields.CLOSING * 25 / len(os.sched_getaffinity(0))
     assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)

@@ -11,10 +11,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn import identify, ops
+from granpinn import identify
 from granpinn.data import Flow, TrainingSet
-from granpinn.identification.identification import pose
-from granpinn.network import NetworkSpec, initial_parameters, layer_offsets
+from granpinn.identification.case import pose
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec, initial_parameters, layer_offsets
 from granpinn.training import equations
 from granpinn.training import last_layer as module
 from granpinn.training.equations import law_weights, residuals

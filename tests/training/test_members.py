@@ -13,10 +13,11 @@ import torch
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow, known_sd, redraw
-from granpinn.identification import calibration, conclusion
-from granpinn.identification.identification import member_seed, members, pose
+from granpinn.identification import conclusion
+from granpinn.identification.case import member_seed, members, pose
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.run import Run
+from granpinn.uncertainty import calibration
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 from tests.training.test_ensemble import spoil

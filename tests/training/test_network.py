@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from granpinn import ops
-from granpinn.network import NetworkSpec, initial_parameters, layer_offsets, n_params, views
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec, initial_parameters, layer_offsets, n_params, views
 
 SPEC = NetworkSpec((3, 40, 50, 5), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), "mixed")
 

@@ -8,10 +8,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from granpinn import ops, recipes, reference
-from granpinn.config import Config, Weights
+from granpinn import reference
+from granpinn.config import Config, Weights, recipes
 from granpinn.data import Flow, add_noise, training_set
-from granpinn.scales import Scales
+from granpinn.data.scaling import scales_of
+from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import Evaluation
 from granpinn.training.problem import velocity_relaxation
@@ -21,7 +22,7 @@ from tests.training.conftest import make_training, tiny
 
 
 def posed(flow: Flow, config: Config) -> problem.Problem:
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     return problem.build(flow, scales, training_set(flow, scales, config.level), config)
 
 
@@ -102,14 +103,14 @@ def test_batches_cover_the_points_evenly() -> None:
 
 def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     found = posed(flow, tiny())
-    data = training_set(flow, Scales.from_flow(flow), "V1")
+    data = training_set(flow, scales_of(flow), "V1")
     mapped = (data.points - torch.tensor(found.spec.input_shift)) * torch.tensor(
         found.spec.input_scale
     )
     torch.testing.assert_close(mapped.amin(0), -torch.ones(3))
     torch.testing.assert_close(mapped.amax(0), torch.ones(3))
     d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor = found.physics
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     assert d == flow.grain_diameter / scales.length
     assert (g_x, g_y) == (0, -1)
     viscosity = scales.pressure * scales.time
@@ -122,7 +123,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
 def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
     """The paper's loss has unit weights in the units of the data."""
     found = posed(flow, recipes.make("paper"))
-    scales = Scales.from_flow(flow)
+    scales = scales_of(flow)
     assert found.spec.input_shift == (0, 0, 0)
     assert found.spec.input_scale == (scales.length, scales.length, scales.time)
     U_out, P_out = found.physics[5:7]

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer, Rheology
-from granpinn.network import n_params, views
+from granpinn.kernels.network import n_params, views
 from granpinn.training.control import Control
 from granpinn.training.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
 from granpinn.training.scalars import Scalars

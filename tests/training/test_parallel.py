@@ -17,8 +17,8 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.command.arguments import parse
 from granpinn.config import ConfigError
+from granpinn.config.recipes import make
 from granpinn.data import Flow
-from granpinn.recipes import make
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
 from tests.training.conftest import make_objective, tiny
@@ -76,7 +76,7 @@ import json, sys
 from pathlib import Path
 from granpinn import identify_many
 from granpinn.training import parallel
-from granpinn.recipes import make
+from granpinn.config.recipes import make
 if __name__ == "__main__":
     flow, folder, changes = sys.argv[1:]
     with parallel.joined() as rank:

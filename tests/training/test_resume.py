@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn import recipes
-from granpinn.config import Config
+from granpinn.config import Config, recipes
 from granpinn.data import Flow
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.guard import Interrupted

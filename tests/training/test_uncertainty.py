@@ -13,9 +13,9 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from granpinn.identification import calibration, uncertainty
-from granpinn.identification.calibration import Range
 from granpinn.results.records import Members, Residuals
+from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty.calibration import Range
 
 Array = npt.NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def coverage(draw: Any, table: calibration.Calibration, residuals: Residuals) ->
     """Share of the ensembles of `draw()` whose intervals hold the truth, of mu_s and mu_2."""
     held = np.zeros(2)
     for _ in range(DRAWS):
-        found = uncertainty.estimate(draw(), residuals, 1000, table)
+        found = error_bars.estimate(draw(), residuals, 1000, table)
         held += [low <= mu <= high for (low, high), mu in zip(found.intervals, TRUTH, strict=True)]
     return held / DRAWS
 
@@ -120,7 +120,7 @@ def test_noise_is_seen_by_the_redrawn_members_alone(bias: float, seed: int) -> N
 
 
 def test_the_covariance_is_the_sum_of_its_parts() -> None:
-    found = uncertainty.estimate(members(np.zeros((1, 2))), CLEAN, 1000, TABLE)
+    found = error_bars.estimate(members(np.zeros((1, 2))), CLEAN, 1000, TABLE)
     expected = 0.4**2 * (np.array(SCATTER) + np.array(DISCREPANCY))
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-12)
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(expected)), rtol=1e-12)
@@ -149,7 +149,7 @@ def test_discrepancy_grows_with_what_went_wrong(
     changes: dict[str, float], steps: int, factor: float
 ) -> None:
     residuals = dataclasses.replace(CLEAN, **changes)
-    scale = uncertainty.discrepancy_scale(residuals, steps, TABLE)
+    scale = error_bars.discrepancy_scale(residuals, steps, TABLE)
     assert scale == pytest.approx(max(1, factor))
 
 
@@ -164,7 +164,7 @@ def test_discrepancy_is_linear_between_the_knots() -> None:
 
 def test_intervals_hold_no_negative_friction_whatever_happened() -> None:
     lost = dataclasses.replace(CLEAN, velocity=1.0)
-    found = uncertainty.estimate(members(np.zeros((1, 2))), lost, 1, TABLE)
+    found = error_bars.estimate(members(np.zeros((1, 2))), lost, 1, TABLE)
     for low, high in found.intervals:
         assert 0 < low < high < math.inf
 
@@ -173,28 +173,28 @@ def test_the_center_is_of_the_members_with_the_data_as_measured() -> None:
     found = Members(
         (0, 1, 2, 3), (0.3, 0.4, 0.5, 0.9), (0.5, 0.7, 0.6, 2.0), (False,) * 3 + (True,)
     )
-    assert uncertainty.center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
-    assert uncertainty.nearest(found, TABLE) in {0, 1, 2}
+    assert error_bars.center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
+    assert error_bars.nearest(found, TABLE) in {0, 1, 2}
     alone = dataclasses.replace(found, redrawn=(True,) * 4)
-    assert uncertainty.center(alone) == pytest.approx((0.45, 0.7))
+    assert error_bars.center(alone) == pytest.approx((0.45, 0.7))
 
 
 def test_the_nearest_member_is_measured_across_the_valley() -> None:
     """2 % along the valley is nearer than 1 % of mu_s across it."""
     along, across = np.array([-0.002, 0.02]), np.array([0.01, 0.0])
     z = np.stack([along, across, -along - across])
-    assert uncertainty.nearest(members(z), TABLE) == 0
+    assert error_bars.nearest(members(z), TABLE) == 0
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 20, 1000])
 def test_quantiles_of_student(n: int) -> None:
-    assert uncertainty.student_95(n) == pytest.approx(stats.t.ppf(0.95, n), rel=0.01)
+    assert error_bars.student_95(n) == pytest.approx(stats.t.ppf(0.95, n), rel=0.01)
 
 
 @pytest.mark.parametrize("K", [1, 2, 3, 4, 5, 9])
 def test_the_variance_of_a_median(K: int, seed: int) -> None:
     draws = np.random.default_rng(seed).standard_normal((40_000, K))
-    ratio = uncertainty.median_variance(K) / np.median(draws, axis=1).var()
+    ratio = error_bars.median_variance(K) / np.median(draws, axis=1).var()
     assert 0.95 < ratio < (1.05 if K % 2 else 1.25)
 
 
@@ -213,7 +213,7 @@ def test_the_variance_of_a_median(K: int, seed: int) -> None:
 def test_the_verdict(
     mu: tuple[float, float], changes: dict[str, float], follows: bool | None, words: str
 ) -> None:
-    found = uncertainty.verdict(mu, dataclasses.replace(CLEAN, **changes), TABLE)
+    found = error_bars.verdict(mu, dataclasses.replace(CLEAN, **changes), TABLE)
     assert found.follows is follows
     assert words in found.words
 

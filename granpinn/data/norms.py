@@ -1,0 +1,27 @@
+"""Norms of fields and of their errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.floating[Any]]
+
+
+def rms(values: Array) -> float:
+    """Root mean square of the values that are not NaN."""
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def relative_l2(predicted: Array, reference: Array) -> float | None:
+    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
+
+    None where there is nothing to compare with: no points, or a reference that is zero everywhere.
+    """
+    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
+    size = float(np.sum(reference**2))
+    if size == 0.0:
+        return None
+    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))

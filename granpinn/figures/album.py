@@ -1,0 +1,120 @@
+"""All figures of a run: which there are, in which order, and what each of them needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.figures import checks, curves, maps, profiles
+from granpinn.figures.style import Drawing, NothingToDraw, save
+from granpinn.identification.scoring import after_start
+from granpinn.results import Fields, Result
+from granpinn.results.fields import VARIABLES
+from granpinn.second_opinion.comparison import Comparison
+
+History = Mapping[str, npt.NDArray[np.floating]]
+
+
+class Source(NamedTuple):
+    """What a run folder holds; `frame` is the index of the time that maps and profiles show."""
+
+    result: Result
+    fields: Fields | None
+    history: History | None
+    frame: int
+    comparison: Comparison | None = None
+
+
+class Picture(NamedTuple):
+    """A figure that was drawn: its file, title and caption."""
+
+    path: Path
+    title: str
+    caption: str
+
+
+class Missing(NamedTuple):
+    """A figure that could not be drawn, and why."""
+
+    title: str
+    reason: str
+
+
+def fields_of(source: Source) -> Fields:
+    """The fields of a run, whole and with grains; NothingToDraw says what is missing."""
+    if source.fields is None:
+        raise NothingToDraw("there is no fields.h5 that can be read")
+    absent = set(VARIABLES) - {"p_reference", "p_simulated"} - set(source.fields.values)
+    if absent:
+        raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
+    if not after_start(source.fields).any():
+        raise NothingToDraw("fields.h5 has no grid point inside the grains after the start")
+    return source.fields
+
+
+def _history(source: Source) -> History:
+    if source.history is None:
+        raise NothingToDraw("there is no history.csv that can be read")
+    return source.history
+
+
+# file name -> (title, drawing function)
+FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
+    "velocity": ("Velocity", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
+    "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
+    "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
+    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
+    "inertial_number": (
+        "Inertial number",
+        lambda s: curves.inertial_number(s.result, fields_of(s)),
+    ),
+    "momentum_residual": (
+        "Momentum residual",
+        lambda s: maps.momentum_residual(fields_of(s), s.frame),
+    ),
+    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
+}
+
+
+def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
+    """The figures of what a run does only where it can, or when it is asked to."""
+    found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
+    profile, comparison = source.result.profile, source.comparison
+    simulated_pressure = source.result.simulated_pressure
+    if simulated_pressure is not None and simulated_pressure.frames:
+        found["pressure_simulated"] = (
+            "Pressure, closed where nothing flows",
+            lambda s: maps.simulated_pressure(fields_of(s), s.frame),
+        )
+    if profile is not None:
+        found["profile_of_I0"] = (
+            "Profile of I0",
+            lambda s: checks.profile_of_I0(profile, s.result),
+        )
+    if comparison is not None:
+        found["resimulation"] = (
+            "Simulated with the identified law",
+            lambda s: checks.resimulation(comparison, s.fields.units if s.fields else None),
+        )
+    return found
+
+
+def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
+    """Write every figure that can be drawn to `folder`; remove old files of those that cannot."""
+    folder.mkdir(exist_ok=True)
+    pictures, missing = [], []
+    for name, (title, draw) in (FIGURES | _of_checks(source)).items():
+        path = folder / f"{name}.png"
+        try:
+            drawing = draw(source)
+        except NothingToDraw as reason:
+            path.unlink(missing_ok=True)
+            missing.append(Missing(title, str(reason)))
+            continue
+        save(drawing.figure, path)
+        pictures.append(Picture(path, title, drawing.caption))
+    return pictures, missing

@@ -1,0 +1,92 @@
+"""The checks of an identification: the profile of I0, the simulation with the identified law."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import Normalize
+
+from granpinn.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VALUE_MAP,
+    Drawing,
+    label,
+    new_figure,
+    styled,
+)
+from granpinn.results import Result
+from granpinn.results.fields import Units
+from granpinn.results.findings import Profile
+from granpinn.second_opinion.comparison import Comparison
+
+
+@styled
+def profile_of_I0(profile: Profile, result: Result) -> Drawing:
+    """The rise of the loss, and mu_s, mu_2 and the slope, over the grid of I0."""
+    I0 = np.array([p.I0 for p in profile.points])
+    excluded = np.array([p.excluded for p in profile.points])
+    rises = np.array([p.loss_rise for p in profile.points])
+    figure = new_figure(5.4)
+    loss, values = figure.subplots(2, 1, sharex=True)
+    loss.plot(I0, rises, color=BLUE)
+    loss.plot(I0[~excluded], rises[~excluded], "o", color=BLUE, label="allowed")
+    loss.plot(I0[excluded], rises[excluded], "x", color=ORANGE, label="excluded")
+    loss.axhline(profile.smallest_rise, color=GREY, lw=1.2, ls=(0, (4, 3)), label="scatter (3 se)")
+    loss.set_xscale("log")
+    loss.set_ylabel("rise of the loss")
+    loss.set_title("(a) loss over the best")
+    for name, symbol, color in (("mu_s", r"$\mu_s$", BLUE), ("mu_2", r"$\mu_2$", ORANGE)):
+        values.plot(I0, [getattr(p, name) for p in profile.points], "o-", color=color, label=symbol)
+    slope = [p.slope for p in profile.points]
+    values.plot(I0, slope, "o-", color=GREEN, label=r"$(\mu_2 - \mu_s)/I_0$")
+    for axes in (loss, values):
+        axes.axvline(result.parameters.I0.value, color=BLACK, lw=1.0, ls=(0, (1, 2)))
+        axes.grid(True)
+        axes.legend()
+    values.set_yscale("log")
+    values.set_xlabel("$I_0$, held fixed")
+    values.set_title("(b) identified values")
+    return Drawing(figure, f"{profile.verdict}. Dotted: the I0 of the run.")
+
+
+@styled
+def resimulation(comparison: Comparison, units: Units | None) -> Drawing:
+    """Front, surface profiles and velocity error of a simulation against the data."""
+    length = units.of("length") if units else None
+    time = label("$t$", units.of("time") if units else None)
+    c = comparison
+    figure = new_figure(7.2)
+    front, surface, error = figure.subplots(3, 1)
+    every = max(1, len(c.t) // 40)
+    front.plot(c.t, c.front_simulated, color=BLUE, label="simulated")
+    dots = {"color": BLACK, "ms": 3.6, "mfc": "white", "mew": 1.0}
+    front.plot(c.t[::every], c.front[::every], "o", label="data", **dots)
+    front.set_xlabel(time)
+    front.set_ylabel(label("front $x$", length))
+    front.set_title("(a) front")
+    front.legend()
+    norm = Normalize(0, float(c.t[-1]))
+    for k, known, found in zip(c.frames, c.profiles, c.profiles_simulated, strict=True):
+        color = colormaps[VALUE_MAP](norm(float(c.t[k])))
+        surface.plot(c.x, found, color=color, label=f"t = {c.t[k]:.3g}")
+        surface.plot(c.x, known, "o", color=color, ms=2.6, mfc="white", mew=0.8)
+    surface.set_xlabel(label("$x$", length))
+    surface.set_ylabel(label("height", length))
+    surface.set_title("(b) surface: lines simulated, dots data")
+    surface.legend()
+    error.plot(c.t, c.velocity_percent, color=ORANGE)
+    error.set_ylim(bottom=0)
+    error.set_xlabel(time)
+    error.set_ylabel("velocity error [%]")
+    error.set_title("(c) velocity, relative $L_2$ error over the common points")
+    for axes in (front, surface, error):
+        axes.grid(True)
+    return Drawing(
+        figure,
+        "The data against a simulation with the identified law, from the column "
+        "of the first frame.",
+    )

@@ -1,0 +1,278 @@
+"""Maps of the grains at one time: pressure, speed, momentum residual."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
+
+from granpinn.figures.style import (
+    BLACK,
+    DIFFERENCE_MAP,
+    ORANGE,
+    SKY,
+    VALUE_MAP,
+    WIDTH,
+    Drawing,
+    NothingToDraw,
+    label,
+    new_figure,
+    styled,
+)
+from granpinn.identification.scoring import after_start
+from granpinn.results import Fields
+
+Array = npt.NDArray[np.floating]
+
+TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
+RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
+RESIDUAL_RANGE = (1e-3, 1e1)  # of the map
+UNCERTAINTY_MAP = "magma"
+WIDE = 0.8  # maps with a smaller height / width are stacked
+
+
+class Window(NamedTuple):
+    """One frame, cut to the grains and one cell around them."""
+
+    k: int
+    rows: slice
+    columns: slice
+
+
+class Quantity(NamedTuple):
+    """A field to compare: its name in captions, its symbol and unit, predicted and known [Y, X]."""
+
+    name: str
+    symbol: str
+    unit: str | None
+    predicted: Array
+    known: Array | None
+    known_name: str
+
+
+def frame_at(fields: Fields, time: float | None) -> int:
+    """The frame nearest to a time, by default to 0.7 of the last one."""
+    wanted = TIME_SHARE * fields.t[-1] if time is None else time
+    return int(np.argmin(np.abs(fields.t - wanted)))
+
+
+def grain_window(fields: Fields, k: int) -> Window:
+    """The rows and columns of frame k that hold grains."""
+    inside = np.isfinite(fields.frame("p", k)) | (fields.c[k] > 0.5)
+    if not inside.any():
+        raise NothingToDraw(f"no grid point lies inside the grains at t = {fields.t[k]:.3g}")
+    rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
+    return Window(
+        k,
+        slice(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2),
+        slice(max(int(columns[0]) - 1, 0), int(columns[-1]) + 2),
+    )
+
+
+@styled
+def pressure_fields(fields: Fields, k: int) -> Drawing:
+    """Predicted pressure, the reference and their difference, where there is a reference."""
+    has_reference = "p_reference" in fields.values
+    quantity = Quantity(
+        "Pressure",
+        "$p$",
+        fields.units.of("pressure"),
+        fields.frame("p", k),
+        fields.frame("p_reference", k) if has_reference else None,
+        "reference",
+    )
+    drawing = _compare(fields, k, quantity)
+    if has_reference:
+        return drawing
+    return drawing._replace(caption=drawing.caption + " The flow file has no reference pressure.")
+
+
+@styled
+def simulated_pressure(fields: Fields, k: int) -> Drawing:
+    """The pressure that the simulator closes, at the time nearest to frame k that has one.
+
+    Beside it how far the predicted one is from it, and its error where there is a reference.
+    """
+    frames = frames_with(fields, "p_simulated")
+    if not frames:
+        raise NothingToDraw("fields.h5 has no closed pressure")
+    k = min(frames, key=lambda other: abs(float(fields.t[other] - fields.t[k])))
+    window, unit = grain_window(fields, k), fields.units.of("pressure")
+    closed, has_reference = fields.frame("p_simulated", k), "p_reference" in fields.values
+    open_ = np.abs(fields.frame("p", k) - closed)
+    figure, panels = new_maps(fields, window, 3 if has_reference else 2)
+    values = Normalize(min(0.0, _quantile(closed, 0.002)), _quantile(closed, 0.998))
+    draw_map(panels[0], fields, window, closed, values, VALUE_MAP, label("$p$", unit))
+    panels[0].set_title("(a) given by the simulator")
+    reach = _quantile(open_, 0.99) or 1.0
+    text = label(r"$|\Delta p|$", unit)
+    draw_map(panels[1], fields, window, open_, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
+    panels[1].set_title("(b) predicted, less closed")
+    caption = f"Pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
+    caption += "(a) given by the simulator, (b) how far the predicted one is from it"
+    if has_reference:
+        error = closed - fields.frame("p_reference", k)
+        reach = _quantile(np.abs(error), 0.99) or 1.0
+        limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
+        draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
+        panels[2].set_title("(c) closed, less reference")
+        caption += ", (c) its difference from the reference"
+    return Drawing(
+        figure,
+        f"{caption}. Where the two differ, kinematics does not fix the pressure; the closed one is "
+        "that of a material that creeps at the largest viscosity, with the simulator's floor and "
+        "plane of symmetry. Black: free surface.",
+    )
+
+
+def frames_with(fields: Fields, name: str) -> list[int]:
+    """The frames at which a variable has values; none where it is absent."""
+    size = fields.y.size * fields.x.size
+    known = np.isfinite(fields.values.get(name, np.full(len(fields.index), np.nan)))
+    return [int(k) for k in np.unique(fields.index[known] // size)]
+
+
+@styled
+def velocity_fields(fields: Fields, k: int) -> Drawing:
+    """Predicted speed, the speed in the flow file and their difference."""
+    quantity = Quantity(
+        "Speed",
+        "$|v|$",
+        fields.units.of("velocity"),
+        np.hypot(fields.frame("u", k), fields.frame("v", k)),
+        np.hypot(fields.frame("u_reference", k), fields.frame("v_reference", k)),
+        "flow file",
+    )
+    return _compare(fields, k, quantity)
+
+
+def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
+    window = grain_window(fields, k)
+    known = quantity.known
+    figure, panels = new_maps(fields, window, 1 if known is None else 3)
+    both = quantity.predicted if known is None else np.stack([quantity.predicted, known])
+    values = Normalize(min(0.0, _quantile(both, 0.002)), _quantile(both, 0.998))
+    text = label(quantity.symbol, quantity.unit)
+    draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
+    panels[0].set_title("(a) predicted")
+    caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}"
+    if known is None:
+        return Drawing(figure, caption + ": predicted.")
+    draw_map(panels[1], fields, window, known, values, VALUE_MAP, text)
+    panels[1].set_title(f"(b) {quantity.known_name}")
+    difference = quantity.predicted - known
+    reach = _quantile(np.abs(difference), 0.99) or 1.0
+    text = label(rf"$\Delta${quantity.symbol}", quantity.unit)
+    limits = Normalize(-reach, reach)
+    draw_map(panels[2], fields, window, difference, limits, DIFFERENCE_MAP, text, extend="both")
+    panels[2].set_title("(c) difference")
+    caption += f": (a) predicted, (b) {quantity.known_name}, (c) difference. Black: free surface."
+    return Drawing(figure, caption)
+
+
+def _unit_of_time(fields: Fields) -> str:
+    return "" if fields.units.time == "1" else f" {fields.units.time}"
+
+
+def aspect_of(fields: Fields, window: Window) -> float:
+    """Height over width of a window."""
+    width, height = np.ptp(fields.x[window.columns]), np.ptp(fields.y[window.rows])
+    return float(height / width) if width > 0 and height > 0 else 1.0
+
+
+def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
+    """A figure with `count` maps, stacked if the grains lie wide and side by side if not."""
+    aspect = aspect_of(fields, window)
+    if aspect < WIDE:
+        figure = new_figure(((WIDTH - 1.6) * aspect + 0.5) * count + 0.3)
+        grid = figure.subplots(count, 1, squeeze=False, sharex=True, sharey=True)
+    else:
+        figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
+        grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.ravel():
+        label_axes(axes, fields)
+        axes.label_outer()
+    return figure, list(grid.ravel())
+
+
+def label_axes(axes: Axes, fields: Fields) -> None:
+    axes.set_xlabel(label("$x$", fields.units.of("length")))
+    axes.set_ylabel(label("$y$", fields.units.of("length")))
+
+
+def draw_map(
+    axes: Axes,
+    fields: Fields,
+    window: Window,
+    values: Array,
+    norm: Normalize,
+    colormap: str,
+    text: str,
+    extend: str = "neither",
+) -> None:
+    """One map of a field [Y, X] with its colour bar and the free surface (c = 0.5)."""
+    x, y = fields.x[window.columns], fields.y[window.rows]
+    cut = np.ma.masked_invalid(values[window.rows, window.columns])
+    image = axes.pcolormesh(x, y, cut, norm=norm, cmap=colormap, shading="nearest")
+    draw_surface(axes, fields, window)
+    axes.set_aspect("equal")
+    axes.figure.colorbar(image, ax=axes, label=text, extend=extend, pad=0.02, aspect=14)
+
+
+def draw_surface(axes: Axes, fields: Fields, window: Window) -> None:
+    """The line c = 0.5."""
+    x, y = fields.x[window.columns], fields.y[window.rows]
+    c = np.nan_to_num(fields.c[window.k, window.rows, window.columns])
+    if min(c.shape) > 1 and c.min() < 0.5 < c.max():
+        axes.contour(x, y, c, levels=[0.5], colors=BLACK, linewidths=0.9)
+
+
+def _quantile(values: Array, share: float) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.quantile(finite, share)) if finite.size else 0.0
+
+
+@styled
+def momentum_residual(fields: Fields, k: int) -> Drawing:
+    """Map at one time and histogram over all times of |e| / (rho |g|), strong form."""
+    window = grain_window(fields, k)
+    aspect = aspect_of(fields, window)
+    if aspect < WIDE:
+        figure = new_figure((WIDTH - 1.6) * aspect + 3.0)
+        field_map, histogram = figure.subplots(2, 1, height_ratios=((WIDTH - 1.6) * aspect, 2.0))
+    else:
+        figure = new_figure(4.2)
+        field_map, histogram = figure.subplots(1, 2)
+    names = ("momentum_residual_x", "momentum_residual_y")
+    text = r"$|e| / (\rho |g|)$"
+    on_map = np.hypot(*(fields.frame(name, k) for name in names))
+    norm = LogNorm(*RESIDUAL_RANGE)
+    draw_map(field_map, fields, window, on_map, norm, "cividis", text, extend="both")
+    label_axes(field_map, fields)
+    field_map.set_title(f"(a) t = {fields.t[k]:.3g}")
+
+    counted = after_start(fields)
+    size = np.hypot(*(fields.values[name][counted] for name in names))
+    size = size[np.isfinite(size)]
+    if size.size == 0:
+        raise NothingToDraw("the momentum residual is not finite anywhere")
+    median, high = np.quantile(size, (0.5, 0.95))
+    histogram.hist(size, RESIDUAL_EDGES, weights=np.full(size.size, 1 / size.size), color=SKY)
+    histogram.axvline(median, color=BLACK, lw=1.2, label=f"median {median:.2g}")
+    histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
+    histogram.set_xscale("log")
+    histogram.set_xlabel(text)
+    histogram.set_title("(b) share of the grain points")
+    histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    histogram.legend(loc="upper right")
+    return Drawing(
+        figure,
+        "Residual of the strong form of the momentum equation (second derivatives of the network,"
+        f" eta from the identified law), in units of the weight: (a) at t = {fields.t[k]:.3g},"
+        " (b) at all times.",
+    )

@@ -1,0 +1,167 @@
+"""Figures of simulated collapses: final states (the paper's figure 3), surfaces, snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import Normalize
+
+from granpinn.data.flow import Flow, Truth
+from granpinn.figures.style import BLACK, VALUE_MAP, Drawing, label, new_figure, save, styled
+
+Array = npt.NDArray[np.floating]
+
+LARGEST_SHARE = 0.95  # quantile of D2 at which the colours of the final states end
+SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
+PROFILE_COUNT = 10
+
+
+class Quantity(NamedTuple):
+    """Something to draw: its symbol, and its values at one frame [Y, X]."""
+
+    symbol: str
+    values: Array
+
+
+def strain_rate(flow: Flow, k: int) -> Array:
+    """D2 = sqrt(D:D) at frame k [Y, X] by central differences; NaN beside the surface."""
+    u_y, u_x = np.gradient(flow.u[k].astype(np.float64), flow.y, flow.x)
+    v_y, v_x = np.gradient(flow.v[k].astype(np.float64), flow.y, flow.x)
+    result: Array = np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2)
+    return result
+
+
+def save_figures(flow: Flow, folder: Path, name: str) -> list[Path]:
+    """Writes NAME_surfaces.png and NAME_snapshots.png."""
+    folder.mkdir(parents=True, exist_ok=True)
+    drawings = {"surfaces": surfaces(flow), "snapshots": snapshots(flow)}
+    paths = []
+    for kind, drawing in drawings.items():
+        path = folder / f"{name}_{kind}.png"
+        save(drawing.figure, path)
+        paths.append(path)
+    return paths
+
+
+def save_final_states(flows: Sequence[Flow], path: Path) -> Path:
+    save(final_states(flows).figure, path)
+    return path
+
+
+@styled
+def final_states(flows: Sequence[Flow]) -> Drawing:
+    """The last frames of several collapses, one row per mu_s, coloured by D2."""
+    rows = sorted({_truth(flow).mu_s or 0.0 for flow in flows})
+    members = [[f for f in flows if (_truth(f).mu_s or 0.0) == mu_s] for mu_s in rows]
+    width = max(float(flow.x[-1]) for flow in flows)
+    height = max(_top(flow, len(flow.t) - 1) for flow in flows)
+    columns = max(map(len, members))
+    figure = new_figure(len(rows) * (3.0 * columns * height / width / columns + 0.55) + 0.6)
+    panels = figure.subplots(len(rows), columns, squeeze=False, sharex=True, sharey=True)
+    last = [strain_rate(flow, len(flow.t) - 1) for flow in flows]
+    norm = Normalize(
+        0, float(np.nanquantile(np.concatenate([d.ravel() for d in last]), LARGEST_SHARE))
+    )
+    for axes_row, row in zip(panels, members, strict=True):
+        for axes in axes_row[len(row) :]:
+            axes.set_axis_off()
+        for axes, flow in zip(axes_row, row, strict=False):
+            _map(axes, flow, len(flow.t) - 1, strain_rate(flow, len(flow.t) - 1), norm)
+            axes.set_xlim(0, width)
+            axes.set_ylim(0, 1.1 * height)
+            truth = _truth(flow)
+            axes.set_title(rf"$\mu_s = {truth.mu_s:g}$, $\mu_2 = {truth.mu_2:g}$")
+            _name_axes(axes, flow)
+            axes.label_outer()
+    mappable = ScalarMappable(norm, colormaps[VALUE_MAP])
+    figure.colorbar(mappable, ax=list(panels.ravel()), label="$D_2$", extend="max", aspect=40)
+    return Drawing(figure, "Final states, coloured by the strain rate $D_2$; the line is c = 0.5.")
+
+
+@styled
+def surfaces(flow: Flow) -> Drawing:
+    """The free surface c = 0.5 at evenly spaced times."""
+    figure = new_figure(4.2)
+    axes = figure.subplots()
+    norm = Normalize(0, float(flow.t[-1]))
+    for k in np.unique(np.linspace(0, len(flow.t) - 1, PROFILE_COUNT).round().astype(int)):
+        color = colormaps[VALUE_MAP](norm(float(flow.t[k])))
+        _surface_line(axes, flow, int(k), color, 1.2)
+    axes.set_aspect("equal")
+    _name_axes(axes, flow)
+    figure.colorbar(ScalarMappable(norm, colormaps[VALUE_MAP]), ax=axes, label="$t$", aspect=30)
+    return Drawing(figure, "The free surface (c = 0.5) in time.")
+
+
+@styled
+def snapshots(flow: Flow) -> Drawing:
+    """Speed, pressure and D2 at five times."""
+    frames = [int(np.argmin(np.abs(flow.t - s * flow.t[-1]))) for s in SNAPSHOT_SHARES]
+    width = max(float(flow.x[-1]), 1e-300)
+    heights = [_top(flow, k) / width for k in frames]
+    figure = new_figure(2.2 * sum(heights) + 0.35 * len(frames) + 1.0)
+    panels = figure.subplots(len(frames), 3, squeeze=False, sharex=True, height_ratios=heights)
+    columns = [[_quantity(flow, k, column) for k in frames] for column in range(3)]
+    for column, quantities in enumerate(columns):
+        finite = np.concatenate([q.values[np.isfinite(q.values)] for q in quantities])
+        norm = Normalize(0, float(np.quantile(finite, 0.99)))
+        for axes, k, quantity in zip(panels[:, column], frames, quantities, strict=True):
+            mesh = _map(axes, flow, k, quantity.values, norm)
+            axes.set_ylim(0, 1.05 * _top(flow, k))
+            _name_axes(axes, flow)
+            axes.label_outer()
+            if column == 0:
+                axes.set_title(f"t = {flow.t[k]:.3g}")
+        shown = list(panels[:, column])
+        figure.colorbar(
+            mesh, ax=shown, label=quantities[0].symbol, location="bottom", extend="max", aspect=16
+        )
+    return Drawing(figure, "Speed, pressure and strain rate at five times.")
+
+
+def _quantity(flow: Flow, k: int, which: int) -> Quantity:
+    if which == 0:
+        return Quantity("$|v|$", np.hypot(flow.u[k], flow.v[k]))
+    if which == 1:
+        assert flow.p is not None  # the simulator writes it
+        return Quantity("$p$", flow.p[k])
+    return Quantity("$D_2$", strain_rate(flow, k))
+
+
+def _truth(flow: Flow) -> Truth:
+    return flow.truth or Truth()
+
+
+def _top(flow: Flow, k: int) -> float:
+    """Height of the grains at frame k."""
+    rows = np.flatnonzero((flow.c[k] > 0.5).any(axis=1))
+    return float(flow.y[rows[-1]]) if rows.size else float(flow.y[0])
+
+
+def _map(axes: Axes, flow: Flow, k: int, values: Array, norm: Normalize) -> QuadMesh:
+    cut = np.ma.masked_invalid(values)
+    mesh = axes.pcolormesh(flow.x, flow.y, cut, norm=norm, cmap=VALUE_MAP, shading="nearest")
+    _surface_line(axes, flow, k, BLACK, 0.7)
+    axes.set_aspect("equal")
+    return mesh
+
+
+def _surface_line(axes: Axes, flow: Flow, k: int, color: object, width: float) -> None:
+    # A row of air around the grid closes the line where the grains reach its edge.
+    c = np.pad(flow.c[k], ((0, 1), (0, 1)))
+    x = np.append(flow.x, 2 * flow.x[-1] - flow.x[-2])
+    y = np.append(flow.y, 2 * flow.y[-1] - flow.y[-2])
+    axes.contour(x, y, c, levels=[0.5], colors=[color], linewidths=width)
+
+
+def _name_axes(axes: Axes, flow: Flow) -> None:
+    axes.set_xlabel(label("$x$", flow.length_unit))
+    axes.set_ylabel(label("$y$", flow.length_unit))

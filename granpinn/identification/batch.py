@@ -1,0 +1,158 @@
+"""Many identifications as one batch: cases, seeds, draws of noise, a grid of I0."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TypeVar
+
+from granpinn import results
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow
+from granpinn.identification.case import Case, choose_device, members, pose
+from granpinn.identification.identify import finish, histories, prepare, start
+from granpinn.results import Result
+from granpinn.training.parallel import gather_texts, processes
+from granpinn.training.progress import Progress
+
+FlowLike = Flow | str | os.PathLike[str]
+
+
+def identify_many(
+    flows: Sequence[FlowLike],
+    config: Config | None = None,
+    seeds: Sequence[int] | None = None,
+    *,
+    I0: Sequence[float] | None = None,
+    noise: Sequence[float] | None = None,
+    run_dir: str | os.PathLike[str] | None = None,
+    keep_fields: bool = True,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """Identify many flows side by side, each as `identify` would, in one batch.
+
+    The members share the settings and so the shape of the network and the schedule; each has its
+    own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
+    the same flow without noise share its data on the device. With `config.members` = K, each is an
+    ensemble of K networks of its own. In a group of processes
+    (granpinn/training/parallel.py) each process trains its own members, and all return all results.
+
+    Args:
+        flows: a flow or the path of a flow file for every member.
+        config: settings of all, by default the default recipe.
+        seeds: one for every member, by default that of the settings.
+        I0: likewise.
+        noise: likewise.
+        run_dir: folder for the checkpoints of the batch and, in 000, 001, ..., what `identify`
+            leaves of every member.
+        keep_fields: whether fields.h5, tens of megabytes for each member, is among that.
+        progress: a listener; it is shown the medians over the members.
+
+    Returns:
+        The results in the order of `flows`. A member that diverged has a `failure`, and the others
+        are not touched by it.
+
+    Raises:
+        As `identify`, but for NonFiniteError.
+    """
+    begin = time.monotonic()
+    config = config or Config()
+    if not flows:
+        raise ConfigError("flows must hold at least one flow, got none")
+    configs = [
+        dataclasses.replace(config, seed=seed, I0=value, noise=sd)
+        for seed, value, sd in zip(
+            _one_each("seeds", seeds, config.seed, len(flows)),
+            _one_each("I0", I0, config.I0, len(flows)),
+            _one_each("noise", noise, config.noise, len(flows)),
+            strict=True,
+        )
+    ]
+    group = processes(choose_device(config.device))
+    if run_dir is not None and group.rank == 0:
+        prepare(Path(run_dir), config)
+    group.wait()
+    own = range(group.rank, len(flows), group.size)
+    cases = _pose([flows[e] for e in own], [configs[e] for e in own])
+    folder: Path | None = None
+    parts: list[Path | None] = [None] * len(cases)
+    if run_dir is not None:
+        folder = Path(run_dir)
+        if group.size > 1:
+            folder = prepare(folder / f"process-{group.rank}", config)
+        parts = [
+            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
+            for e, case in zip(own, cases, strict=True)
+        ]
+    found: list[Result] = []
+    if cases:
+        K = config.members
+        every = [member for case in cases for member in members(case)]
+        places = [place for part in parts for place in histories(part, K)]
+        listener = progress if group.rank == 0 else None
+        run = start(every, config, folder, listener, begin, places)
+        run.train()
+
+        # All share the cores that close pressures, so that none is idle while there are frames.
+        with ThreadPoolExecutor(max(1, _cores() // group.size)) as closing:
+
+            def finished(e: int) -> Result:
+                own = every[e * K : (e + 1) * K]
+                return finish(own, run, e * K, parts[e], closing, keep_fields)
+
+            found = _side_by_side(finished, range(len(cases)), config.device)
+    return found if group.size == 1 else _in_order(found, len(flows))
+
+
+def _in_order(found: Sequence[Result], count: int) -> list[Result]:
+    """The results of all processes, which have every so-many-th member each."""
+    texts = gather_texts(json.dumps([result.to_dict() for result in found]))
+    shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
+    return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
+    """`work` on every item: with a GPU on all cores, on a CPU one by one, as torch takes them."""
+    with ThreadPoolExecutor(_cores() if choose_device(device).type == "cuda" else 1) as pool:
+        return list(pool.map(work, items))
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> Sequence[T]:
+    if values is not None and len(values) != count:
+        raise ConfigError(
+            f"{name} must have one value for each of {count} flows, got {len(values)}"
+        )
+    return [default] * count if values is None else values
+
+
+def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
+    """The cases; a flow that comes again is not read again, and without noise shares its data."""
+    keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
+    clean: dict[object, Case] = {}
+    for key, flow, config in zip(keys, flows, configs, strict=True):
+        if key not in clean:
+            clean[key] = pose(flow, dataclasses.replace(config, noise=0.0))
+
+    def posed(key: object, config: Config) -> Case:
+        first = clean[key]
+        if config.noise:
+            return pose(first.flow, config)
+        member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
+        return dataclasses.replace(first, config=config, member=member)
+
+    pairs = zip(keys, configs, strict=True)
+    device = configs[0].device if configs else "cpu"
+    return _side_by_side(lambda pair: posed(*pair), pairs, device)

@@ -1,0 +1,138 @@
+"""What is identified: a flow with its settings as a training problem, and the trained model."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granpinn.config import Config, ConfigError
+from granpinn.data import (
+    Flow,
+    TrainingSet,
+    add_noise,
+    check_flow,
+    known_sd,
+    read_flow,
+    redraw,
+    training_set,
+    with_collocation,
+)
+from granpinn.data.scaling import scales_of
+from granpinn.physics.scales import Scales
+from granpinn.training import problem
+from granpinn.training.objective import Member
+from granpinn.training.problem import Problem
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flow, the settings to identify it with, and what training sees of it.
+
+    Attributes:
+        config: with the seed and the I0 of this case.
+        seen: the flow as training sees it, with added noise.
+        known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        redrawn: whether its data have the known noise once more.
+    """
+
+    flow: Flow
+    config: Config
+    scales: Scales
+    member: Member
+    seen: Flow
+    known_sd: float
+    redrawn: bool = False
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained network with the friction law that was identified with it.
+
+    Attributes:
+        problem: network and constants of the residuals.
+        params: parameters of the network [P].
+        theta: (mu_s, mu_2, I0) [3].
+        scales: units of everything dimensionless.
+    """
+
+    problem: Problem
+    params: Tensor
+    theta: Tensor
+    scales: Scales
+
+
+def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
+    """Read and check a flow, and make the problem that the training solves."""
+    choose_device(config.device)
+    if isinstance(flow, Flow):
+        check_flow(flow)
+    else:
+        flow = read_flow(flow)
+    # What training sees has neither the true parameters nor the reference pressure.
+    seen = dataclasses.replace(flow, truth=None, p=None)
+    seen = add_noise(seen, config.noise, config.seed)
+    scales = scales_of(seen)
+    data = training_data(seen, scales, config)
+    posed = problem.build(seen, scales, data, config)
+    member = Member(posed, data, config.seed, config.I0)
+    return Case(flow, config, scales, member, seen, known_sd(seen))
+
+
+def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
+    """What the network is fitted to: the data of a flow, and points between them for the equations.
+
+    Raises:
+        FlowFileError: the flow has not what the level needs.
+    """
+    data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
+    return with_collocation(data, flow, scales, config.batch.collocation)
+
+
+def members(case: Case) -> list[Case]:
+    """The ensemble of a case: its first member, and others that differ in their seeds.
+
+    Where the noise of the data is known, the second half gets it once more (uncertainty.py).
+    """
+    config, made = case.config, [case]
+    for k in range(1, config.members):
+        member = dataclasses.replace(case.member, seed=member_seed(config.seed, k))
+        redrawn = case.known_sd > 0 and 2 * k >= config.members
+        if redrawn:
+            seen = redraw(case.seen, config.noise, member.seed)
+            data = training_data(seen, case.scales, config)
+            member = dataclasses.replace(member, data=data)
+        made.append(dataclasses.replace(case, member=member, redrawn=redrawn))
+    return made
+
+
+def member_seed(seed: int, k: int) -> int:
+    """The seed of member k of an ensemble, in [0, 2^63); that of member 0 is the given one.
+
+    Hashed, so that ensembles of neighboring seeds have no member in common.
+    """
+    if k == 0:
+        return seed
+    digest = hashlib.sha256(f"{seed} {k}".encode()).digest()
+    return int.from_bytes(digest[:8], "big") >> 1
+
+
+def choose_device(name: str) -> torch.device:
+    """The device of "auto", "cpu" or "cuda"; ConfigError where there is no such thing."""
+    kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
+    if name == "cuda" and not kernels:
+        raise ConfigError(
+            "--device cuda needs the CUDA kernels, which this granpinn was built without: build it "
+            "where nvcc is, or use --device cpu"
+        )
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ConfigError(
+            "--device cuda needs a GPU that torch can use, and torch.cuda.is_available() is false: "
+            "python -m granpinn.doctor says why; or use --device cpu"
+        )
+    usable = kernels and torch.cuda.is_available()
+    return torch.device("cuda" if usable and name != "cpu" else "cpu")

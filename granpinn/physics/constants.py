@@ -1,0 +1,26 @@
+"""The constants of a problem that the kernels take, by name."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Physics(NamedTuple):
+    """Constants of the equations, dimensionless; the fields and the order of csrc/math/physics.h.
+
+    Attributes:
+        grain_diameter: d of the inertial number (`granpinn.physics.scales.Material`).
+        g_x, g_y: gravity, a unit vector.
+        eta_min, eta_max: bounds of the viscosity.
+        velocity_scale, pressure_scale: of the network's raw outputs.
+        pressure_floor: smallest pressure under the root of I = d gamma_dot / sqrt(p).
+    """
+
+    grain_diameter: float
+    g_x: float
+    g_y: float
+    eta_min: float
+    eta_max: float
+    velocity_scale: float
+    pressure_scale: float
+    pressure_floor: float

@@ -1,0 +1,25 @@
+"""Constant friction, mu = mu_s at every I (Coulomb)."""
+
+from __future__ import annotations
+
+from granpinn.physics.laws.law import Law, LawParameter, Values
+
+
+def friction(I: Values, mu_s: Values) -> Values:  # noqa: E741
+    """mu, of the shape of I."""
+    return mu_s + 0 * I
+
+
+def slope(I: Values, mu_s: Values) -> Values:  # noqa: E741
+    """I dmu/dI = 0."""
+    return 0 * (I * mu_s)
+
+
+LAW = Law(
+    name="coulomb",
+    title="constant friction",
+    formula=r"\mu = \mu_s",
+    parameters=(LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3),),
+    friction=friction,
+    slope=slope,
+)

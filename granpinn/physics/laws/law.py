@@ -1,0 +1,88 @@
+"""What a friction law is: a curve mu(I) with named parameters.
+
+A law is one header in csrc/math/laws/ and one module here. Everything else asks the law for the
+names, the bounds, the start and the number of its parameters, and for its curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Values = Any  # a number, a NumPy array or a torch tensor
+Curve = Callable[..., Values]  # (I, *parameters) -> values of the shape of I
+Variable = Literal["log", "log_above", "logistic"]
+
+
+@dataclass(frozen=True)
+class LawParameter:
+    """One parameter theta_k of a friction law.
+
+    Attributes:
+        name: in files, settings and results, such as "mu_s".
+        symbol: in LaTeX, such as r"\\mu_s".
+        text: in plain Unicode, such as "μₛ".
+        start: value at the start of a training.
+        variable: what an optimiser moves instead, an unbounded number q:
+            "log": theta_k = exp(q); "log_above": theta_k = theta_(k-1) + exp(q);
+            "logistic": theta_k = 1 / (1 + exp(-q)).
+        bounds: of exp(q) for "log" and "log_above", so that a wild early step is not final.
+        fixed: held at a given value unless the user asks for more.
+    """
+
+    name: str
+    symbol: str
+    text: str
+    start: float
+    variable: Variable = "log"
+    bounds: tuple[float, float] = (0.01, 3.0)
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Law:
+    """A friction law mu(I; theta).
+
+    Attributes:
+        name: in settings and results, such as "mu_of_i"; that of its C++ header too.
+        title: in sentences and figures, such as "mu(I)".
+        formula: in LaTeX.
+        parameters: theta, in the order of the C++ header.
+        friction: mu at (I, *theta).
+        slope: I dmu/dI at (I, *theta).
+    """
+
+    name: str
+    title: str
+    formula: str
+    parameters: tuple[LawParameter, ...]
+    friction: Curve
+    slope: Curve
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, in order."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are identified by default, in order."""
+        return tuple(p.name for p in self.parameters if not p.fixed)
+
+    def parameter(self, name: str) -> LawParameter:
+        """The parameter of that name; KeyError where the law has none."""
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        raise KeyError(f"the law {self.name} has the parameters {', '.join(self.names)}: {name}?")
+
+    def ill_posedness(self, I: Values, theta: Sequence[Values]) -> Values:  # noqa: E741
+        """C(I), positive where the equations of the law are ill-posed, of the shape of I.
+
+        There the shortest waves grow fastest. C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2 with
+        a = I mu'(I) / mu(I) (Barker, Schaeffer, Bohorquez, Gray, J. Fluid Mech. 779, 2015).
+        """
+        mu = self.friction(I, *theta)
+        a = self.slope(I, *theta) / mu
+        return 4 * a**2 - 4 * a + mu**2 * (1 - a / 2) ** 2

@@ -1,0 +1,32 @@
+r"""The mu(I) law, equation (2) of the paper (Jop, Forterre, Pouliquen, Nature 441, 2006).
+
+$$ \mu(I) = \mu_s + \frac{\mu_2 - \mu_s}{1 + I_0 / I} $$
+"""
+
+from __future__ import annotations
+
+from granpinn.physics.laws.law import Law, LawParameter, Values
+
+
+def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:  # noqa: E741
+    """mu(I), multiplied out by I so that I = 0 gives mu_s instead of a division by zero."""
+    return mu_s + (mu_2 - mu_s) * I / (I0 + I)
+
+
+def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:  # noqa: E741
+    """I dmu/dI."""
+    return I * (mu_2 - mu_s) * I0 / (I0 + I) ** 2
+
+
+LAW = Law(
+    name="mu_of_i",
+    title="mu(I)",
+    formula=r"\mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",
+    parameters=(
+        LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3),
+        LawParameter("mu_2", r"\mu_2", "μ₂", start=0.6, variable="log_above"),
+        LawParameter("I0", "I_0", "I₀", start=0.3, fixed=True),
+    ),
+    friction=friction,
+    slope=slope,
+)

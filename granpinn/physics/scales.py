@@ -1,0 +1,97 @@
+r"""The only place that makes things dimensionless and back (granpinn/data/scaling.py applies it).
+
+Length $H_0$ (height of the grains in the first frame), velocity $U = \sqrt{|g| H_0}$, time
+$H_0/U$, pressure $P = \rho |g| H_0$. In these units $\rho = 1$ and $|g| = 1$, and the grain
+diameter, the bounds of the viscosity and the friction law are all that is left of the material.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+Quantity = Literal[
+    "length", "velocity", "time", "pressure", "force", "rate", "viscosity", "acceleration"
+]
+Values = TypeVar("Values")
+
+
+@dataclass(frozen=True)
+class Material:
+    r"""What the equations need to know about the material, dimensionless.
+
+    `grain_diameter` is $d \sqrt{\rho_g / \rho} / H_0$: the equations have one density, the bulk
+    density $\rho = 1$, but the inertial number $I = d \dot\gamma / \sqrt{p / \rho_g}$ has that of
+    a grain. The paper sets both equal, as does a file without `grain_density`.
+    """
+
+    grain_diameter: float
+    gravity: tuple[float, float]
+    eta_min: float | None
+    eta_max: float | None
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of length, velocity, time and pressure, each in the units of the flow file."""
+
+    length: float
+    velocity: float
+    time: float
+    pressure: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(
+                    f"the scale of {name} must be positive and finite, got {value}: check the "
+                    "units of the flow"
+                )
+
+    @classmethod
+    def of(cls, length: float, gravity: tuple[float, float], density: float) -> Scales:
+        """The units of grains of this bulk density that stand `length` high under `gravity`."""
+        g = math.hypot(*gravity)
+        velocity = math.sqrt(g * length)
+        return cls(length, velocity, length / velocity, density * g * length)
+
+    def unit(self, quantity: Quantity) -> float:
+        """The size of one dimensionless unit of a quantity, in the units of the flow file."""
+        units: dict[Quantity, float] = {
+            "length": self.length,
+            "velocity": self.velocity,
+            "time": self.time,
+            "pressure": self.pressure,
+            "force": self.pressure / self.length,
+            "rate": 1 / self.time,
+            "viscosity": self.pressure * self.time,
+            "acceleration": self.velocity / self.time,
+        }
+        if quantity not in units:
+            raise ValueError(f"quantity must be one of {', '.join(units)}, got {quantity!r}")
+        return units[quantity]
+
+    def to_dimensionless(self, values: Values, quantity: Quantity) -> Values:
+        """Numbers, arrays or tensors from the units of the flow file; NaN stays NaN."""
+        return cast(Values, cast(Any, values) / self.unit(quantity))
+
+    def to_physical(self, values: Values, quantity: Quantity) -> Values:
+        """The inverse of to_dimensionless."""
+        return cast(Values, cast(Any, values) * self.unit(quantity))
+
+    def points_to_dimensionless(self, x: Any, y: Any, t: Any) -> npt.NDArray[np.float64]:
+        """Points [..., 3] = (x, y, t), dimensionless, of positions and times in file units."""
+        points = np.stack(np.broadcast_arrays(x, y, t), axis=-1, dtype=np.float64)
+        points /= np.array([self.length, self.length, self.time])
+        return points
+
+    def points_to_physical(self, points: Any) -> npt.NDArray[np.float64]:
+        """The inverse of points_to_dimensionless: [..., 3] = (x, y, t) in file units."""
+        physical: npt.NDArray[np.float64] = np.asarray(points, dtype=np.float64) * np.array(
+            [self.length, self.length, self.time]
+        )
+        return physical

@@ -1,0 +1,46 @@
+"""The terms of the residual loss, one row each: the order is that of csrc/problem.h."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from granpinn.physics.scales import Quantity
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of the loss, the mean square of a residual.
+
+    Attributes:
+        name: in settings (`--weights.sigma_<name>`), history.csv and results.json.
+        label: short, for the line that a run shows.
+        quantity: what the residual is, which gives its unit.
+        sigma: its standard deviation by default, dimensionless; the term weighs 1/sigma^2.
+        help: what the residual is, in words.
+        forms: the residual forms that have it.
+    """
+
+    name: str
+    label: str
+    quantity: Quantity
+    sigma: float
+    help: str
+    forms: tuple[str, ...] = ("mixed", "strong")
+
+
+TERMS: tuple[Term, ...] = (
+    Term("velocity", "vel", "velocity", 0.00316, "velocity that the network cannot resolve"),
+    Term("surface", "surf", "pressure", 0.002, "pressure on the free surface"),
+    Term("momentum", "mom", "force", 0.05, "momentum residual"),
+    Term("continuity", "div", "rate", 0.158, "divergence of the velocity"),
+    Term(
+        "constitutive",
+        "law",
+        "rate",
+        0.158,
+        "strain rate error in the friction law (mixed form)",
+        forms=("mixed",),
+    ),
+)
+
+NAMES: tuple[str, ...] = tuple(term.name for term in TERMS)

@@ -1,0 +1,147 @@
+"""Runs of the simulator at nodes of a lattice of laws, at the points of measured data.
+
+A law is a place on the axes q = (log mu_s, log k, log I0) with the slope k = (mu_2 - mu_s)/I0 of
+the law at small I: where I << I0 the data know k and not I0, so that along these axes what is known
+well is not mixed with what is known badly. I0 is in units of the one that was given. Where it stays
+that, there are two unknowns, q = (log mu_s, log(mu_2 - mu_s)), and their nodes are among those of
+three.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+from threading import Lock
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data import Flow
+from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
+from granpinn.simulation import Collapse
+from granpinn.simulation.engine import State
+from granpinn.simulation.progress import Silent
+from granpinn.simulation.run import record
+
+Array = npt.NDArray[np.float64]
+Array32 = npt.NDArray[np.float32]
+Law = tuple[float, float, float]  # mu_s, mu_2, I0
+Node = tuple[int, ...]
+
+SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
+COARSE_CELLS = 256  # across the box, at most, where a law is searched for from afar
+MOST_POINTS = 1 << 20  # 8 MB for every run
+
+
+class AtPoints:
+    """Takes the velocity at points of a flow from a simulation, frame by frame.
+
+    Attributes:
+        collapse: what is simulated.
+        points: flat indices into [T, Y, X], in increasing order.
+    """
+
+    def __init__(self, collapse: Collapse, flow: Flow, points: npt.NDArray[np.int64]) -> None:
+        self.collapse, self._flow = collapse.resolved(), flow
+        area = flow.c[0].size
+        ends = np.searchsorted(points, area * np.arange(len(flow.t) + 1))
+        self._of_frame = [points[a:b] - area * k for k, (a, b) in enumerate(pairwise(ends))]
+        self._taken: list[Array32] = []
+
+    def add(self, time: float, state: State) -> None:
+        """Keeps the velocity of the frame whose turn it is; NaN where there are no grains."""
+        s, h = self.collapse.stride, self.collapse.spacing
+        empty = state.c[::s, ::s] != 1
+        ny, nx = empty.shape
+        first = 0.5 * h
+        grid = _Grid(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
+        at = interpolation(grid, self._flow)
+        fields = (np.where(empty, np.nan, f[::s, ::s]) for f in (state.u_center, state.v_center))
+        here = self._of_frame[len(self._taken)]
+        self._taken.append(np.stack([at(f).ravel()[here] for f in fields]).astype(np.float32))
+
+    def velocity(self) -> Array32:
+        """At all points, [2, n]."""
+        return np.concatenate(self._taken, axis=1)
+
+
+class _Grid(NamedTuple):
+    y: Array
+    x: Array
+
+
+class LawRuns:
+    """Runs at nodes of the lattice, at the points of a flow; each is made once.
+
+    Attributes:
+        stages: cells across the box and number of unknowns of the searches, one after the other.
+        points: flat indices into [T, Y, X], [n].
+    """
+
+    def __init__(
+        self,
+        flow: Flow,
+        column: Column,
+        I0: float,
+        cells: int | None = None,
+        free_I0: bool = False,
+    ) -> None:
+        """`I0`: known, or where it is free a guess; `cells`: by default those of the data."""
+        self.flow, self.column, self.I0 = flow, column, I0
+        finest = cells or cells_of(flow, column)
+        coarse, unknowns = min(finest, COARSE_CELLS), 3 if free_I0 else 2
+        # A coarse grid finds mu_s and mu_2 nearly, but not I0, which its errors move by far.
+        self.stages = [*dict.fromkeys([(coarse, 2), (finest, unknowns)])]
+        there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
+        if len(there) > MOST_POINTS:
+            kept = np.random.default_rng(0).choice(len(there), MOST_POINTS, replace=False)
+            there = there[np.sort(kept)]
+        self.points = there
+        self._cores = len(os.sched_getaffinity(0))
+        self._pool, self._lock = ThreadPoolExecutor(self._cores), Lock()
+        self._found: dict[tuple[int, Node], Future[Array32]] = {}
+
+    @property
+    def made(self) -> int:
+        return len(self._found)
+
+    def law_at(self, q: Array) -> Law:
+        """The law at q, of two or three unknowns."""
+        mu_s, rise, ratio = np.exp([*q, 0.0][:3]).tolist()
+        return mu_s, mu_s + rise * ratio, ratio * self.I0
+
+    def law_by_q(self, q: Array) -> Array:
+        """d(mu_s, mu_2, I0)/dq [3, unknowns]."""
+        mu_s, mu_2, I0 = self.law_at(q)
+        rise = mu_2 - mu_s
+        return np.array([[mu_s, 0, 0], [mu_s, rise, rise], [0, 0, I0]])[:, : len(q)]
+
+    def velocities(self, cells: int, nodes: Sequence[Node]) -> list[Array32]:
+        """The velocity at the points for the law of every node, [2, n] each; NaN: no grains.
+
+        Fits in several threads share the runs: a node that one has asked for is not run again.
+
+        Args:
+            nodes: indices on the lattice; where there are two, I0 is the given one.
+        """
+        nodes = [(*node, 0)[:3] for node in nodes]
+        with self._lock:
+            missing = [node for node in nodes if (cells, node) not in self._found]
+            waiting = len(missing) + sum(not run.done() for run in self._found.values())
+            for node in missing:
+                law = self.law_at(np.array(node) * SPACING)
+                collapse = collapse_of(self.flow, self.column, law, cells)
+                threads = max(1, self._cores // waiting)
+                run = self._pool.submit(self._run, replace(collapse, threads=threads))
+                self._found[cells, node] = run
+        return [self._found[cells, node].result() for node in nodes]
+
+    def _run(self, collapse: Collapse) -> Array32:
+        taken = AtPoints(collapse, self.flow, self.points)
+        record(taken, Silent(), self.flow.t.tolist())
+        return taken.velocity()

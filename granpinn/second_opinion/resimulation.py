@@ -1,0 +1,196 @@
+"""The check that no residual can replace: simulate with the identified law, compare with the data.
+
+The simulator (granpinn/simulation) starts from the column of the first frame, with the gravity,
+density and grain diameter of the flow file, and writes its frames at the times of the data. It
+knows nothing of the network. What it cannot start from, anything but a column at rest in the lower
+left corner of a box, is said and not simulated.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.config import ConfigError
+from granpinn.data import Flow
+from granpinn.data.norms import rms
+from granpinn.results import Parameters
+from granpinn.results.findings import Resimulation
+from granpinn.second_opinion.comparison import Comparison, compare
+from granpinn.simulation.parameters import CELLS_MULTIPLE, FEWEST_CELLS, Collapse
+from granpinn.simulation.progress import Silent
+from granpinn.simulation.recorder import Recorder
+from granpinn.simulation.run import record
+
+MOST_CELLS = 512  # where the settings do not say otherwise
+LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
+LATEST_START = 0.1  # of sqrt(H/|g|): the first frame may be that late
+AT_REST = 0.02  # of sqrt(|g| H)
+MORE_THAN_FREE_FALL = 1.5
+CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
+
+
+class Column(NamedTuple):
+    """Grains as a column in the corner, in the units of the file."""
+
+    width: float
+    height: float
+
+
+def initial_column(flow: Flow) -> Column | str:
+    """The column that a flow starts from, or a sentence that says why it is none."""
+    full = flow.c[0] >= 0.5
+    if not full.any():
+        return "the first frame holds no grains"
+    dx, dy = spacings(flow)
+    if not in_corner(flow, 0):
+        return f"the grains of the first frame {CORNER}"
+    measured = extent(flow, full)
+    filled = float(full[np.ix_(flow.y < measured.height, flow.x < measured.width)].mean())
+    if filled < LEAST_FILLED:
+        return (
+            f"the first frame is not a column: its grains fill {100 * filled:.0f} % of the "
+            f"rectangle around them, at least {100 * LEAST_FILLED:.0f} % are expected"
+        )
+    g = math.hypot(*flow.gravity)
+    start = float(flow.t[0])
+    if not 0 <= start <= LATEST_START * math.sqrt(measured.height / g):
+        return (
+            f"the first frame is not the start: its time is {start:.3g}, and the simulator "
+            f"releases a column at rest at 0"
+        )
+    speed = float(np.nanmax(np.hypot(flow.u[0], flow.v[0]), initial=0.0))
+    fastest = MORE_THAN_FREE_FALL * g * start + AT_REST * math.sqrt(g * measured.height)
+    if speed > fastest:
+        return (
+            f"the column is not released from rest: grains move at {speed:.3g} in the first frame, "
+            f"free fall from rest explains at most {fastest:.3g}"
+        )
+    return Column(
+        _stated(flow, "column_width", measured.width, dx),
+        _stated(flow, "column_height", measured.height, dy),
+    )
+
+
+def spacings(flow: Flow) -> tuple[float, float]:
+    """Of the grid, along x and y."""
+    return float(np.median(np.diff(flow.x))), float(np.median(np.diff(flow.y)))
+
+
+def in_corner(flow: Flow, k: int) -> bool:
+    """Whether the grains of frame k stand where the simulator has its wall and its floor."""
+    dx, dy = spacings(flow)
+    return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
+
+
+def extent(flow: Flow, full: npt.NDArray[np.bool_]) -> Column:
+    """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
+    dx, dy = spacings(flow)
+    row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
+    return Column(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
+
+
+def _stated(flow: Flow, name: str, measured: float, spacing: float) -> float:
+    """A length that the file states, where it agrees with the first frame; else the measured."""
+    stated = flow.stated(name)
+    return stated if stated is not None and abs(stated - measured) <= spacing else measured
+
+
+def box_of(flow: Flow) -> float | None:
+    """The width of the box, where the file states it."""
+    return flow.stated("box_width") or flow.stated("domain_size")
+
+
+def _box_width(flow: Flow, column: Column) -> float:
+    return box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+
+
+def cells_of(flow: Flow, column: Column) -> int:
+    """Cells across the box on the grid of the solver that made the data, or else of the data."""
+    spacing = flow.stated("grid_spacing_of_solver") or spacings(flow)[0]
+    whole = CELLS_MULTIPLE * round(_box_width(flow, column) / spacing / CELLS_MULTIPLE)
+    return min(max(whole, FEWEST_CELLS), MOST_CELLS)
+
+
+def collapse_of(
+    flow: Flow, column: Column, law: tuple[float, float, float], cells: int | None
+) -> Collapse:
+    """What to simulate; ConfigError where the simulator cannot.
+
+    Args:
+        law: (mu_s, mu_2, I0).
+        cells: across the box, None for the grid of the data.
+    """
+    width, dx = _box_width(flow, column), spacings(flow)[0]
+    height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
+    cells = cells_of(flow, column) if cells is None else cells
+    mu_s, mu_2, I0 = law
+    # The simulator has one density; that of a grain, in the inertial number, goes into d.
+    denser = (flow.grain_density or flow.density) / flow.density
+    narrow = min(column) / (width / cells)
+    return Collapse(
+        mu_s=mu_s,
+        mu_2=mu_2,
+        I0=I0,
+        d=flow.grain_diameter * math.sqrt(denser),
+        height=column.height,
+        aspect=column.height / column.width,
+        density=flow.density,
+        gravity=flow.gravity,
+        box_width=width,
+        box_height=height,
+        cells=cells,
+        t_end=float(flow.t[-1]),
+        frames=len(flow.t),
+        stride=max(1, min(round(dx * cells / width), int(narrow))),
+        eta_min=flow.eta_min or None,
+        eta_max=flow.eta_max or None,
+        air_density=flow.stated("air_density"),
+        air_viscosity=flow.stated("air_viscosity"),
+        cohesion=flow.stated("cohesion") or 0.0,
+        length_unit=flow.length_unit,
+        time_unit=flow.time_unit,
+    )
+
+
+def resimulate(
+    flow: Flow, parameters: Parameters, cells: int | None = None, listener: Silent | None = None
+) -> tuple[Resimulation, Comparison | None]:
+    """Simulate with an identified law and compare with the data.
+
+    `flow` is the file's own data, without added noise.
+
+    Raises:
+        SimulationError: a solve did not converge.
+    """
+    column = initial_column(flow)
+    if isinstance(column, str):
+        return Resimulation(column), None
+    law = (parameters.mu_s.value, parameters.mu_2.value, parameters.I0.value)
+    try:
+        collapse = collapse_of(flow, column, law, cells)
+    except ConfigError as error:
+        return Resimulation(str(error)), None
+    begin = time.monotonic()
+    recorder = Recorder(collapse)
+    record(recorder, listener or Silent(), flow.t.tolist())
+    seconds = time.monotonic() - begin
+    simulated = recorder.flow()
+    c, found = compare(flow, simulated)
+    front = (c.front_simulated - c.front) / column.height
+    summary = Resimulation(
+        objection=None,
+        cells=collapse.cells,
+        column=(column.width, column.height),
+        seconds=seconds,
+        velocity_percent=found.velocity_percent,
+        common_percent=found.common_percent,
+        front_percent=100 * rms(front),
+        front_worst_percent=100 * float(np.nanmax(np.abs(front))),
+        profile_percent=100 * rms(c.profile_rms) / column.height,
+    )
+    return summary, c

@@ -1,0 +1,223 @@
+"""The pressure where nothing flows, as the simulator has it.
+
+Where nothing shears, the velocity does not fix the pressure (docs/limits.md), and that of the
+network is a smooth continuation. The simulator has one: started from the velocity of the network
+at one time, with the grains where they are then and the identified law, it finds the pressure that
+momentum balance, the law clamped at eta_max, the floor and the plane of symmetry demand
+(simulation/settling.py). Where grains flow the two agree; where they rest, the closed one is that
+of a material that creeps at eta_max between these walls, and their difference shows what the data
+leave open. Frames are closed side by side.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.config import ConfigError
+from granpinn.data import Flow
+from granpinn.results.findings import SimulatedPressure
+from granpinn.second_opinion import resimulation
+from granpinn.second_opinion.comparison import interpolation
+from granpinn.simulation.engine import SimulationError, Start, State
+from granpinn.simulation.parameters import Collapse
+from granpinn.simulation.settling import settle, settled_after
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+# (x, y, t) -> (u, v), all [n], in the units and axes of the flow.
+Velocity = Callable[[Array, Array, float], tuple[Array, Array]]
+Listener = Callable[[int, int], None]
+
+SUBCELLS = 4  # samples along the side of a cell that say how full it is
+NEAR = 3  # cells of air around the grains that have the velocity of the grains
+FAILED, LATE = "failed", "late"
+NO_FRAME = "no frame after the start holds grains that the picture does not cut off"
+
+
+class Nodes(NamedTuple):
+    """Coordinates of a grid, [Y] and [X]."""
+
+    y: Array
+    x: Array
+
+
+def close(
+    flow: Flow,
+    law: tuple[float, float, float],
+    velocity: Velocity,
+    frames: int,
+    cells: int | None = None,
+    *,
+    pool: Executor | None = None,
+    deadline: float | None = None,
+    listener: Listener | None = None,
+) -> tuple[dict[int, Array], SimulatedPressure]:
+    """The pressure at evenly spaced frames, or the reason why there is none.
+
+    Args:
+        law: (mu_s, mu_2, I0).
+        velocity: of the grains, at any point and any time.
+        frames: how many, at most; the last of the flow is one of them.
+        cells: across the box; None for the grid of the solver, or of the data, at most 512.
+        pool: of the threads that work side by side; None for all cores at hand.
+        deadline: value of time.monotonic() after which no further frame is begun.
+        listener: is told how many frames of how many are done.
+
+    Returns:
+        The pressure [Y, X] at the grid of the flow by frame, and the record of it.
+    """
+    usable = usable_frames(flow)
+    if isinstance(usable, str):
+        return {}, SimulatedPressure(usable)
+    try:
+        collapse = collapse_over(flow, usable, law, cells)
+    except ConfigError as error:
+        return {}, SimulatedPressure(str(error))
+    chosen = evenly(usable, frames)
+    before = settled_after(collapse)
+    begin = time.monotonic()
+    lock, done = threading.Lock(), 0
+
+    def one(k: int) -> Array | str:
+        """The pressure of frame k, or why there is none."""
+        nonlocal done
+        if deadline is not None and time.monotonic() > deadline:
+            return LATE
+        try:
+            state = settle(collapse, start_of(flow, k, collapse, velocity, before))
+        except SimulationError:
+            return FAILED
+        p = pressure_at(flow, state, collapse.spacing)
+        with lock:
+            done += 1
+            if listener is not None:
+                listener(done, len(chosen))
+        return p if np.isfinite(p).all() else FAILED
+
+    own = min(len(os.sched_getaffinity(0)), len(chosen))
+    with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
+        # From the last frame on: what a time limit leaves out is early.
+        found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
+    closed = {k: p for k in chosen if not isinstance(p := found[k], str)}
+    missing = [p for p in found.values() if isinstance(p, str)]
+    record = SimulatedPressure(
+        objection=None,
+        cells=collapse.cells,
+        frames=tuple(closed),
+        failed=missing.count(FAILED),
+        late=missing.count(LATE),
+        seconds=time.monotonic() - begin,
+    )
+    return closed, record
+
+
+def collapse_over(
+    flow: Flow, frames: list[int], law: tuple[float, float, float], cells: int | None
+) -> Collapse:
+    """The box around the grains of some frames, resolved; ConfigError where it cannot be."""
+    ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
+    everywhere = resimulation.extent(flow, ever_full)
+    collapse = resimulation.collapse_of(flow, everywhere, law, cells)
+    return replace(collapse, threads=1).resolved()
+
+
+def usable_frames(flow: Flow) -> list[int] | str:
+    """The frames whose pressure can be closed, or a sentence that says why there are none."""
+    after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
+    standing = [k for k in after if resimulation.in_corner(flow, k)]
+    if after and not standing:
+        return f"the grains {resimulation.CORNER}"
+    if resimulation.box_of(flow) is None:
+        # A picture may cut grains off. A simulation knows its box, and its grid ends at the grains.
+        edges = np.concatenate([flow.c[:, :, -1], flow.c[:, -1]], axis=1)
+        cut_off = np.asarray((edges >= 0.5).any(axis=1))
+        standing = [k for k in standing if not cut_off[k]]
+    return standing or NO_FRAME
+
+
+def evenly(frames: list[int], count: int) -> list[int]:
+    """At most `count` of the frames, evenly spaced, the last one included."""
+    n = len(frames)
+    count = min(count, n)
+    return [frames[math.ceil(n * k / count) - 1] for k in range(1, count + 1)]
+
+
+def start_of(
+    flow: Flow, k: int, collapse: Collapse, velocity: Velocity, before: float = 0.0
+) -> Start:
+    """Frame k on the grid of a resolved collapse: grains, and the velocity on its faces.
+
+    Both are those of the time `before` the frame: that long the simulator will take.
+    """
+    nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
+    c = fraction_of(flow, k, collapse, before)
+    near = _grown(c > 0, NEAR)
+    # Nothing passes the plane of symmetry, the floor and the other sides.
+    on_x, on_y = np.zeros((ny, nx + 1), bool), np.zeros((ny + 1, nx), bool)
+    on_x[:, 1:-1] = near[:, 1:] | near[:, :-1]
+    on_y[1:-1] = near[1:] | near[:-1]
+    (row, column), (row_y, column_y) = np.nonzero(on_x), np.nonzero(on_y)
+    x = np.concatenate([column, column_y + 0.5]) * h
+    y = np.concatenate([row + 0.5, row_y]) * h
+    along, up = velocity(x, y, max(float(flow.t[k]) - before, 0.0))
+    u, v = np.zeros(on_x.shape), np.zeros(on_y.shape)
+    u[on_x], v[on_y] = along[: len(row)], up[len(row) :]
+    return Start(c, u, v)
+
+
+def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> Array:
+    """Fraction of grains in the cells of a collapse [ny, nx] at the time `before` frame k.
+
+    Grains end where c of the flow is a half by interpolation, linear in time and bilinear in space.
+    """
+    c = flow.c[k]
+    if k > 0:
+        c = c + min(before / (flow.t[k] - flow.t[k - 1]), 1.0) * (flow.c[k - 1] - c)
+    n, h = SUBCELLS, collapse.spacing
+    nx, ny = collapse.cells, collapse.cells_y
+    x, y = ((np.arange(n * count) + 0.5) * h / n for count in (nx, ny))
+    dx, dy = resimulation.spacings(flow)
+    rows, columns = y < flow.y[-1] + dy / 2, x < flow.x[-1] + dx / 2
+    full = np.zeros((n * ny, n * nx))
+    at = interpolation(flow, _within(Nodes(y[rows], x[columns]), flow.y, flow.x))
+    full[np.ix_(rows, columns)] = at(c) >= 0.5
+    share: Array = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
+    return share
+
+
+def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
+    """The pressure of a state at the grid of a flow [Y, X]; 0 beyond its window."""
+    ny, nx = state.p.shape
+    centers = Nodes(*(spacing * (np.arange(n, dtype=np.float64) + 0.5) for n in (ny, nx)))
+    p = interpolation(centers, _within(Nodes(flow.y, flow.x), centers.y, centers.x))(state.p)
+    p[flow.y > ny * spacing] = 0.0
+    p[:, flow.x > nx * spacing] = 0.0
+    return p
+
+
+def _within(nodes: Nodes, y: Array, x: Array) -> Nodes:
+    """Nodes moved to the ends of other axes where they lie beyond."""
+    return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
+
+
+def _grown(mask: Mask, cells: int) -> Mask:
+    """A mask with what is at most so many steps along the axes away."""
+    for _ in range(cells):
+        wider = mask.copy()
+        wider[1:] |= mask[:-1]
+        wider[:-1] |= mask[1:]
+        wider[:, 1:] |= mask[:, :-1]
+        wider[:, :-1] |= mask[:, 1:]
+        mask = wider
+    return mask

@@ -1,0 +1,206 @@
+r"""The law by which the simulator comes closest to the measured velocity.
+
+A second opinion that shares nothing with the network: it knows the initial column, the walls and
+the equations of the whole box, and where the data come from such a box it uses noisy ones better
+(docs/method.md, section 5). Where shear bands decide (mu_s of 0.6), or the walls are others, it is
+the one that errs.
+
+The simulated velocity is taken as a quadratic function of the law q at every point
+(response_surface.py), fitted to runs at the nodes of a lattice around the start (law_runs.py): nine
+for mu_s and mu_2, 15 where I0 is free,
+
+$$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
+
+The nodes move until the least misfit is nearest to their middle. From node to node is at least the
+standard deviation that the data leave along each unknown, so that noise does not lead out of them,
+and at least SPACING, below which the quadratic is no better. The search begins on at most 256 cells
+across the box, with nodes twice as far apart, and ends on those of the data.
+
+A run is rough: bands and splashes of a law that differs by a billionth are others. Where that
+is not far below the noise, there are more nodes in the end, half as far apart (17, or 41), by which
+it is known what runs and data do by themselves; that counts for nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data import Flow
+from granpinn.results.findings import SimulatorFit
+from granpinn.second_opinion.law_runs import SPACING, Array32, LawRuns, Node
+from granpinn.second_opinion.response_surface import REACH, Place, Surface, composite, filled
+
+Array = npt.NDArray[np.float64]
+Widths = npt.NDArray[np.int64]
+
+ROUNDS = 12  # of all nodes, at most, on each grid
+# Spacings of the lattice between two nodes, powers of two:
+NARROWEST = 2  # at least; of a search from afar twice that
+WIDEST = 16
+DEVIATIONS = 1.0  # at least so many standard deviations are from node to node
+ROUGH = 1.0  # of the noise's variance: a roughness that is worth more nodes
+FARTHEST_I0 = 10.0  # times the given one, or a tenth
+CHUNK = 1 << 14  # points at a time
+
+
+class Minimum(NamedTuple):
+    """Of the misfit over the laws.
+
+    Attributes:
+        q: where it is.
+        widths: between two nodes along each unknown, in spacings of the lattice.
+        x: of q from the middle of the nodes, in those widths.
+        limited: whether I0 is as far from the given one as it may be.
+        covariance: of q, by the scatter of the misfit and the roughness of the runs.
+        misfit: of the velocity, relative to its root mean square.
+        common: share of the points that all runs and the data have.
+        roughness: of the runs, the variance in its largest direction relative to the noise's.
+    """
+
+    q: Array
+    widths: Widths
+    x: Array
+    limited: bool
+    covariance: Array
+    misfit: float
+    common: float
+    roughness: float
+
+    @property
+    def inside(self) -> bool:
+        """Whether it lies among the nodes."""
+        return bool(np.abs(self.x).max() <= 1) and not self.limited
+
+
+def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
+    """The law of the least misfit, from a start.
+
+    Args:
+        flow: the data on the points of the runs, with their noise.
+        start: (mu_s, mu_2), with the I0 of the runs.
+
+    Raises:
+        SimulationError: a solve did not converge.
+    """
+    begin = time.monotonic()
+    data = np.stack([flow.u, flow.v]).reshape(2, -1)[:, runs.points]
+    mu_s, mu_2 = start
+    q, widths = np.log([mu_s, mu_2 - mu_s]), np.full(2, 2 * NARROWEST)
+    for cells, unknowns in runs.stages:
+        last = (cells, unknowns) == runs.stages[-1]
+        more = unknowns - len(q)
+        q, widths = np.append(q, np.zeros(more)), np.append(widths, np.full(more, NARROWEST))
+        found = search(data, runs, cells, q, widths, last)
+        q, widths = found.q, found.widths
+    free = len(q) == 3
+    mu_s, mu_2, I0 = runs.law_at(q)
+    to_law = runs.law_by_q(q)
+    covariance = to_law @ found.covariance @ to_law.T
+    std = np.sqrt(np.diag(covariance)).tolist()
+    return SimulatorFit(
+        mu_s=mu_s,
+        mu_2=mu_2,
+        std=(std[0], std[1]),
+        misfit_percent=100 * found.misfit,
+        common_percent=100 * found.common,
+        inside=found.inside,
+        cells=cells,
+        runs=runs.made,
+        seconds=time.monotonic() - begin,
+        I0=I0 if free else None,
+        I0_std=std[2] if free else None,
+        correlation=float(covariance[1, 2]) / (std[1] * std[2]) if free else None,
+    )
+
+
+def search(
+    data: Array32, runs: LawRuns, cells: int, q: Array, widths: Widths, last: bool
+) -> Minimum:
+    """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
+    least = np.full(len(q), NARROWEST if last else 2 * NARROWEST)
+    found = settle(data, runs, cells, q, widths, least, composite(len(q)))
+    if not last or found.roughness <= ROUGH:
+        return found
+    return settle(data, runs, cells, found.q, found.widths, found.widths, filled(len(q)))
+
+
+def settle(
+    data: Array32,
+    runs: LawRuns,
+    cells: int,
+    q: Array,
+    widths: Widths,
+    least: Widths,
+    places: Sequence[Place],
+) -> Minimum:
+    """Moves the nodes, and changes their distances, until they stay where they are."""
+    seen: set[tuple[Node, Node]] = set()
+    nodes = around(q, widths, places)
+    while True:
+        seen.add((nodes[0], tuple(widths.tolist())))
+        found = closest(data, runs, cells, nodes, widths)
+        if found.inside:
+            std = np.sqrt(np.diag(found.covariance))
+            widths = asked_for(std / SPACING[: len(std)], least)
+        else:
+            widths = np.where(np.abs(found.x) >= REACH, np.minimum(2 * widths, WIDEST), widths)
+        nodes = around(found.q, widths, places)
+        if (nodes[0], tuple(widths.tolist())) in seen and not found.inside:
+            least = widths = np.minimum(2 * widths, WIDEST)  # they go round in circles
+            nodes = around(found.q, widths, places)
+        if (nodes[0], tuple(widths.tolist())) in seen or len(seen) == ROUNDS:
+            return found
+
+
+def around(q: Array, widths: Widths, places: Sequence[Place]) -> list[Node]:
+    """The nodes at the places around the one next to q, the middle one first."""
+    middle = widths * np.round(q / (widths * SPACING[: len(q)]))
+    return [tuple((middle + widths * np.array(x)).astype(int).tolist()) for x in places]
+
+
+def closest(
+    data: Array32, runs: LawRuns, cells: int, nodes: Sequence[Node], widths: Widths
+) -> Minimum:
+    """The least misfit of the surface through the nodes, of which the first is its middle."""
+    unit, middle = SPACING[: len(widths)], np.array(nodes[0])
+    S, energy, common = products(runs.velocities(cells, nodes), data)
+    surface = Surface((np.array(nodes) - middle) / widths)
+    nearest = surface.nearest(S, 2 * common * data.shape[1])
+    q = (middle + nearest.x * widths) * unit
+    q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
+    return Minimum(
+        q=q,
+        widths=widths,
+        x=nearest.x,
+        limited=bool((np.abs(q[2:]) >= math.log(FARTHEST_I0)).any()),
+        covariance=nearest.covariance * np.outer(widths * unit, widths * unit),
+        misfit=(nearest.misfit / energy) ** 0.5,
+        common=common,
+        roughness=nearest.roughness,
+    )
+
+
+def asked_for(std: Array, least: Widths) -> Widths:
+    """Powers of two of at least DEVIATIONS standard deviations, all in spacings of the lattice."""
+    wide = np.clip(DEVIATIONS * std, least, WIDEST)
+    return (2 ** np.ceil(np.log2(wide))).astype(int)
+
+
+def products(values: Sequence[Array32], data: Array32) -> tuple[Array, float, float]:
+    """S_kl = (v_k - d) (v_l - d), d d, and the share of the points where none is NaN."""
+    K, n = len(values), data.shape[1]
+    S, energy, common = np.zeros((K, K)), 0.0, 0
+    for part in (slice(k, k + CHUNK) for k in range(0, n, CHUNK)):
+        d, v = data[:, part].astype(np.float64), np.stack([value[:, part] for value in values])
+        known = np.isfinite(d).all(axis=0) & np.isfinite(v).all(axis=(0, 1))
+        misfits = (v - d)[:, :, known].reshape(K, -1)
+        S += misfits @ misfits.T
+        energy += float((d[:, known] ** 2).sum())
+        common += int(known.sum())
+    return S, energy, common / n

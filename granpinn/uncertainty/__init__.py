@@ -1,0 +1,1 @@
+"""Error bars, their calibration, and every verdict: on data, on a training, on the law."""

@@ -1,0 +1,239 @@
+"""The closed pressure: that of the simulator for its own velocity, and honest where it has none."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from granpinn.config import recipes
+from granpinn.data import Flow
+from granpinn.data.norms import relative_l2
+from granpinn.identification import simulated_fields
+from granpinn.identification.scoring import D2_STAGNANT, strain_rate
+from granpinn.second_opinion import simulated_pressure
+from granpinn.second_opinion.resimulation import Column, collapse_of
+from granpinn.simulation import Collapse, Engine, SimulationError, State
+from granpinn.simulation.engine import Start
+from granpinn.simulation.recorder import Recorder
+from granpinn.simulation.settling import settled_after
+
+Array = npt.NDArray[np.float64]
+LAW = (0.4, 0.64, 0.3)
+TIMES = (0.5, 1.5, 2.5, 3.5)
+
+
+class Known(NamedTuple):
+    """A flow of the simulator and its velocity at any point."""
+
+    flow: Flow
+    velocity: simulated_pressure.Velocity
+
+
+@pytest.fixture(scope="module")
+def known() -> Known:
+    recorder = Recorder(Collapse(*LAW[:2], cells=128, stride=2, threads=1))
+    engine, starts = Engine(recorder.collapse), list[State]()
+    before = settled_after(recorder.collapse)
+
+    def run_to(t: float) -> State:
+        while t - engine.time > 1e-9:
+            engine.step(t - engine.time)
+        return engine.state()
+
+    for t in TIMES:
+        starts.append(run_to(t - before))
+        recorder.add(t, run_to(t))
+    h = engine.spacing
+
+    def at(faces: Array, corner: tuple[float, float], x: Array, y: Array) -> Array:
+        axes = [h * (k + np.arange(n)) for k, n in zip(corner, faces.shape, strict=True)]
+        within = RegularGridInterpolator(axes, faces, bounds_error=False, fill_value=0.0)
+        return np.asarray(within((y, x)))
+
+    def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
+        (start,) = (s for s, end in zip(starts, TIMES, strict=True) if abs(end - before - t) < 1e-3)
+        return at(start.u, (0.5, 0.0), x, y), at(start.v, (0.0, 0.5), x, y)
+
+    return Known(recorder.flow(), velocity)
+
+
+def nothing(x: Array, y: Array, t: float) -> tuple[Array, Array]:
+    return np.zeros_like(x), np.zeros_like(y)
+
+
+def stagnant(flow: Flow, k: int) -> npt.NDArray[np.bool_]:
+    d2 = strain_rate(flow.u[k], flow.v[k], flow.y, flow.x)
+    return np.asarray(flow.valid[k] & (d2 * math.sqrt(10) < D2_STAGNANT))
+
+
+def error(p: Array, flow: Flow, k: int, where: npt.NDArray[np.bool_]) -> float:
+    assert flow.p is not None
+    found = relative_l2(p[where], flow.p[k][where])
+    assert found is not None
+    return found
+
+
+def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> None:
+    flow = known.flow
+    told: list[tuple[int, int]] = []
+    with ThreadPoolExecutor(2) as pool:
+        closed, record = simulated_pressure.close(
+            flow, LAW, known.velocity, 4, pool=pool, listener=lambda *done: told.append(done)
+        )
+    assert record.objection is None
+    assert (record.cells, record.frames) == (128, (0, 1, 2, 3))
+    assert (record.failed, record.late) == (0, 0)
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    for k, p in closed.items():
+        rest = stagnant(flow, k)
+        # About what another solver of the same collapse differs by (docs/simulator.md).
+        assert error(p, flow, k, flow.valid[k]) < 4
+        assert error(p, flow, k, rest) < 4
+        depth = (flow.c[k] > 0.5).sum(axis=0) * (flow.y[1] - flow.y[0]) - flow.y[:, None]
+        assert error(depth, flow, k, rest) > 20
+
+
+def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
+    with ThreadPoolExecutor(1) as one:
+        alone, _ = simulated_pressure.close(known.flow, LAW, known.velocity, 2, pool=one)
+    with ThreadPoolExecutor(2) as pool:
+        together = [
+            simulated_pressure.close(known.flow, LAW, known.velocity, 2, pool=pool)[0]
+            for _ in range(2)
+        ]
+        assert pool.submit(sum, (1, 2)).result() == 3
+    for closed in together:
+        assert list(closed) == list(alone) == [1, 3]
+        for k, p in closed.items():
+            np.testing.assert_array_equal(p, alone[k])
+
+
+def test_a_time_limit_leaves_time_for_every_case() -> None:
+    config = recipes.make(max_time=1e6, members=2, simulated_pressure__frames=10)
+    one, many = (simulated_fields.kept_after_training(config, members) for members in (2, 60))
+    cores = len(os.sched_getaffinity(0))
+    assert one == pytest.approx(
+        simulated_fields.AFTER_TRAINING + simulated_fields.CLOSING * 10 / cores
+    )
+    assert many - one == pytest.approx(simulated_fields.CLOSING * 29 * 10 / cores)
+    limited = dataclasses.replace(config, max_time=10.0)
+    assert simulated_fields.kept_after_training(limited, 60) == 2.5
+    assert simulated_fields.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
+
+
+def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:
+    last = known.flow.valid[3]
+    other, _ = simulated_pressure.close(known.flow, (0.1, 0.2, 0.3), known.velocity, 1)
+    still, _ = simulated_pressure.close(known.flow, LAW, nothing, 1)
+    assert list(other) == list(still) == [3]
+    assert error(other[3], known.flow, 3, last) > 8
+    assert error(still[3], known.flow, 3, last) > 8
+
+
+def test_the_grains_of_a_frame_are_those_of_the_solver() -> None:
+    recorder = Recorder(Collapse(cells=128, stride=1, threads=1))
+    engine = Engine(recorder.collapse)
+    recorder.add(0.0, engine.state())
+    recorder.add(1.0, engine.state())
+    found = simulated_pressure.fraction_of(recorder.flow(), 0, recorder.collapse)
+    c = engine.state().c
+    # A surface between two points is found to half of their distance: 10.7 x 106.7 cells.
+    assert abs(found.sum() / c.sum() - 1) < 0.5 / 10.7 + 0.5 / 106.7
+    assert np.abs(found[: c.shape[0], : c.shape[1]] - c).max() <= 0.5
+
+
+def test_grains_before_a_frame_are_between_two_frames(known: Known) -> None:
+    collapse = collapse_of(known.flow, Column(1.0, 10.0), LAW, None)
+    step = float(known.flow.t[2] - known.flow.t[1])
+    earlier, later = (simulated_pressure.fraction_of(known.flow, k, collapse) for k in (1, 2))
+    found = simulated_pressure.fraction_of(known.flow, 2, collapse, step)
+    np.testing.assert_array_equal(found, earlier)
+    between = simulated_pressure.fraction_of(known.flow, 2, collapse, 0.25 * step)
+    assert 0 < np.abs(between - later).sum() < np.abs(earlier - later).sum()
+    first = simulated_pressure.fraction_of(known.flow, 0, collapse, step)
+    np.testing.assert_array_equal(first, simulated_pressure.fraction_of(known.flow, 0, collapse))
+
+
+def test_frames_are_evenly_spaced_and_the_last_is_one_of_them() -> None:
+    assert simulated_pressure.evenly(list(range(1, 201)), 4) == [50, 100, 150, 200]
+    assert simulated_pressure.evenly([3, 5, 9], 25) == [3, 5, 9]
+    assert simulated_pressure.evenly([3, 5, 9], 2) == [5, 9]
+
+
+def elsewhere(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, x=flow.x + 5)
+
+
+def before(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, t=flow.t - 5)
+
+
+def cut_off(flow: Flow) -> Flow:
+    top = np.s_[:, :4]
+    cut = {name: getattr(flow, name)[top] for name in ("u", "v", "c", "p")}
+    return dataclasses.replace(flow, **cut, y=flow.y[:4], attributes={})
+
+
+def upwards(flow: Flow) -> Flow:
+    return dataclasses.replace(flow, gravity=(0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (elsewhere, "the grains do not stand in the corner of wall and floor"),
+        (before, "no frame after the start holds grains that the picture does not cut off"),
+        (cut_off, "no frame after the start holds grains that the picture does not cut off"),
+        (upwards, "gravity must point down"),
+    ],
+)
+def test_what_the_simulator_cannot_have_is_said(
+    change: Callable[[Flow], Flow], words: str, known: Known
+) -> None:
+    closed, record = simulated_pressure.close(change(known.flow), LAW, known.velocity, 3)
+    assert closed == {}
+    assert record.objection is not None
+    assert words in record.objection
+    assert record.frames == ()
+    assert str(record) == f"pressure not closed where nothing flows: {record.objection}"
+
+
+def test_cells_that_the_simulator_cannot_have_are_said(known: Known) -> None:
+    _, record = simulated_pressure.close(known.flow, LAW, known.velocity, 3, cells=33)
+    assert record.objection is not None
+    assert "cells must be a multiple of 8" in record.objection
+
+
+def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:
+    settle = simulated_pressure.settle
+
+    def failing(collapse: Collapse, start: Start) -> State:
+        if start.c.sum() == first:
+            raise SimulationError("a solve did not converge")
+        return settle(collapse, start)
+
+    collapse = collapse_of(known.flow, Column(1.0, 10.0), LAW, None)
+    first = simulated_pressure.fraction_of(known.flow, 0, collapse, settled_after(collapse)).sum()
+    monkeypatch.setattr(simulated_pressure, "settle", failing)
+    closed, record = simulated_pressure.close(known.flow, LAW, known.velocity, 4)
+    assert list(closed) == [1, 2, 3]
+    assert record.failed == 1
+    assert "(left out: 1 did not converge)" in str(record)
+
+
+def test_no_frame_is_begun_after_the_deadline(known: Known) -> None:
+    closed, record = simulated_pressure.close(
+        known.flow, LAW, known.velocity, 4, deadline=time.monotonic() - 1
+    )
+    assert (closed, record.frames, record.late) == ({}, (), 4)
+    assert "(left out: 4 had no time left)" in str(record)
