@@ -154,6 +154,9 @@ class Config:
     form: Literal["mixed", "strong"] = setting(
         "mixed", "residual: stress as an unknown (mixed), or the paper's equation (strong)"
     )
+    law: Literal["mu_of_i", "coulomb"] = setting(
+        "mu_of_i", "friction law: mu(I), or constant friction (coulomb)"
+    )
     recipe: Literal["default", "noisy", "paper"] = setting(
         "default",
         "named set of settings: the best known, the same for noise above a tenth of the largest "

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from granpinn.config import ConfigError, setting
+from granpinn.physics.laws import Law
 
 # The paper's column: 10 high and 1 wide under g = 1, with eta_max = 1e4 and air of 1e-4.
 PAPER_HEIGHT = 10.0
@@ -55,6 +58,7 @@ class Collapse:
     length_unit: str = setting("1", "name of the unit of length, for the flow file")
     time_unit: str = setting("1", "name of the unit of time")
     threads: int | None = setting(None, "threads; none: the processors at hand, at most 4")
+    law: str = setting("mu_of_i", "friction law: mu_of_i, or coulomb (constant friction mu_s)")
 
     def __post_init__(self) -> None:
         """Refuses what cannot be simulated, in one sentence."""
@@ -154,3 +158,8 @@ class Collapse:
     def largest_step(self) -> float:
         g = math.hypot(*self.gravity)
         return PAPER_LARGEST_STEP * math.sqrt(self.height / PAPER_HEIGHT / g)
+
+
+def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:
+    """The settings of `Collapse` that give it this friction law, as keyword arguments."""
+    return {"law": law.name, **dict(zip(law.names, theta, strict=True))}

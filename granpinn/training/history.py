@@ -17,6 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.physics.laws import Law
+from granpinn.physics.terms import NAMES
+
 
 @dataclass(frozen=True)
 class Row:
@@ -40,6 +43,11 @@ class Row:
 
 
 COLUMNS = tuple(f.name for f in fields(Row))
+
+
+def columns(law: Law) -> tuple[str, ...]:
+    """The columns of history.csv for a friction law."""
+    return ("step", "wall_s", "loss", *NAMES, *law.names, "learning_rate")
 
 
 def median(rows: Sequence[Row]) -> Row:
