@@ -37,8 +37,8 @@ cudaError_t evaluate(const DeviceLoss<T>& a, bool fast, const at::Tensor& params
   const auto stream = c10::cuda::getCurrentCUDAStream();
   if constexpr (std::is_same_v<T, float>) {
     const cudaDeviceProp& device = *at::cuda::getCurrentDeviceProperties();
-    fused::Plan plan;
-    if (fused::make_plan(
+    fused::LaunchPlan plan;
+    if (fused::make_launch_plan(
             a, fast,
             {device.multiProcessorCount, static_cast<int>(device.sharedMemPerBlockOptin),
              static_cast<int>(device.sharedMemPerMultiprocessor)},

@@ -51,7 +51,7 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   return matrix;
 }
 
-// What thread 0 finds out for its block while the others wait for their values.
+// Step state, loaded by thread 0 and broadcast to the block.
 template <class T>
 struct Update {
   bool frozen;  // who had a fault before this step, or has one that each block finds by itself
@@ -61,7 +61,7 @@ struct Update {
 };
 
 template <class T>
-__device__ void find_out(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
+__device__ void load_state(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
   const std::int64_t step = a.control.counter[0], count = a.members.counts[2 * e] + 1;
   const Sound now = sound(a, e);
   const double* row = a.control.row(step);
@@ -147,7 +147,7 @@ __global__ void __launch_bounds__(kThreads)
       param[k] = other[k] ? a.params[at] : T(0);
     }
     if (once) {
-      if (threadIdx.x == 0) find_out(a, e, update);
+      if (threadIdx.x == 0) load_state(a, e, update);
       __syncthreads();
       if (threadIdx.x == kThreads - 1) arrive(a.control);
     }

@@ -46,7 +46,7 @@ __device__ inline double sum_shares(double sum) {
   return sum;
 }
 
-__device__ inline void collect_loss(const DeviceLoss<float>& a, const Plan& plan,
+__device__ inline void collect_loss(const DeviceLoss<float>& a, const LaunchPlan& plan,
                                     const Scratch& scratch, std::int64_t e) {
   const int i = threadIdx.x;
   const double weight = i < kTerms ? static_cast<double>(a.term_weights.member(e)[i]) : 0.0;
@@ -66,8 +66,8 @@ __device__ inline void collect_loss(const DeviceLoss<float>& a, const Plan& plan
 // blockIdx = (hidden weights, then narrow parameters, then the loss; member), blockDim = (32, 8).
 template <int H>
 __global__ void __launch_bounds__(kCollectThreads)
-    collect_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
-                   const Scratch scratch) {
+    collect_kernel(const __grid_constant__ DeviceLoss<float> a,
+                   const __grid_constant__ LaunchPlan plan, const Scratch scratch) {
   wait_for_earlier();
   const std::int64_t e = blockIdx.y;
   const int L = plan.hidden, hidden_blocks = (L - 1) * H * H / kBlockWeights;

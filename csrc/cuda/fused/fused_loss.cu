@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
-Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::size_t* size) {
+Scratch carve(const DeviceLoss<float>& a, const LaunchPlan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
   std::size_t at = 0;
   const auto take = [&](std::int64_t bytes) {
@@ -40,7 +40,7 @@ Scratch carve(const DeviceLoss<float>& a, const Plan& plan, char* memory, std::s
 }
 
 template <int H>
-cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
+cudaError_t pack(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s,
                  cudaStream_t stream) {
   const std::int64_t threads = pack_threads<H>(plan);
   const std::int64_t longest = std::max<std::int64_t>(threads, plan.narrow());
@@ -51,8 +51,8 @@ cudaError_t pack(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
 }
 
 template <int H>
-cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
-                    cudaStream_t stream) {
+cudaError_t weights(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s,
+                    Chunk chunk, cudaStream_t stream) {
   return visit_weights<H>(plan, [&](auto policy) {
     using P = decltype(policy);
     const auto kernel = weights_kernel<P, H>;
@@ -65,7 +65,7 @@ cudaError_t weights(const DeviceLoss<float>& a, const Plan& plan, const Scratch&
   });
 }
 
-cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s, Chunk chunk,
+cudaError_t tiles(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s, Chunk chunk,
                   cudaStream_t stream) {
   switch (a.form) {
     case Form::data:
@@ -78,7 +78,7 @@ cudaError_t tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s
 }
 
 template <int H>
-cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
+cudaError_t run(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s,
                 cudaStream_t stream) {
   if (plan.tiles > 0) {
     if (const auto error = pack<H>(a, plan, s, stream)) return error;
@@ -96,14 +96,14 @@ cudaError_t run(const DeviceLoss<float>& a, const Plan& plan, const Scratch& s,
 
 }  // namespace
 
-bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
-               Plan& plan) {
+bool make_launch_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+                      LaunchPlan& plan) {
   const int L = a.net.layers - 1;
   const std::int64_t E = a.net.members;
   if (L < 1 || L > kDeepest || E > 65535 / kDeepest || a.net.count > INT32_MAX) return false;
   const std::int64_t widest = *std::max_element(a.net.widths + 1, a.net.widths + 1 + L);
   if (widest > kWidest) return false;
-  Plan p{};
+  LaunchPlan p{};
   p.hidden = L;
   p.outputs = static_cast<int>(a.net.outputs());
   for (int l = 0; l <= L; ++l) p.offsets[l] = static_cast<int>(a.net.offset(l));
@@ -153,13 +153,14 @@ bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits
   return true;
 }
 
-std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan) {
+std::size_t scratch_size(const DeviceLoss<float>& a, const LaunchPlan& plan) {
   std::size_t size = 0;
   carve(a, plan, nullptr, &size);
   return size;
 }
 
-cudaError_t loss(const DeviceLoss<float>& a, const Plan& plan, void* memory, cudaStream_t stream) {
+cudaError_t loss(const DeviceLoss<float>& a, const LaunchPlan& plan, void* memory,
+                 cudaStream_t stream) {
   std::size_t size = 0;
   const Scratch s = carve(a, plan, static_cast<char*>(memory), &size);
   return plan.H == 128 ? run<128>(a, plan, s, stream) : run<256>(a, plan, s, stream);

@@ -11,11 +11,12 @@ struct DeviceLimits {
 };
 
 // False where this path does not take the problem.
-bool make_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
-               Plan& plan);
-std::size_t scratch_size(const DeviceLoss<float>& a, const Plan& plan);
+bool make_launch_plan(const DeviceLoss<float>& a, bool tensor_cores, const DeviceLimits& device,
+                      LaunchPlan& plan);
+std::size_t scratch_size(const DeviceLoss<float>& a, const LaunchPlan& plan);
 
 // `memory` is as large as scratch_size says and aligned to 256 bytes.
-cudaError_t loss(const DeviceLoss<float>& a, const Plan& plan, void* memory, cudaStream_t stream);
+cudaError_t loss(const DeviceLoss<float>& a, const LaunchPlan& plan, void* memory,
+                 cudaStream_t stream);
 
 }  // namespace granpinn::cuda::fused

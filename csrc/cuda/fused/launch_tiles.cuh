@@ -8,7 +8,7 @@
 namespace granpinn::cuda::fused {
 
 template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
-cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
+cudaError_t launch(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& scratch,
                    Chunk chunk, cudaStream_t stream) {
   const auto kernel = tile_kernel<I, InteriorTask, S, SurfaceTask, Outputs, Blocks>;
   const int bytes = plan.tile_bytes();
@@ -21,8 +21,8 @@ cudaError_t launch(const DeviceLoss<float>& a, const Plan& plan, const Scratch& 
 
 template <Form form, int C, class InteriorTask, class SurfaceTask, int H, bool tensor_cores,
           Size size>
-cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
-                           Chunk chunk, cudaStream_t stream) {
+cudaError_t launch_variant(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                           const Scratch& scratch, Chunk chunk, cudaStream_t stream) {
   constexpr TileShape t = tile_shape(form, tensor_cores, size, H);
   constexpr int outputs = form == Form::strong ? 3 : 5;
   [[maybe_unused]] constexpr bool fine = fine_weights(form, tensor_cores);
@@ -43,7 +43,7 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const Plan& plan, const S
 }
 
 template <Form form, int C, class InteriorTask, class SurfaceTask>
-cudaError_t launch_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
+cudaError_t launch_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& scratch,
                          Chunk chunk, cudaStream_t stream) {
   const auto by_width = [&](auto tensor_cores, auto size) {
     constexpr bool tc = decltype(tensor_cores)::value;

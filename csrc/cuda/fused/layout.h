@@ -94,7 +94,7 @@ constexpr int tile_floats(TileShape tile, int H) {
 }
 
 // How a problem is cut up. Everything follows from its shape and the GPU.
-struct Plan {
+struct LaunchPlan {
   int H;                      // padded width
   int hidden;                 // hidden layers L
   int outputs;                // K
@@ -133,9 +133,9 @@ struct Plan {
   GRANPINN_HD std::int64_t scales() const { return std::int64_t(chunk) * tile.panel_rows / 4; }
 };
 
-// Position of a narrow parameter (Plan::narrow) among the network's, -1 for padding.
+// Position of a narrow parameter (LaunchPlan::narrow) among the network's, -1 for padding.
 template <int H>
-GRANPINN_HD int narrow_position(const DeviceNetwork<float>& net, const Plan& plan, int i) {
+GRANPINN_HD int narrow_position(const DeviceNetwork<float>& net, const LaunchPlan& plan, int i) {
   const int row = i / H, n = i % H, L = plan.hidden, K = plan.outputs;
   if (row < 3) return n < net.out(0) ? 3 * n + row : -1;
   const int layer = row < 3 + L ? row - 3 : L;

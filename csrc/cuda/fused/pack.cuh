@@ -22,8 +22,9 @@ struct ProductWeights {
   }
 };
 
-__device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net, const Plan& plan,
-                                                 const float* params, int layer, bool forward) {
+__device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net,
+                                                 const LaunchPlan& plan, const float* params,
+                                                 int layer, bool forward) {
   return {params + plan.offsets[layer], static_cast<int>(net.in(layer)),
           static_cast<int>(net.out(layer)), forward};
 }
@@ -36,8 +37,8 @@ struct WarpStream {
 
 // Elements 4 i .. 4 i + 3 of a stream in float32.
 template <int H>
-__device__ void pack_floats(const DeviceNetwork<float>& net, const Plan& plan, const float* params,
-                            const WarpStream& stream, int i) {
+__device__ void pack_floats(const DeviceNetwork<float>& net, const LaunchPlan& plan,
+                            const float* params, const WarpStream& stream, int i) {
   const int L = plan.hidden, parts = plan.tile.parts;
   constexpr int fours = kSlab * H / 4;  // of a product
   const int product = i / fours, at = i % fours;
@@ -55,8 +56,8 @@ __device__ void pack_floats(const DeviceNetwork<float>& net, const Plan& plan, c
 // [quarter][lane][register], two halves in each, see MmaEngine::multiply: its second half has the
 // second pieces or, of weights in one piece, further inputs.
 template <int H>
-__device__ void pack_halves(const DeviceNetwork<float>& net, const Plan& plan, const float* params,
-                            const WarpStream& stream, int i) {
+__device__ void pack_halves(const DeviceNetwork<float>& net, const LaunchPlan& plan,
+                            const float* params, const WarpStream& stream, int i) {
   const int L = plan.hidden;
   const int product = i * stream.parts / (kSlab * H / 8), threads = kSlab * H / 8 / stream.parts;
   const int at = i - product * threads, lane = at % 32, m = at / 32 % 2;  // of a product
@@ -93,14 +94,14 @@ __device__ void pack_halves(const DeviceNetwork<float>& net, const Plan& plan, c
 
 // Threads for a stream.
 template <int H>
-GRANPINN_HD std::int64_t pack_threads(const Plan& plan) {
+GRANPINN_HD std::int64_t pack_threads(const LaunchPlan& plan) {
   return plan.tensor_cores ? plan.products() * kSlab * (H / plan.tile.split) / 8
                            : plan.stream() / 4;
 }
 
-// Element i of the narrow parameters (Plan::narrow), zero for padding.
+// Element i of the narrow parameters (LaunchPlan::narrow), zero for padding.
 template <int H>
-__device__ float narrow_parameter(const DeviceNetwork<float>& net, const Plan& plan,
+__device__ float narrow_parameter(const DeviceNetwork<float>& net, const LaunchPlan& plan,
                                   const float* params, int i) {
   const int at = narrow_position<H>(net, plan, i);
   return at < 0 ? 0 : params[at];
@@ -109,7 +110,8 @@ __device__ float narrow_parameter(const DeviceNetwork<float>& net, const Plan& p
 // blockIdx = (share of a piece, piece, member). Piece 0 is the narrow parameters; the others are
 // the warps' streams, [part of the inputs][slab], each [product][stage].
 template <int H, bool TensorCores>
-__device__ void pack_share(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch) {
+__device__ void pack_share(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                           const Scratch& scratch) {
   const std::int64_t e = blockIdx.z;
   const float* params = a.net.params + e * a.net.count;
   const int i = blockIdx.x * kPackThreads + threadIdx.x;
@@ -132,8 +134,8 @@ __device__ void pack_share(const DeviceLoss<float>& a, const Plan& plan, const S
 // Runs beside the draw of the batch, where that comes before: the two share no memory.
 template <int H, bool TensorCores>
 __global__ void __launch_bounds__(kPackThreads)
-    pack_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
-                const Scratch scratch) {
+    pack_kernel(const __grid_constant__ DeviceLoss<float> a,
+                const __grid_constant__ LaunchPlan plan, const Scratch scratch) {
   if (a.drawn)
     let_next_start();
   else

@@ -136,7 +136,7 @@ class Tile {
   // member's panel and scales number `layer`. Instructions are few, as each is fetched for one use.
   template <bool Forward>
   __device__ void put(const Values& a, int layer, void* panels, int* scales) {
-    const Plan& plan = net_.plan;
+    const LaunchPlan& plan = net_.plan;
     const int point0 = E::point(0);
     auto* to = static_cast<typename E::Element*>(panels) + layer * plan.panel() +
                (first_row_ + point0) * E::H;

@@ -102,7 +102,7 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
 
 // The panels of a member.
 template <class E>
-__device__ void* panels_of(void* all, std::int64_t e, const Plan& plan) {
+__device__ void* panels_of(void* all, std::int64_t e, const LaunchPlan& plan) {
   return static_cast<typename E::Element*>(all) + e * (plan.hidden - 1) * plan.panel();
 }
 
@@ -110,8 +110,8 @@ __device__ void* panels_of(void* all, std::int64_t e, const Plan& plan) {
 // I and S are the engines of interior and surface tiles: same width, for the surface no more rows.
 template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
 __global__ void __launch_bounds__(I::threads, Blocks)
-    tile_kernel(const __grid_constant__ DeviceLoss<float> a, const __grid_constant__ Plan plan,
-                const Scratch scratch, const Chunk chunk) {
+    tile_kernel(const __grid_constant__ DeviceLoss<float> a,
+                const __grid_constant__ LaunchPlan plan, const Scratch scratch, const Chunk chunk) {
   static_assert(I::R >= S::R && I::threads == S::threads, "tiles share their memory");
   constexpr bool few = kFewValues<I>;
   static_assert(few == kFewValues<S>, "they start alike");

@@ -31,7 +31,7 @@ struct TileMemory {
 
 // What a block knows of its member's network.
 struct TileNetwork {
-  Plan plan;
+  LaunchPlan plan;
   const float* narrow;  // weights of the first and last layer, biases
   float* stash;         // this block's
   void* activations;    // of this member: [L - 1][panel]

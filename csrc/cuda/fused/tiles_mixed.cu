@@ -2,8 +2,8 @@
 
 namespace granpinn::cuda::fused {
 
-cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
-                               Chunk chunk, cudaStream_t stream) {
+cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                               const Scratch& scratch, Chunk chunk, cudaStream_t stream) {
   return launch_tiles<Form::mixed, 4, Interior<MixedForm>, Surface<PressureMap::softplus>>(
       a, plan, scratch, chunk, stream);
 }

@@ -2,7 +2,7 @@
 
 namespace granpinn::cuda::fused {
 
-cudaError_t launch_strong_tiles(const DeviceLoss<float>& a, const Plan& plan,
+cudaError_t launch_strong_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
                                 const Scratch& scratch, Chunk chunk, cudaStream_t stream) {
   return launch_tiles<Form::strong, 7, Interior<StrongForm<PressureMap::linear>>,
                       Surface<PressureMap::linear>>(a, plan, scratch, chunk, stream);

@@ -5,11 +5,11 @@
 
 namespace granpinn::cuda::fused {
 
-cudaError_t launch_data_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
-                              Chunk chunk, cudaStream_t stream);
-cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const Plan& plan, const Scratch& scratch,
-                               Chunk chunk, cudaStream_t stream);
-cudaError_t launch_strong_tiles(const DeviceLoss<float>& a, const Plan& plan,
+cudaError_t launch_data_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                              const Scratch& scratch, Chunk chunk, cudaStream_t stream);
+cudaError_t launch_mixed_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                               const Scratch& scratch, Chunk chunk, cudaStream_t stream);
+cudaError_t launch_strong_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
                                 const Scratch& scratch, Chunk chunk, cudaStream_t stream);
 
 }  // namespace granpinn::cuda::fused

@@ -107,7 +107,8 @@ class Scales {
 // blockIdx = (tile of weights, split of the rows, member x layer). The ring has 2 or 3 stages.
 template <class P, int H>
 __global__ void __launch_bounds__(P::threads, 1)
-    weights_kernel(const __grid_constant__ Plan plan, const Scratch scratch, const Chunk chunk) {
+    weights_kernel(const __grid_constant__ LaunchPlan plan, const Scratch scratch,
+                   const Chunk chunk) {
   using Element = typename P::Element;
   extern __shared__ __align__(16) unsigned char memory[];
   Element* shared = reinterpret_cast<Element*>(memory);

@@ -30,7 +30,7 @@ constexpr double kAddTime = 3e-4;
 
 // Calls `visit` with the policy of the weights kernel.
 template <int H, class Visit>
-auto visit_weights(const Plan& plan, Visit visit) {
+auto visit_weights(const LaunchPlan& plan, Visit visit) {
   if constexpr (H == 256)
     if (plan.weights_rows == 256)
       return plan.tensor_cores ? visit(MmaWeights<256, 64>{}) : visit(SimtWeights<256, 16>{});
@@ -41,14 +41,14 @@ auto visit_weights(const Plan& plan, Visit visit) {
 
 // Stages of a block, if the rows of a chunk go into so many splits.
 template <class P>
-std::int64_t split_stages(const Plan& plan, std::int64_t splits) {
+std::int64_t split_stages(const LaunchPlan& plan, std::int64_t splits) {
   const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.panel_rows;
   return ceil_div(ceil_div(rows, P::stage_rows), splits);
 }
 
 // Time of the weights kernel, and of adding up the splits.
 template <class P>
-double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) {
+double weights_time(const LaunchPlan& plan, std::int64_t panels, int multiprocessors) {
   const WeightsTime time = weights_time(plan.tensor_cores, plan.weights_rows);
   const std::int64_t weights = panels * plan.H * plan.H * plan.splits;
   const auto rows = static_cast<double>(split_stages<P>(plan, plan.splits) * P::stage_rows);
@@ -58,11 +58,11 @@ double weights_time(const Plan& plan, std::int64_t panels, int multiprocessors) 
 
 // Chooses tile, stages and splits for `panels` pairs of panels (members x hidden layers); false
 // where no tile fits.
-inline bool plan_weights(Plan& plan, std::int64_t panels, const DeviceLimits& device) {
+inline bool plan_weights(LaunchPlan& plan, std::int64_t panels, const DeviceLimits& device) {
   double best = 0;
   for (const int tile_rows : {64, 128, 256}) {
     if (tile_rows > plan.H) continue;
-    Plan p = plan;
+    LaunchPlan p = plan;
     p.weights_rows = tile_rows;
     const auto consider = [&](auto policy) {
       using P = decltype(policy);
