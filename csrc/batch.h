@@ -21,16 +21,16 @@ struct BatchArguments {
   const T* point_weights;          // [N, 2]
   const T* surface_points;         // [M, 3]
   const T* surface_pressure;       // [M]
-  const T* term_weights;           // [E, 5]
+  const T* term_weights;           // [E, kTerms]
   T* to_points;                    // [E, interior, 3], likewise below
   T* to_velocity;
   T* to_point_weights;
   T* to_surface_points;  // [E, surface, 3]
   T* to_surface_pressure;
-  T* to_term_weights;  // [E, 5]
+  T* to_term_weights;  // [E, kTerms]
 };
 
-// Row i of a table, read before it is put down: the rows of all tables are on their way together.
+// Row i of a table: all rows are read before one is stored, so that the loads overlap.
 template <int K, class T>
 struct Row {
   T values[K];
@@ -82,7 +82,7 @@ GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, 
 template <class T>
 GRANPINN_HD void weigh_terms(const BatchArguments<T>& a, std::int64_t e, std::int64_t step) {
   Row<kTerms, T> weights(a.term_weights, e);
-  weights.values[0] *= static_cast<T>(a.control.row(step)[2 + e]);
+  weights.values[kVelocity] *= static_cast<T>(a.control.row(step)[2 + e]);
   weights.put(a.to_term_weights, e);
 }
 

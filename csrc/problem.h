@@ -3,17 +3,21 @@
 
 #include <cstdint>
 
-#include "math/rheology.h"
+#include "math/laws/laws.h"
+#include "math/physics.h"
+#include "math/terms.h"
 
 namespace granpinn {
 
 enum class Form { data, mixed, strong };
 
-// Number of loss terms: velocity, surface, momentum, continuity, constitutive.
-constexpr int kTerms = 5;
+// Channels of the network's jet that a form reads at interior points.
+GRANPINN_HD constexpr int channels_of(Form form) {
+  return form == Form::data ? 1 : form == Form::mixed ? 4 : 7;
+}
 
-// Which of them a residual of a form belongs to.
-GRANPINN_HD int term_of(int residual) { return residual < 2 ? 2 : residual == 2 ? 3 : 4; }
+// The sums that a pass over the points leaves: squares of the terms, then the gradient by theta.
+constexpr int kSums = kTerms + kMaxLawParameters;
 
 template <class T>
 struct Network {
@@ -43,7 +47,8 @@ struct LossArguments {
   Network<T> net;
   Form form;
   Physics<T> physics;
-  T theta[3];  // mu_s, mu_2, I0
+  LawName law;
+  T theta[kMaxLawParameters];
   T term_weights[kTerms];
   std::int64_t n, m;          // interior and surface points
   const T* points;            // [n, 3]
@@ -51,6 +56,32 @@ struct LossArguments {
   const T* point_weights;     // [n, 2]
   const T* surface_points;    // [m, 3]
   const T* surface_pressure;  // [m]
+};
+
+// The viscosity at n points: eta, or the adjoints of gamma_dot, p and theta at each point from `grad`,
+// that of eta.
+template <class T>
+struct ViscosityArguments {
+  Physics<T> physics;
+  LawName law;
+  const T* theta;  // [parameters of the law]
+  std::int64_t n;
+  const T *gamma_dot, *p, *grad;            // [n]
+  T* eta;                                   // [n]
+  T *grad_gamma_dot, *grad_p, *grad_theta;  // [n], [n], [n, parameters of the law]
+};
+
+// The residuals of a form at n points, from raw jets of the network.
+template <class T>
+struct ResidualArguments {
+  Form form;
+  bool softplus;  // map of the pressure: softplus for the network of the mixed form, else linear
+  Physics<T> physics;
+  LawName law;
+  const T* theta;  // [parameters of the law]
+  std::int64_t n, fields;
+  const T* jets;  // [channels, n, fields]
+  T* out;         // [n, residuals]
 };
 
 }  // namespace granpinn

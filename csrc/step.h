@@ -1,9 +1,9 @@
 // One optimization step of E members in plain structs: what the kernels of any device read and
-// write. Everything lives on the device; the step finds its row of the control table by itself.
+// write. Everything lives on the device; the step counter selects the row of the control table.
 //
-// Order of a step: batch_loss, update, descend. The first fault of a member freezes it: it is not
-// updated any more. What its last update leaves, that of the step with the fault, is to be taken
-// back: parts that find no fault themselves may have made it.
+// Order of a step: batch_loss, update, descend. The first fault of a member freezes it: later steps
+// do not update it. The caller must undo the update of the faulty step: parts of it that found no
+// fault have been made.
 #pragma once
 
 #include <cstdint>
@@ -14,13 +14,13 @@
 
 namespace granpinn {
 
-// What was not finite, in the order in which a step comes across it.
+// What was not finite, in the order of a step.
 enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars };
 constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
 constexpr std::int64_t kHealthy = INT64_MAX;
 
-// Where the run is. `counter` is (step, step of the table's first row, 0): update advances the
-// step; on a GPU it counts in the last number which of its blocks have read what it changes then.
+// The step of the run and its control table. `counter` is (step, step of the table's first row, 0).
+// update advances the step; on a GPU, the last number counts the blocks that have read the step.
 struct Control {
   std::int64_t* counter;  // [3]
   const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
@@ -37,9 +37,9 @@ struct Control {
 
 // The learning rates and the faults of the members.
 struct Members {
-  const double* slower;  // [E] factor on every learning rate
-  std::int64_t* fault;   // [E]
-  std::int64_t* counts;  // [E, 2] updates since a reset: of the network and of the friction law
+  const double* lr_scale;  // [E] factor on every learning rate
+  std::int64_t* fault;     // [E]
+  std::int64_t* counts;    // [E, 2] updates since a reset: of the network and of the friction law
 
   // Whether something before `what` went wrong, in this step or an earlier one.
   GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
@@ -59,9 +59,9 @@ struct LawArguments {
   AdamSettings adam;
   LawVariables variables;
   bool moves;
-  const T* gradient;              // [E, 3] by theta
-  T *q, *first, *second, *theta;  // [E, law_numbers], likewise, likewise, [E, 3]
-  T* average_q;                   // [E, law_numbers]
+  const T* gradient;              // by theta, [E, parameters] like all below
+  T *q, *first, *second, *theta;  // variables, their moments, parameters
+  T* average_q;
 };
 
 template <class T>
@@ -89,8 +89,11 @@ struct Sound {
 };
 template <class T>
 GRANPINN_HD Sound sound(const UpdateArguments<T>& a, std::int64_t e) {
-  const T* g = a.law.gradient + 3 * e;
-  return {finite(a.loss[e]), finite(g[0]) && finite(g[1]) && finite(g[2])};
+  const T* g = a.law.gradient + a.law.variables.parameters * e;
+  bool law = true;
+  for (int k = 0; k < kMaxLawParameters; ++k)
+    law &= k >= a.law.variables.parameters || finite(g[k]);
+  return {finite(a.loss[e]), law};
 }
 
 // The momentum of Muon (Jordan et al., 2024): its mean, and the look ahead.
@@ -124,53 +127,48 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
   return good;
 }
 
-// The bounds of log mu_s and of log(mu_2 - mu_s): a wild early step is not final.
-constexpr double kLowestLogarithm = -4.605170185988091, kHighestLogarithm = 1.0986122886681098;
-
 // The friction law of member e: its update, its average, and theta for the next step; false where
-// something would not be finite. All numbers are read before one is written, so that they can be on
-// their way together.
+// something would not be finite. All loads are issued before any store, so that they overlap.
 template <class T>
 GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
+  constexpr int N = kMaxLawParameters;
   const LawArguments<T>& a = arguments.law;
+  const LawVariables& v = a.variables;
   const double* row = arguments.control.row(step);
-  const double factor = row[0] * arguments.members.slower[e];
+  const double factor = row[0] * arguments.members.lr_scale[e];
   const T weight = static_cast<T>(row[1]);
   std::int64_t* count = arguments.members.counts + 2 * e + 1;
-  const std::int64_t t = *count + 1;
-  const int numbers = law_numbers(a.variables);
-  T q[3] = {}, first[3] = {}, second[3] = {}, average[3] = {}, theta[3], grad_theta[3];
-  for (int i = 0; i < 3; ++i) {
-    theta[i] = a.theta[3 * e + i];
-    grad_theta[i] = a.gradient[3 * e + i];
-    if (i >= numbers) continue;
-    const std::int64_t at = numbers * e + i;
-    q[i] = a.q[at];
-    first[i] = a.first[at];
-    second[i] = a.second[at];
-    average[i] = a.average_q[at];
+  const std::int64_t t = *count + 1, at = v.parameters * e;
+  T q[N] = {}, first[N] = {}, second[N] = {}, average[N] = {}, theta[N] = {}, theta_a[N] = {};
+  for (int k = 0; k < N; ++k) {
+    if (k >= v.parameters) continue;
+    theta[k] = a.theta[at + k];
+    theta_a[k] = a.gradient[at + k];
+    q[k] = a.q[at + k];
+    first[k] = a.first[at + k];
+    second[k] = a.second[at + k];
+    average[k] = a.average_q[at + k];
   }
   bool good = true;
   if (a.moves) {
-    T grad_q[3] = {};
-    law_pull_back(a.variables, q, grad_theta, grad_q);
+    T q_a[N] = {};
+    pull_back(v, q, theta_a, q_a);
     const AdamRates<T> rates = adam_rates<T>(a.adam, factor, t);
-    for (int i = 0; i < 3; ++i) {
-      if (i < numbers) good &= adam(rates, grad_q[i], q + i, first + i, second + i);
-      if (a.variables == LawVariables::logarithm)
-        q[i] = minimum(maximum(q[i], T(kLowestLogarithm)), T(kHighestLogarithm));
+    for (int k = 0; k < N; ++k) {
+      if (k >= v.parameters || v.kind[k] == Variable::fixed) continue;
+      good &= adam(rates, q_a[k], q + k, first + k, second + k);
+      q[k] = minimum(maximum(q[k], static_cast<T>(v.low[k])), static_cast<T>(v.high[k]));
     }
-    law_from(a.variables, q, theta);
+    theta_from(v, q, theta);
     *count = t;
   }
-  for (int i = 0; i < 3; ++i) {
-    a.theta[3 * e + i] = theta[i];
-    if (i >= numbers) continue;
-    const std::int64_t at = numbers * e + i;
-    a.q[at] = q[i];
-    a.first[at] = first[i];
-    a.second[at] = second[i];
-    if (weight > T(0)) a.average_q[at] = interpolate(average[i], q[i], weight);
+  for (int k = 0; k < N; ++k) {
+    if (k >= v.parameters) continue;
+    a.theta[at + k] = theta[k];
+    a.q[at + k] = q[k];
+    a.first[at + k] = first[k];
+    a.second[at + k] = second[k];
+    if (weight > T(0)) a.average_q[at + k] = interpolate(average[k], q[k], weight);
   }
   return good;
 }

@@ -38,7 +38,7 @@ struct GradientSum {
   static constexpr int kBlock = 32;  // tiles
 
   T* block;           // padded layout, zero at the start
-  double* total;      // likewise; set by the first flush
+  double* total;      // padded layout; set by the first flush
   std::int64_t size;  // of either
   int tiles = 0;      // in the block
   bool flushed = false;
@@ -56,12 +56,12 @@ struct GradientSum {
   }
 };
 
-// What one thread adds up of the loss.
+// The sums of the loss over the tiles of one thread.
 template <class T>
 struct LossSums {
   GradientSum<T> gradient;
   double squares[kTerms] = {};  // sums of weighted squared residuals
-  double theta[3] = {};
+  double theta[kMaxLawParameters] = {};
 };
 
 template <class T>
@@ -77,16 +77,12 @@ struct KernelTable {
   // Tiles [begin, end) of the loss; interior tiles first, then those of the surface.
   void (*loss)(const LossArguments<T>&, std::int64_t begin, std::int64_t end, LossSums<T>* sums,
                T* workspace);
-  // Residuals [n, 3 or 5] from raw network jets [channels, n, fields].
-  void (*residuals)(Form, bool softplus, const Physics<T>&, const T* theta, const T* jets,
-                    std::int64_t n, std::int64_t fields, T* out);
-  // eta [n] and its derivatives [n, 5] by gamma_dot, p, mu_s, mu_2, I0 (where not null).
-  void (*viscosity)(const Physics<T>&, const T* theta, const T* gamma_dot, const T* p,
-                    std::int64_t n, T* eta, T* derivatives);
+  // Residuals, eta, and the adjoint of eta (problem.h).
+  void (*residuals)(const ResidualArguments<T>&);
+  void (*viscosity)(const ViscosityArguments<T>&);
+  void (*viscosity_adjoint)(const ViscosityArguments<T>&);
   // The orthogonal factor of G [m, n], roughly; see orthogonalize.h, also for the workspace.
   void (*orthogonalize)(const T* G, std::int64_t m, std::int64_t n, T* out, T* workspace);
-  // Multiply-adds in registers, for the benchmarks; returns how many operations they were.
-  double (*multiply_add)(std::int64_t rounds, T* sink);
 };
 
 // The table for this processor; GRANPINN_CPU=generic|avx2|avx512 in the environment lowers it.

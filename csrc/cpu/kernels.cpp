@@ -4,10 +4,9 @@
 // linker may share between objects would carry one processor's instructions to another.
 #include "kernel_table.h"
 
-#include "fma_peak.h"
-#include "math/dual.h"
-#include "math/mixed_form.h"
-#include "math/strong_form.h"
+#include "math/forms/mixed.h"
+#include "math/forms/strong.h"
+#include "math/viscosity.h"
 #include "mlp_tile.h"
 #include "orthogonalize.h"
 
@@ -48,10 +47,16 @@ void jet_adjoint(const Network<T>& net, const T* points, std::int64_t begin, std
   }
 }
 
+// The parameters of a law in every lane.
 template <class T>
-FrictionLaw<Vec<T>> friction_law(const T* theta) {
-  return {Vec<T>(theta[0]), Vec<T>(theta[1]), Vec<T>(theta[2])};
-}
+struct LawValues {
+  Vec<T> theta[kMaxLawParameters];
+
+  LawValues(LawName law, const T* from) {
+    for (int i = 0; i < kMaxLawParameters; ++i)
+      theta[i] = Vec<T>(i < parameters_of(law) ? from[i] : T(0));
+  }
+};
 
 // Values of a tile's points, [count] apart by `stride`, with zeros behind the last point.
 template <class T>
@@ -75,7 +80,7 @@ void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile
   for (int k = 0; k < 2; ++k) {
     alignas(64) T target[kTile];
     load_column(a.velocity + 2 * at + k, 2, count, target);
-    const T factor = a.term_weights[0] / static_cast<T>(a.n) * a.physics.velocity_scale;
+    const T factor = a.term_weights[kVelocity] / static_cast<T>(a.n) * a.physics.velocity_scale;
     for (int p = 0; p < kTile; p += kLanes<T>) {
       const V weight = V::load(w + p);
       const V e = V(a.physics.velocity_scale) * V::load(raw + k * kTile + p) - V::load(target + p);
@@ -86,7 +91,7 @@ void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile
 }
 
 // An interior tile: velocity misfit and, where the form has them, the equations.
-template <class F, class T>
+template <class F, class Law, class T>
 void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::int64_t at,
                    LossSums<T>* sums) {
   using V = Vec<T>;
@@ -96,23 +101,24 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
   alignas(64) T w_velocity[kTile], w_physics[kTile];
   load_column(a.point_weights + 2 * at, 2, count, w_velocity);
   load_column(a.point_weights + 2 * at + 1, 2, count, w_physics);
-  const FrictionLaw<V> law = friction_law(a.theta);
+  const LawValues<T> law(a.law, a.theta);
   for (int p = 0; p < kTile; p += kLanes<T>) {
     V z[F::fields][F::channels], g[F::fields][F::channels];
-    V w[F::residuals], e[F::residuals], g_law[3];
+    V w[F::residuals], e[F::residuals], g_theta[kMaxLawParameters];
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) z[k][c] = V::load(raw + (c * K + k) * kTile + p);
     const V weight = V::load(w_physics + p);
     for (int r = 0; r < F::residuals; ++r)
-      w[r] = V(a.term_weights[term_of(r)] / static_cast<T>(a.n)) * weight;
-    F::gradient(z, law, a.physics, w, e, g, g_law);
+      w[r] = V(a.term_weights[F::term_of(r)] / static_cast<T>(a.n)) * weight;
+    F::template gradient<Law>(z, law.theta, a.physics, w, e, g, g_theta);
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) g[k][c].store(tile.g + (c * K + k) * kTile + p);
     for (int r = 0; r < F::residuals; ++r)
-      sums->squares[term_of(r)] += weighted_square<T>(weight, e[r]);
-    for (int i = 0; i < 3; ++i) sums->theta[i] += static_cast<double>(g_law[i].sum());
+      sums->squares[F::term_of(r)] += weighted_square<T>(weight, e[r]);
+    for (int i = 0; i < Law::parameters; ++i)
+      sums->theta[i] += static_cast<double>(g_theta[i].sum());
   }
-  velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[0]);
+  velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[kVelocity]);
   backward<F::channels>(a.net, tile, tile.g, sums->gradient.block);
 }
 
@@ -125,7 +131,7 @@ void data_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::int64
   alignas(64) T w_velocity[kTile];
   load_column(a.point_weights + 2 * at, 2, count, w_velocity);
   for (std::int64_t i = 0; i < K * kTile; ++i) tile.g[i] = T(0);
-  velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[0]);
+  velocity_misfit(a, raw, w_velocity, at, count, tile.g, &sums->squares[kVelocity]);
   backward<1>(a.net, tile, tile.g, sums->gradient.block);
 }
 
@@ -141,11 +147,11 @@ void surface_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::in
   load_column(a.surface_pressure + at, 1, count, target);
   for (int p = 0; p < kTile; ++p) w[p] = p < count ? T(1) : T(0);
   for (std::int64_t i = 0; i < K * kTile; ++i) tile.g[i] = T(0);
-  const T factor = a.term_weights[1] / static_cast<T>(a.m);
+  const T factor = a.term_weights[kSurface] / static_cast<T>(a.m);
   for (int p = 0; p < kTile; p += kLanes<T>) {
     const V z = V::load(raw + 2 * kTile + p), weight = V::load(w + p);
     const V e = pressure_value<map>(z, a.physics.pressure_scale) - V::load(target + p);
-    sums->squares[1] += weighted_square<T>(weight, e);
+    sums->squares[kSurface] += weighted_square<T>(weight, e);
     (V(factor) * weight * e * pressure_slope<map>(z, a.physics.pressure_scale))
         .store(tile.g + 2 * kTile + p);
   }
@@ -158,71 +164,100 @@ void loss(const LossArguments<T>& a, std::int64_t begin, std::int64_t end, LossS
   const std::int64_t interior = (a.n + kTile - 1) / kTile;
   for (std::int64_t i = begin; i < end; ++i) {
     const bool inside = i < interior;
-    const int C = !inside || a.form == Form::data ? 1 : a.form == Form::mixed ? 4 : 7;
+    const int C = inside ? channels_of(a.form) : 1;
     const TileBuffers<T> tile(a.net, C, workspace);
     const std::int64_t at = (inside ? i : i - interior) * kTile;
     if (!inside && a.net.outputs() == MixedForm::fields)
       surface_tile<PressureMap::softplus>(a, tile, at, sums);
     else if (!inside)
       surface_tile<PressureMap::linear>(a, tile, at, sums);
-    else if (a.form == Form::mixed)
-      interior_tile<MixedForm>(a, tile, at, sums);
-    else if (a.form == Form::strong)
-      interior_tile<StrongForm<PressureMap::linear>>(a, tile, at, sums);
-    else
+    else if (a.form == Form::data)
       data_tile(a, tile, at, sums);
+    else
+      visit_law(a.law, [&](auto law) {
+        using Law = decltype(law);
+        if (a.form == Form::mixed)
+          interior_tile<MixedForm, Law>(a, tile, at, sums);
+        else
+          interior_tile<StrongForm<PressureMap::linear>, Law>(a, tile, at, sums);
+      });
     sums->gradient.tile_done();
   }
 }
 
-template <class F, class T>
-void form_residuals(const Physics<T>& physics, const T* theta, const T* jets, std::int64_t n,
-                    std::int64_t fields, T* out) {
+template <class F, class Law, class T>
+void form_residuals(const ResidualArguments<T>& a) {
   using V = Vec<T>;
-  const FrictionLaw<V> law = friction_law(theta);
-  for (std::int64_t at = 0; at < n; at += kLanes<T>) {
+  const LawValues<T> law(a.law, a.theta);
+  for (std::int64_t at = 0; at < a.n; at += kLanes<T>) {
     V z[F::fields][F::channels], e[F::residuals];
-    const std::int64_t count = n - at < kLanes<T> ? n - at : kLanes<T>;
+    const std::int64_t count = a.n - at < kLanes<T> ? a.n - at : kLanes<T>;
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c)
         for (int p = 0; p < kLanes<T>; ++p)
-          z[k][c].v[p] = jets[(c * n + at + (p < count ? p : count - 1)) * fields + k];
-    residuals_of<F>(z, law, physics, e);
+          z[k][c].v[p] = a.jets[(c * a.n + at + (p < count ? p : count - 1)) * a.fields + k];
+    residuals_of<F, Law>(z, law.theta, a.physics, e);
     for (std::int64_t p = 0; p < count; ++p)
-      for (int r = 0; r < F::residuals; ++r) out[(at + p) * F::residuals + r] = e[r].v[p];
+      for (int r = 0; r < F::residuals; ++r) a.out[(at + p) * F::residuals + r] = e[r].v[p];
   }
 }
 
 template <class T>
-void residuals(Form form, bool softplus, const Physics<T>& physics, const T* theta, const T* jets,
-               std::int64_t n, std::int64_t fields, T* out) {
-  if (form == Form::mixed)
-    form_residuals<MixedForm>(physics, theta, jets, n, fields, out);
-  else if (softplus)
-    form_residuals<StrongForm<PressureMap::softplus>>(physics, theta, jets, n, fields, out);
-  else
-    form_residuals<StrongForm<PressureMap::linear>>(physics, theta, jets, n, fields, out);
+void residuals(const ResidualArguments<T>& a) {
+  visit_law(a.law, [&](auto law) {
+    using Law = decltype(law);
+    if (a.form == Form::mixed)
+      form_residuals<MixedForm, Law>(a);
+    else if (a.softplus)
+      form_residuals<StrongForm<PressureMap::softplus>, Law>(a);
+    else
+      form_residuals<StrongForm<PressureMap::linear>, Law>(a);
+  });
+}
+
+// `count` values from `at` on, the last one again behind them.
+template <class T>
+Vec<T> load_lanes(const T* from, std::int64_t at, std::int64_t count) {
+  Vec<T> out;
+  for (int i = 0; i < kLanes<T>; ++i) out.v[i] = from[at + (i < count ? i : count - 1)];
+  return out;
+}
+
+// Calls work(law, at, count) for the lanes from `at` on.
+template <class T, class Work>
+void each_viscosity(const ViscosityArguments<T>& a, const Work& work) {
+  visit_law(a.law, [&](auto law) {
+    for (std::int64_t at = 0; at < a.n; at += kLanes<T>)
+      work(law, at, a.n - at < kLanes<T> ? a.n - at : std::int64_t{kLanes<T>});
+  });
 }
 
 template <class T>
-void viscosity_values(const Physics<T>& physics, const T* theta, const T* gamma_dot, const T* p,
-                      std::int64_t n, T* eta, T* derivatives) {
-  using V = Vec<T>;
-  using D = Dual<V, 5>;
-  const FrictionLaw<D> law{D(V(theta[0]), 2), D(V(theta[1]), 3), D(V(theta[2]), 4)};
-  for (std::int64_t at = 0; at < n; at += kLanes<T>) {
-    const std::int64_t count = n - at < kLanes<T> ? n - at : kLanes<T>;
-    V rate, pressure;
-    for (int i = 0; i < kLanes<T>; ++i) {
-      rate.v[i] = gamma_dot[at + (i < count ? i : 0)];
-      pressure.v[i] = p[at + (i < count ? i : 0)];
-    }
-    const D value = viscosity(D(rate, 0), D(pressure, 1), law, physics);
+void viscosity_values(const ViscosityArguments<T>& a) {
+  const LawValues<T> values(a.law, a.theta);
+  each_viscosity(a, [&](auto law, std::int64_t at, std::int64_t count) {
+    const Vec<T> eta = viscosity<decltype(law)>(
+        load_lanes(a.gamma_dot, at, count), load_lanes(a.p, at, count), values.theta, a.physics);
+    for (std::int64_t i = 0; i < count; ++i) a.eta[at + i] = eta.v[i];
+  });
+}
+
+template <class T>
+void viscosity_gradient(const ViscosityArguments<T>& a) {
+  const LawValues<T> values(a.law, a.theta);
+  each_viscosity(a, [&](auto law, std::int64_t at, std::int64_t count) {
+    using Law = decltype(law);
+    Vec<T> by_gamma_dot, by_p, by_theta[kMaxLawParameters];
+    viscosity_adjoint<Law>(load_lanes(a.gamma_dot, at, count), load_lanes(a.p, at, count),
+                           values.theta, a.physics, load_lanes(a.grad, at, count), by_gamma_dot,
+                           by_p, by_theta);
     for (std::int64_t i = 0; i < count; ++i) {
-      if (eta) eta[at + i] = value.value.v[i];
-      for (int k = 0; derivatives && k < 5; ++k) derivatives[(at + i) * 5 + k] = value.d[k].v[i];
+      a.grad_gamma_dot[at + i] = by_gamma_dot.v[i];
+      a.grad_p[at + i] = by_p.v[i];
+      for (int k = 0; k < Law::parameters; ++k)
+        a.grad_theta[(at + i) * Law::parameters + k] = by_theta[k].v[i];
     }
-  }
+  });
 }
 
 template <class T>
@@ -252,8 +287,8 @@ constexpr KernelTable<T> kTable = {GRANPINN_STRING(GRANPINN_SIMD_NAMESPACE),
                                    loss<T>,
                                    residuals<T>,
                                    viscosity_values<T>,
-                                   orthogonalize<T>,
-                                   multiply_add<T>};
+                                   viscosity_gradient<T>,
+                                   orthogonalize<T>};
 
 const KernelTable<float>& table_float() { return kTable<float>; }
 const KernelTable<double>& table_double() { return kTable<double>; }

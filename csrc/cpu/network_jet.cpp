@@ -1,61 +1,51 @@
 // granpinn::network_jet and its adjoint on the CPU.
-#include "ops.h"
+#include "backend.h"
 #include "threads.h"
 
 namespace granpinn {
 
-at::Tensor network_jet_cpu(const at::Tensor& points, const at::Tensor& params, Ints widths,
-                           Doubles shift, Doubles scale, std::int64_t order) {
-  const std::int64_t count = parameter_count(widths, shift, scale);
-  const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
-  const Shared x = shared("points", points, params, E, {-1, 3});
-  const at::Tensor flat = params.contiguous();
-  const int C = channels_of(order);
-  const std::int64_t N = points.size(-2), K = widths.back();
-  at::Tensor out =
-      E ? at::empty({E, C, N, K}, params.options()) : at::empty({C, N, K}, params.options());
-  AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet", [&] {
-    for (std::int64_t e = 0; e < members; ++e) {
-      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
-      const std::int64_t tiles = tiles_of(N);
-      const Team<scalar_t> team(net, C, tiles);
-      scalar_t* to = out.mutable_data_ptr<scalar_t>() + e * C * N * K;
-      split(team.size(), tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
-        kernels<scalar_t>().jet(net, C, x.member<scalar_t>(e), begin * kTilePoints,
-                                std::min(end * kTilePoints, N), N, to, team.workspace(i));
-      });
-    }
-  });
-  return out;
+namespace {
+
+// Calls work(e, net, x, team) for every member: its network, points and threads.
+template <class T, class Work>
+void each_member(const JetTensors& in, const Work& work) {
+  for (std::int64_t e = 0; e < in.members(); ++e) {
+    const T* params = in.params.const_data_ptr<T>() + e * in.count;
+    const auto net = network(params, in.widths, in.shift, in.scale);
+    work(e, net, in.points.member<T>(e), Team<T>(net, in.channels, tiles_of(in.N)));
+  }
 }
 
-at::Tensor network_jet_backward_cpu(const at::Tensor& grad, const at::Tensor& points,
-                                    const at::Tensor& params, Ints widths, Doubles shift,
-                                    Doubles scale, std::int64_t order) {
-  const std::int64_t count = parameter_count(widths, shift, scale);
-  const std::int64_t E = ensemble_size(params, count), members = E ? E : 1;
-  const Shared x = shared("points", points, params, E, {-1, 3});
-  const at::Tensor flat = params.contiguous();
-  const int C = channels_of(order);
-  const std::int64_t N = points.size(-2), K = widths.back();
-  const Shared g = shared("grad", grad, params, E, {C, N, K});
-  at::Tensor out = at::empty(params.sizes(), params.options());
-  AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "network_jet_backward", [&] {
-    for (std::int64_t e = 0; e < members; ++e) {
-      const auto net = network(flat.const_data_ptr<scalar_t>() + e * count, widths, shift, scale);
-      const std::int64_t tiles = tiles_of(N);
-      const Team<scalar_t> team(net, C, tiles);
-      split(team.size(), tiles, [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
-        GradientSum<scalar_t> mine = team.gradient(i);
-        kernels<scalar_t>().jet_adjoint(net, C, x.member<scalar_t>(e), begin * kTilePoints,
-                                        std::min(end * kTilePoints, N), N, g.member<scalar_t>(e),
-                                        &mine, team.workspace(i));
+}  // namespace
+
+void CpuBackend::jet(const JetTensors& in, const at::Tensor& out) {
+  AT_DISPATCH_FLOATING_TYPES(out.scalar_type(), "network_jet", [&] {
+    using T = scalar_t;
+    each_member<T>(in, [&](std::int64_t e, const auto& net, const T* x, const auto& team) {
+      T* to = out.mutable_data_ptr<T>() + e * in.channels * in.N * in.outputs();
+      split(team.size(), tiles_of(in.N), [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+        kernels<T>().jet(net, in.channels, x, begin * kTilePoints,
+                         std::min(end * kTilePoints, in.N), in.N, to, team.workspace(i));
+      });
+    });
+  });
+}
+
+void CpuBackend::jet_adjoint(const JetTensors& in, const Shared& grad,
+                             const at::Tensor& grad_params) {
+  AT_DISPATCH_FLOATING_TYPES(grad_params.scalar_type(), "network_jet_backward", [&] {
+    using T = scalar_t;
+    each_member<T>(in, [&](std::int64_t e, const auto& net, const T* x, const auto& team) {
+      split(team.size(), tiles_of(in.N), [&](std::int64_t i, std::int64_t begin, std::int64_t end) {
+        GradientSum<T> mine = team.gradient(i);
+        kernels<T>().jet_adjoint(net, in.channels, x, begin * kTilePoints,
+                                 std::min(end * kTilePoints, in.N), in.N, grad.member<T>(e), &mine,
+                                 team.workspace(i));
         mine.flush();
       });
-      team.sum(out.mutable_data_ptr<scalar_t>() + e * count);
-    }
+      team.sum(grad_params.mutable_data_ptr<T>() + e * in.count);
+    });
   });
-  return out;
 }
 
 }  // namespace granpinn

@@ -1,12 +1,12 @@
 // granpinn::orthogonalize on the CPU: one matrix after another on every thread.
-#include "ops.h"
+#include "backend.h"
 #include "threads.h"
 
 namespace granpinn {
 
-at::Tensor orthogonalize_cpu(const at::Tensor& G, c10::string_view precision) {
+at::Tensor CpuBackend::orthogonalize(const at::Tensor& G, c10::string_view precision) {
   check_matrices(G);
-  fast_precision(precision);  // known, but without meaning here
+  fast_precision(precision);  // checked, and without effect on a CPU
   const at::Tensor from = G.contiguous();
   at::Tensor out = at::empty_like(from);
   const std::int64_t m = G.size(-2), n = G.size(-1);

@@ -60,8 +60,9 @@ template <class T>
 struct DeviceLoss {
   DeviceNetwork<T> net;
   Form form;
-  std::int64_t n, m;            // interior and surface points
-  Batched<T> theta;             // [3]
+  std::int64_t n, m;  // interior and surface points
+  LawName law;
+  Batched<T> theta;             // [parameters of the law]
   Batched<T> points;            // [n, 3]
   Batched<T> velocity;          // [n, 2]
   Batched<T> point_weights;     // [n, 2]
@@ -72,7 +73,7 @@ struct DeviceLoss {
   T* loss;                      // [members]
   T* terms;                     // [members, kTerms]
   T* grad_params;               // [members, count]
-  T* grad_theta;                // [members, 3]
+  T* grad_theta;                // [members, parameters of the law]
   bool drawn;                   // the launch before was draw_batch's, which changes no parameters
 };
 
@@ -102,16 +103,15 @@ cudaError_t layered_jet(const DeviceJet<T>& a, void* scratch, cudaStream_t strea
 template <class T>
 cudaError_t layered_jet_adjoint(const DeviceJet<T>& a, void* scratch, cudaStream_t stream);
 
-// eta [n] and its derivatives [n, 5] by gamma_dot, p, mu_s, mu_2, I0 (where not null).
+// eta [n], and its adjoint (problem.h).
 template <class T>
-cudaError_t viscosity_values(const Physics<T>& physics, const T* theta, const T* gamma_dot,
-                             const T* p, std::int64_t n, T* eta, T* derivatives,
-                             cudaStream_t stream);
+cudaError_t viscosity_values(const ViscosityArguments<T>& a, cudaStream_t stream);
+template <class T>
+cudaError_t viscosity_gradient(const ViscosityArguments<T>& a, cudaStream_t stream);
 
-// Residuals [n, 3 or 5] from raw network jets [channels, n, fields].
+// Residuals at points (problem.h).
 template <class T>
-cudaError_t residuals(Form form, const Physics<T>& physics, const T* theta, const T* jets,
-                      std::int64_t n, std::int64_t fields, T* out, cudaStream_t stream);
+cudaError_t residuals(const ResidualArguments<T>& a, cudaStream_t stream);
 
 // out [count] at step *step of a run.
 cudaError_t draw_indices(const std::int64_t* step, std::uint64_t seed, std::uint32_t stream_id,

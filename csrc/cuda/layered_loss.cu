@@ -22,16 +22,16 @@ __global__ void store_loss(const __grid_constant__ DeviceLoss<T> a, std::int64_t
   const double* sums = total + blockIdx.x * kSums;
   double loss = 0;
   for (int k = 0; k < kTerms; ++k) {
-    const std::int64_t points = k == 1 ? a.m : a.n;
+    const std::int64_t points = k == kSurface ? a.m : a.n;
     const double term = points ? sums[k] / (2.0 * static_cast<double>(points)) : 0.0;
     a.terms[e * kTerms + k] = static_cast<T>(term);
     loss += static_cast<double>(a.term_weights.member(e)[k]) * term;
   }
   a.loss[e] = static_cast<T>(loss);
-  for (int i = 0; i < 3; ++i) a.grad_theta[e * 3 + i] = static_cast<T>(sums[kTerms + i]);
+  const int parameters = parameters_of(a.law);
+  for (int i = 0; i < parameters; ++i)
+    a.grad_theta[e * parameters + i] = static_cast<T>(sums[kTerms + i]);
 }
-
-int channels_of(Form form) { return form == Form::data ? 1 : form == Form::mixed ? 4 : 7; }
 
 template <class T>
 Layout<T> layout_of(const DeviceLoss<T>& a) {

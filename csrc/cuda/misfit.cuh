@@ -6,12 +6,11 @@
 
 #include "block_sum.cuh"
 #include "layered.h"
-#include "math/mixed_form.h"
-#include "math/strong_form.h"
+#include "math/forms/mixed.h"
+#include "math/forms/strong.h"
 
 namespace granpinn::cuda {
 
-constexpr int kSums = kTerms + 3;
 constexpr int kMisfitThreads = 128;
 
 template <class T>
@@ -24,7 +23,7 @@ template <class T>
 __device__ T velocity_misfit(const DeviceLoss<T>& a, std::int64_t e, std::int64_t i, int k, T raw,
                              double* square) {
   const T scale = physics_from<T>(a.physics.member(e)).velocity_scale;
-  const T factor = a.term_weights.member(e)[0] / static_cast<T>(a.n) * scale;
+  const T factor = a.term_weights.member(e)[kVelocity] / static_cast<T>(a.n) * scale;
   const T weight = a.point_weights.member(e)[2 * i];
   const T misfit = scale * raw - a.velocity.member(e)[2 * i + k];
   *square += weighted_square(weight, misfit);
@@ -41,20 +40,25 @@ __global__ __launch_bounds__(kMisfitThreads) void interior_adjoint(
   double own[kSums] = {};
   if (p < chunk.count) {
     const auto at = [&](int k, int c) { return ((blockIdx.z * C + c) * chunk.count + p) * K + k; };
-    T z[K][C], z_a[K][C], w[F::residuals], residual[F::residuals], law_a[3];
+    T z[K][C], z_a[K][C], w[F::residuals], residual[F::residuals];
+    T theta[kMaxLawParameters] = {}, theta_a[kMaxLawParameters] = {};
     for (int k = 0; k < K; ++k)
       for (int c = 0; c < C; ++c) z[k][c] = raw[at(k, c)];
-    const T *theta = a.theta.member(e), *term_weights = a.term_weights.member(e);
+    const T* term_weights = a.term_weights.member(e);
+    for (int k = 0; k < parameters_of(a.law); ++k) theta[k] = a.theta.member(e)[k];
     const T weight = a.point_weights.member(e)[2 * i + 1];
     for (int r = 0; r < F::residuals; ++r)
-      w[r] = term_weights[term_of(r)] / static_cast<T>(a.n) * weight;
-    const FrictionLaw<T> law{theta[0], theta[1], theta[2]};
-    F::gradient(z, law, physics_from<T>(a.physics.member(e)), w, residual, z_a, law_a);
-    for (int k = 0; k < 2; ++k) z_a[k][0] += velocity_misfit(a, e, i, k, z[k][0], &own[0]);
+      w[r] = term_weights[F::term_of(r)] / static_cast<T>(a.n) * weight;
+    visit_law(a.law, [&](auto law) {
+      F::template gradient<decltype(law)>(z, theta, physics_from<T>(a.physics.member(e)), w,
+                                          residual, z_a, theta_a);
+    });
+    for (int k = 0; k < 2; ++k) z_a[k][0] += velocity_misfit(a, e, i, k, z[k][0], &own[kVelocity]);
     for (int k = 0; k < K; ++k)
       for (int c = 0; c < C; ++c) g[at(k, c)] = z_a[k][c];
-    for (int r = 0; r < F::residuals; ++r) own[term_of(r)] += weighted_square(weight, residual[r]);
-    for (int k = 0; k < 3; ++k) own[kTerms + k] = static_cast<double>(law_a[k]);
+    for (int r = 0; r < F::residuals; ++r)
+      own[F::term_of(r)] += weighted_square(weight, residual[r]);
+    for (int k = 0; k < kMaxLawParameters; ++k) own[kTerms + k] = static_cast<double>(theta_a[k]);
   }
   double* to = sums + (blockIdx.z * gridDim.x + blockIdx.x) * kSums;
   for (int s = 0; s < kSums; ++s) {
@@ -71,7 +75,7 @@ template <PressureMap map, class T>
 __device__ T pressure_misfit(const DeviceLoss<T>& a, std::int64_t e, std::int64_t i, T raw,
                              double* square) {
   const T scale = physics_from<T>(a.physics.member(e)).pressure_scale;
-  const T factor = a.term_weights.member(e)[1] / static_cast<T>(a.m);
+  const T factor = a.term_weights.member(e)[kSurface] / static_cast<T>(a.m);
   const T misfit = pressure_value<map>(raw, scale) - a.surface_pressure.member(e)[i];
   *square += weighted_square(T(1), misfit);
   return factor * misfit * pressure_slope<map>(raw, scale);
@@ -80,7 +84,7 @@ __device__ T pressure_misfit(const DeviceLoss<T>& a, std::int64_t e, std::int64_
 template <Target target, class T>
 __global__ __launch_bounds__(kMisfitThreads) void value_adjoint(
     const __grid_constant__ DeviceLoss<T> a, Chunk chunk, const T* raw, T* g, double* sums) {
-  constexpr int term = target == Target::velocity ? 0 : 1;
+  constexpr int term = target == Target::velocity ? kVelocity : kSurface;
   const std::int64_t p = static_cast<std::int64_t>(blockIdx.x) * kMisfitThreads + threadIdx.x;
   const std::int64_t K = a.net.outputs(), e = chunk.first_member + blockIdx.z;
   const std::int64_t i = chunk.begin + p;

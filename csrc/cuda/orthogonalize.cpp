@@ -2,12 +2,10 @@
 // of torch. Nothing is synchronised: it can be captured in a CUDA graph.
 #include "orthogonalize.h"
 
-#include <torch/library.h>
-
 #include <algorithm>
 #include <type_traits>
 
-#include "ops.h"
+#include "backend.h"
 
 namespace granpinn::cuda {
 
@@ -54,7 +52,7 @@ at::Tensor large(const at::Tensor& G) {
 
 }  // namespace
 
-at::Tensor orthogonalize(const at::Tensor& G, c10::string_view precision) {
+at::Tensor CudaBackend::orthogonalize(const at::Tensor& G, c10::string_view precision) {
   check_matrices(G);
   const bool fast = fast_precision(precision);
   const c10::DeviceGuard guard(G.device());
@@ -62,7 +60,5 @@ at::Tensor orthogonalize(const at::Tensor& G, c10::string_view precision) {
   if (G.numel() == 0) return at::empty(G.sizes(), G.options());
   return std::min(m, n) <= kSmall && G.numel() / (m * n) <= kMost ? small(G, fast) : large(G);
 }
-
-TORCH_LIBRARY_IMPL(granpinn, CUDA, m) { m.impl("orthogonalize", &orthogonalize); }
 
 }  // namespace granpinn::cuda

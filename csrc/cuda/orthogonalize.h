@@ -7,8 +7,6 @@
 
 namespace granpinn::cuda {
 
-at::Tensor orthogonalize(const at::Tensor& G, c10::string_view precision);
-
 // G [..., m, n] as [groups, count, m, n], no gap within a matrix: where it is if that can be seen
 // so, else a copy.
 inline at::Tensor spread(const at::Tensor& G) {

@@ -1,10 +1,10 @@
 // The operators that act point by point.
 #include "launch.h"
 #include "launcher.cuh"
-#include "math/dual.h"
-#include "math/mixed_form.h"
+#include "math/forms/mixed.h"
+#include "math/forms/strong.h"
 #include "math/philox.h"
-#include "math/strong_form.h"
+#include "math/viscosity.h"
 
 namespace granpinn::cuda {
 
@@ -17,27 +17,49 @@ __device__ std::int64_t index() {
 }
 
 template <class T>
-__global__ void viscosity_kernel(Physics<T> physics, const T* theta, const T* gamma_dot, const T* p,
-                                 std::int64_t n, T* eta, T* derivatives) {
-  using D = Dual<T, 5>;
+struct LawValues {
+  T theta[kMaxLawParameters];
+
+  __device__ LawValues(LawName law, const T* from) {
+    for (int k = 0; k < kMaxLawParameters; ++k) theta[k] = k < parameters_of(law) ? from[k] : T(0);
+  }
+};
+
+template <class T>
+__global__ void viscosity_kernel(const ViscosityArguments<T> a) {
   const std::int64_t i = index();
-  if (i >= n) return;
-  const FrictionLaw<D> law{D(theta[0], 2), D(theta[1], 3), D(theta[2], 4)};
-  const D value = viscosity(D(gamma_dot[i], 0), D(p[i], 1), law, physics);
-  if (eta) eta[i] = value.value;
-  for (int k = 0; derivatives && k < 5; ++k) derivatives[i * 5 + k] = value.d[k];
+  if (i >= a.n) return;
+  const LawValues<T> values(a.law, a.theta);
+  visit_law(a.law, [&](auto law) {
+    a.eta[i] = viscosity<decltype(law)>(a.gamma_dot[i], a.p[i], values.theta, a.physics);
+  });
+}
+
+template <class T>
+__global__ void viscosity_adjoint_kernel(const ViscosityArguments<T> a) {
+  const std::int64_t i = index();
+  if (i >= a.n) return;
+  const LawValues<T> values(a.law, a.theta);
+  visit_law(a.law, [&](auto law) {
+    using Law = decltype(law);
+    T theta_a[kMaxLawParameters] = {};
+    viscosity_adjoint<Law>(a.gamma_dot[i], a.p[i], values.theta, a.physics, a.grad[i],
+                           a.grad_gamma_dot[i], a.grad_p[i], theta_a);
+    for (int k = 0; k < Law::parameters; ++k) a.grad_theta[i * Law::parameters + k] = theta_a[k];
+  });
 }
 
 template <class F, class T>
-__global__ void residual_kernel(Physics<T> physics, const T* theta, const T* jets, std::int64_t n,
-                                std::int64_t fields, T* out) {
+__global__ void residual_kernel(const ResidualArguments<T> a) {
   const std::int64_t i = index();
-  if (i >= n) return;
+  if (i >= a.n) return;
+  const LawValues<T> values(a.law, a.theta);
   T z[F::fields][F::channels], e[F::residuals];
   for (int k = 0; k < F::fields; ++k)
-    for (int c = 0; c < F::channels; ++c) z[k][c] = jets[(c * n + i) * fields + k];
-  residuals_of<F>(z, FrictionLaw<T>{theta[0], theta[1], theta[2]}, physics, e);
-  for (int r = 0; r < F::residuals; ++r) out[i * F::residuals + r] = e[r];
+    for (int c = 0; c < F::channels; ++c) z[k][c] = a.jets[(c * a.n + i) * a.fields + k];
+  visit_law(a.law,
+            [&](auto law) { residuals_of<F, decltype(law)>(z, values.theta, a.physics, e); });
+  for (int r = 0; r < F::residuals; ++r) a.out[i * F::residuals + r] = e[r];
 }
 
 __global__ void sample_kernel(const std::int64_t* step, std::uint64_t seed, std::uint32_t stream_id,
@@ -59,22 +81,21 @@ cudaError_t each_point(cudaStream_t stream, std::int64_t n, void (*kernel)(Param
 }  // namespace
 
 template <class T>
-cudaError_t viscosity_values(const Physics<T>& physics, const T* theta, const T* gamma_dot,
-                             const T* p, std::int64_t n, T* eta, T* derivatives,
-                             cudaStream_t stream) {
-  return each_point(stream, n, viscosity_kernel<T>, physics, theta, gamma_dot, p, n, eta,
-                    derivatives);
+cudaError_t viscosity_values(const ViscosityArguments<T>& a, cudaStream_t stream) {
+  return each_point(stream, a.n, viscosity_kernel<T>, a);
 }
 
 template <class T>
-cudaError_t residuals(Form form, const Physics<T>& physics, const T* theta, const T* jets,
-                      std::int64_t n, std::int64_t fields, T* out, cudaStream_t stream) {
-  // a network of five outputs is that of the mixed form, whose pressure is a softplus
-  const auto kernel = form == Form::mixed ? residual_kernel<MixedForm, T>
-                      : fields == MixedForm::fields
-                          ? residual_kernel<StrongForm<PressureMap::softplus>, T>
-                          : residual_kernel<StrongForm<PressureMap::linear>, T>;
-  return each_point(stream, n, kernel, physics, theta, jets, n, fields, out);
+cudaError_t viscosity_gradient(const ViscosityArguments<T>& a, cudaStream_t stream) {
+  return each_point(stream, a.n, viscosity_adjoint_kernel<T>, a);
+}
+
+template <class T>
+cudaError_t residuals(const ResidualArguments<T>& a, cudaStream_t stream) {
+  const auto kernel = a.form == Form::mixed ? residual_kernel<MixedForm, T>
+                      : a.softplus          ? residual_kernel<StrongForm<PressureMap::softplus>, T>
+                                            : residual_kernel<StrongForm<PressureMap::linear>, T>;
+  return each_point(stream, a.n, kernel, a);
 }
 
 cudaError_t draw_indices(const std::int64_t* step, std::uint64_t seed, std::uint32_t stream_id,
@@ -83,13 +104,12 @@ cudaError_t draw_indices(const std::int64_t* step, std::uint64_t seed, std::uint
   return each_point(stream, count, sample_kernel, step, seed, stream_id, count, population, out);
 }
 
-template cudaError_t viscosity_values(const Physics<float>&, const float*, const float*,
-                                      const float*, std::int64_t, float*, float*, cudaStream_t);
-template cudaError_t viscosity_values(const Physics<double>&, const double*, const double*,
-                                      const double*, std::int64_t, double*, double*, cudaStream_t);
-template cudaError_t residuals(Form, const Physics<float>&, const float*, const float*,
-                               std::int64_t, std::int64_t, float*, cudaStream_t);
-template cudaError_t residuals(Form, const Physics<double>&, const double*, const double*,
-                               std::int64_t, std::int64_t, double*, cudaStream_t);
+#define GRANPINN_INSTANTIATE(T)                                                        \
+  template cudaError_t viscosity_values(const ViscosityArguments<T>&, cudaStream_t);   \
+  template cudaError_t viscosity_gradient(const ViscosityArguments<T>&, cudaStream_t); \
+  template cudaError_t residuals(const ResidualArguments<T>&, cudaStream_t);
+
+GRANPINN_INSTANTIATE(float)
+GRANPINN_INSTANTIATE(double)
 
 }  // namespace granpinn::cuda

@@ -1,20 +1,22 @@
 // granpinn::residual_loss on the GPU: the fused kernels where they fit, else layer after layer.
 #include <ATen/cuda/CUDAContext.h>
 
+#include "backend.h"
 #include "fused/fused_loss.h"
-#include "ops.h"
 
 namespace granpinn::cuda {
 
 namespace {
 
 template <class T>
-DeviceLoss<T> device_loss(const LossTensors& in, Ints widths, const LossResult& out) {
+DeviceLoss<T> device_loss(const LossTensors& in, const LossResult& out) {
   DeviceLoss<T> a{};
-  a.net = device_network<T>(in.params, widths, in.count, in.members());
+  a.net = device_network<T>(in.params, in.widths, in.count, in.members());
   a.net.input.shift = batched<T>(in.input_shift);
   a.net.input.scale = batched<T>(in.input_scale);
   a.form = in.form;
+  a.law = in.law;
+  a.drawn = in.drawn;
   a.n = in.n;
   a.m = in.m;
   a.theta = batched<T>(in.theta);
@@ -51,42 +53,15 @@ cudaError_t evaluate(const DeviceLoss<T>& a, bool fast, const at::Tensor& params
   return layered_loss(a, memory.mutable_data_ptr(), stream);
 }
 
-LossResult loss_of(const LossTensors& in, Ints widths, bool drawn) {
+}  // namespace
+
+LossResult CudaBackend::loss(const LossTensors& in) {
   const c10::cuda::CUDAGuard guard(in.params.device());
   LossResult out = in.results();
   AT_DISPATCH_FLOATING_TYPES(in.params.scalar_type(), "residual_loss", [&] {
-    auto a = device_loss<scalar_t>(in, widths, out);
-    a.drawn = drawn;
-    check(evaluate(a, in.fast, in.params), "residual_loss");
+    check(evaluate(device_loss<scalar_t>(in, out), in.fast, in.params), "residual_loss");
   });
   return out;
-}
-
-}  // namespace
-
-LossResult residual_loss(const at::Tensor& params, const at::Tensor& theta,
-                         const at::Tensor& points, const at::Tensor& velocity,
-                         const at::Tensor& point_weights, const at::Tensor& surface_points,
-                         const at::Tensor& surface_pressure, const at::Tensor& term_weights,
-                         Ints widths, const at::Tensor& input_shift, const at::Tensor& input_scale,
-                         const at::Tensor& physics, c10::string_view form,
-                         c10::string_view precision) {
-  const LossTensors in =
-      loss_tensors(params, theta, points, velocity, point_weights, surface_points, surface_pressure,
-                   term_weights, widths, input_shift, input_scale, physics, form, precision);
-  return loss_of(in, widths, false);
-}
-
-LossResult drawn_loss(const at::Tensor& params, const at::Tensor& theta, const at::Tensor& points,
-                      const at::Tensor& velocity, const at::Tensor& point_weights,
-                      const at::Tensor& surface_points, const at::Tensor& surface_pressure,
-                      const at::Tensor& term_weights, Ints widths, const at::Tensor& input_shift,
-                      const at::Tensor& input_scale, const at::Tensor& physics,
-                      c10::string_view form, c10::string_view precision) {
-  const LossTensors in =
-      loss_tensors(params, theta, points, velocity, point_weights, surface_points, surface_pressure,
-                   term_weights, widths, input_shift, input_scale, physics, form, precision);
-  return loss_of(in, widths, in.E > 0 && in.params.is_same(params));
 }
 
 }  // namespace granpinn::cuda

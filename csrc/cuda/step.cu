@@ -1,7 +1,7 @@
 // The kernels of an optimization step (csrc/step.h): a row of blocks for every member.
 //
-// A kernel that may note a fault of one kind tests for faults before that kind: what its own blocks
-// note meanwhile changes nothing.
+// A kernel that may note a fault of one kind tests only for faults before that kind, so that notes
+// of its own blocks change nothing.
 #include "launch_after.cuh"
 #include "step_launch.h"
 #include "step_note.cuh"
@@ -11,7 +11,7 @@ namespace granpinn::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kEach = 4;                    // values that a thread has on their way at once
+constexpr int kEach = 4;                    // values that a thread loads at once
 constexpr std::int64_t kMostBlocks = 1024;  // for a member
 
 __device__ std::int64_t first_index() {
@@ -54,7 +54,7 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
 // Step state, loaded by thread 0 and broadcast to the block.
 template <class T>
 struct Update {
-  bool frozen;  // who had a fault before this step, or has one that each block finds by itself
+  bool frozen;  // a fault before this step, or in its loss or in the gradient by theta
   std::int64_t step;
   T weight;
   AdamRates<T> rates;
@@ -68,15 +68,15 @@ __device__ void load_state(const UpdateArguments<T>& a, std::int64_t e, Update<T
   update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
   update.step = step;
   update.weight = static_cast<T>(row[1]);
-  update.rates = adam_rates<T>(a.adam, row[0] * a.members.slower[e], count);
+  update.rates = adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e], count);
 }
 
-// By one thread of every block: the block has read the state of the step.
+// Called by one thread of every block once the block has read the step state.
 __device__ void arrive(const Control& control) {
   asm volatile("red.release.gpu.global.add.u64 [%0], 1;" ::"l"(control.counter + 2) : "memory");
 }
 
-// By one block, when all have arrived, and they need not wait for it: on to the next step.
+// Called by one block: waits until all blocks have arrived, then advances the step counter.
 template <class T>
 __device__ void advance(const UpdateArguments<T>& a) {
   const std::int64_t step = a.control.counter[0];
@@ -111,7 +111,7 @@ __device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t
   if (!move_law(a, e, step)) note(fault, step, kLawScalars);
 }
 
-// The first block of a member moves its friction law, the others have its parameters.
+// The first block of a member updates its friction law, the others its parameters.
 template <class T>
 __global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {
@@ -184,7 +184,7 @@ __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArgument
   const std::int64_t e = blockIdx.y, step = a.control.updated();
   if (a.members.frozen(e, step, kParams)) return;
   const double* row = a.control.row(step);
-  const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.slower[e]);
+  const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.lr_scale[e]);
   const T weight = static_cast<T>(row[1]);
   const std::int64_t count = a.count * a.size;
   bool good = true;

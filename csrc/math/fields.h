@@ -4,7 +4,8 @@
 #pragma once
 
 #include "jet.h"
-#include "rheology.h"
+#include "physics.h"
+#include "terms.h"
 
 namespace granpinn {
 
@@ -65,13 +66,13 @@ GRANPINN_HD void pressure_jet_adjoint(const R (&z)[C], scalar_t<R> scale, const 
   }
 }
 
-// The residuals of a form alone: the compiler leaves out the gradient, which nobody reads.
-template <class F, class R, class T>
-GRANPINN_HD void residuals_of(const R (&z)[F::fields][F::channels], const FrictionLaw<R>& law,
+// The residuals of a form alone: the compiler leaves out the unused gradient.
+template <class F, class Law, class R, class T, int N>
+GRANPINN_HD void residuals_of(const R (&z)[F::fields][F::channels], const R (&theta)[N],
                               const Physics<T>& c, R (&e)[F::residuals]) {
-  R w[F::residuals], z_a[F::fields][F::channels], law_a[3];
+  R w[F::residuals], z_a[F::fields][F::channels], theta_a[N];
   for (int r = 0; r < F::residuals; ++r) w[r] = R(T(0));
-  F::gradient(z, law, c, w, e, z_a, law_a);
+  F::template gradient<Law>(z, theta, c, w, e, z_a, theta_a);
 }
 
 }  // namespace granpinn

@@ -1,45 +1,51 @@
-// The unknowns mu_s and mu_2 as two unbounded numbers q (granpinn/training/scalars.py):
-//   log:      mu_s = exp(q_0), mu_2 = exp(q_0) + exp(q_1)
-//   sigmoid:  mu_s = 1 / (1 + exp(-q_0)), mu_2 = 1 / (1 + exp(-q_1))
-// or, to compare with optimizers that know of no such thing, all three numbers of theta themselves.
+// The parameters theta of a friction law as unbounded numbers q, which an optimiser moves
+// (granpinn/physics/laws/law.py):
+//   fixed            theta_k stays
+//   logarithm        theta_k = exp(q_k)
+//   logarithm_above  theta_k = theta_(k-1) + exp(q_k)
+//   logistic         theta_k = 1 / (1 + exp(-q_k))
 #pragma once
 
-#include "scalar.h"
+#include "laws/laws.h"
 
 namespace granpinn {
 
-enum class LawVariables { logarithm, sigmoid, theta };
+enum class Variable { fixed, logarithm, logarithm_above, logistic };
+constexpr int kVariables = 4;
 
-// How many there are.
-GRANPINN_HD constexpr int law_numbers(LawVariables kind) {
-  return kind == LawVariables::theta ? 3 : 2;
-}
+struct LawVariables {
+  int parameters;
+  Variable kind[kMaxLawParameters];
+  double low[kMaxLawParameters], high[kMaxLawParameters];  // bounds of q
+};
 
-// theta = (mu_s, mu_2, I0); I0 stays, unless it is a variable.
+// theta at q; a fixed parameter keeps its value.
 template <class T>
-GRANPINN_HD void law_from(LawVariables kind, const T* q, T* theta) {
-  if (kind == LawVariables::logarithm) {
-    theta[0] = exponential(q[0]);
-    theta[1] = theta[0] + exponential(q[1]);
-  } else if (kind == LawVariables::theta) {
-    for (int i = 0; i < 3; ++i) theta[i] = q[i];
-  } else {
-    for (int i = 0; i < 2; ++i) theta[i] = T(1) / (T(1) + exponential(-q[i]));
+GRANPINN_HD void theta_from(const LawVariables& v, const T* q, T* theta) {
+  for (int k = 0; k < kMaxLawParameters; ++k) {
+    if (k >= v.parameters) continue;
+    if (v.kind[k] == Variable::logarithm) theta[k] = exponential(q[k]);
+    if (v.kind[k] == Variable::logarithm_above && k > 0)
+      theta[k] = theta[k - 1] + exponential(q[k]);
+    if (v.kind[k] == Variable::logistic) theta[k] = T(1) / (T(1) + exponential(-q[k]));
   }
 }
 
-// d loss / d q from d loss / d theta
+// d loss / d q from d loss / d theta; 0 for a fixed parameter. Changes theta_a: a parameter that
+// others build on collects their adjoints.
 template <class T>
-GRANPINN_HD void law_pull_back(LawVariables kind, const T* q, const T* grad_theta, T* grad_q) {
-  if (kind == LawVariables::logarithm) {
-    grad_q[0] = exponential(q[0]) * (grad_theta[0] + grad_theta[1]);
-    grad_q[1] = exponential(q[1]) * grad_theta[1];
-  } else if (kind == LawVariables::theta) {
-    for (int i = 0; i < 3; ++i) grad_q[i] = grad_theta[i];
-  } else {
-    for (int i = 0; i < 2; ++i) {
-      const T mu = T(1) / (T(1) + exponential(-q[i]));
-      grad_q[i] = mu * (T(1) - mu) * grad_theta[i];
+GRANPINN_HD void pull_back(const LawVariables& v, const T* q, T* theta_a, T* q_a) {
+  for (int k = kMaxLawParameters - 1; k >= 0; --k) {
+    q_a[k] = T(0);
+    if (k >= v.parameters) continue;
+    if (v.kind[k] == Variable::logarithm) q_a[k] = exponential(q[k]) * theta_a[k];
+    if (v.kind[k] == Variable::logarithm_above && k > 0) {
+      q_a[k] = exponential(q[k]) * theta_a[k];
+      theta_a[k - 1] += theta_a[k];
+    }
+    if (v.kind[k] == Variable::logistic) {
+      const T theta = T(1) / (T(1) + exponential(-q[k]));
+      q_a[k] = theta * (T(1) - theta) * theta_a[k];
     }
   }
 }

@@ -11,7 +11,7 @@ import math
 import torch
 
 from granpinn.kernels import ops
-from granpinn.kernels.op_rules import TERMS
+from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results.findings import Loss
 from granpinn.training.training import Training
 

@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from granpinn.physics.terms import NAMES
+
 try:
     from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
 except ImportError as error:
@@ -16,9 +18,6 @@ except ImportError as error:
         "granpinn's kernels are not built for this Python and torch: build them from a clone with "
         "pip install --no-build-isolation -e . (python -m granpinn.doctor says more)"
     ) from error
-
-TERMS = ("velocity", "surface", "momentum", "continuity", "constitutive")
-"""The terms of residual_loss, in its order."""
 
 CHANNELS = (1, 4, 7)  # of jets of order 0, 1, 2
 
@@ -44,28 +43,28 @@ def _(params, theta, *inputs):  # type: ignore[no-untyped-def]
     lead = _leading(params)
     return (
         params.new_empty(lead),
-        params.new_empty([*lead, len(TERMS)]),
+        params.new_empty([*lead, len(NAMES)]),
         torch.empty_like(params, memory_format=torch.contiguous_format),
-        params.new_empty([*lead, 3]),
+        params.new_empty([*lead, theta.shape[-1]]),
     )
 
 
 @torch.library.register_fake("granpinn::viscosity")
-def _(gamma_dot, p, theta, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
+def _(gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
     return gamma_dot.new_empty(gamma_dot.shape)
 
 
 @torch.library.register_fake("granpinn::viscosity_backward")
-def _(grad, gamma_dot, p, theta, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
+def _(grad, gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor):  # type: ignore[no-untyped-def]
     return (
         gamma_dot.new_empty(gamma_dot.shape),
         gamma_dot.new_empty(gamma_dot.shape),
-        gamma_dot.new_empty([3]),
+        theta.new_empty(theta.shape),
     )
 
 
 @torch.library.register_fake("granpinn::pointwise_residuals")
-def _(raw_jets, theta, physics, form):  # type: ignore[no-untyped-def]
+def _(raw_jets, theta, physics, form, law):  # type: ignore[no-untyped-def]
     return raw_jets.new_empty([raw_jets.shape[1], 5 if form == "mixed" else 3])
 
 
@@ -127,7 +126,7 @@ def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
 def _loss_backward(ctx, grad, *_others):  # type: ignore[no-untyped-def]
     grad_params, grad_theta = ctx.saved_tensors
     scale = grad.unsqueeze(-1)
-    return (scale * grad_params, scale * grad_theta, *([None] * 12))
+    return (scale * grad_params, scale * grad_theta, *([None] * 13))
 
 
 torch.library.register_autograd(
@@ -142,7 +141,7 @@ def _viscosity_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
 
 @once_differentiable
 def _viscosity_backward(ctx, grad):  # type: ignore[no-untyped-def]
-    return (*_ops.viscosity_backward(grad, *ctx.saved_tensors, *ctx.constants), *([None] * 4))
+    return (*_ops.viscosity_backward(grad, *ctx.saved_tensors, *ctx.constants), *([None] * 5))
 
 
 torch.library.register_autograd(

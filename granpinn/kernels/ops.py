@@ -62,14 +62,15 @@ def viscosity(
     eta_min: float,
     eta_max: float,
     p_floor: float,
+    law: str = "mu_of_i",
 ) -> Tensor:
     """eta = mu(I) p / gamma_dot, clamped to [eta_min, eta_max], at N points: [N].
 
-    ``gamma_dot`` and ``p`` are [N], ``theta`` [3] = (mu_s, mu_2, I0), ``d`` the grain diameter;
+    ``gamma_dot`` and ``p`` are [N], ``theta`` the parameters of ``law``, ``d`` the grain diameter;
     I = d gamma_dot / sqrt(max(\\|p\\|, p_floor)). Differentiable in the three tensors, with
     derivative 0 where the clamp acts. (Paper, eq. eta, with min for the printed max.)
     """
-    eta: Tensor = _ops.viscosity(gamma_dot, p, theta, d, eta_min, eta_max, p_floor)
+    eta: Tensor = _ops.viscosity(gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor)
     return eta
 
 
@@ -87,23 +88,38 @@ def residual_loss(
     input_scale: Constants,
     physics: Constants,
     form: str,
+    law: str = "mu_of_i",
     precision: str = "fp32",
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Loss, its terms, and its gradient by parameters and rheology, in one pass.
+    """The loss, its terms, and its gradients by the network and the friction law, in one pass.
 
-    ``theta`` [3] = (mu_s, mu_2, I0); ``points`` [N, 3] with measured ``velocity`` [N, 2] and
-    ``point_weights`` [N, 2] (of the velocity misfit, of the equations); ``surface_points`` [M, 3]
-    with ``surface_pressure`` [M]; ``term_weights`` [5] in the order of ``op_rules.TERMS``;
-    ``physics`` = [d, g_x, g_y, eta_min, eta_max, U, P, p_floor]; ``form`` "mixed" (K = 5),
-    "strong" (K = 3) or "data" (no equations, values only; K = 3 or 5). csrc/math/mixed_form.h and
-    strong_form.h state the equations. The input map and ``physics`` are numbers, or tensors that
-    may have the leading E: members of an ensemble can be different problems. ``precision`` "fast"
-    lets a GPU use its tensor cores, compensated to float32 in the forward products and halves in
-    the backward ones; it changes nothing on a CPU and in float64.
+    The loss is sum_k term_weights_k terms_k; a term is half the weighted mean square of a residual.
+    csrc/math/forms states the equations. Only ``loss`` is differentiable, in ``params`` and
+    ``theta``: its backward hands out the returned gradients.
 
-    Returns (loss [], terms [5], grad_params [P], grad_theta [3]); terms are unweighted mean squares
-    over two, loss = sum_k term_weights_k terms_k. Only ``loss`` is differentiable, in ``params``
-    and ``theta``: its backward hands out the returned gradients.
+    Args:
+        params: parameters of the network [P].
+        theta: parameters of the friction law, in its order.
+        points, velocity: interior points [N, 3] and the velocity measured there [N, 2].
+        point_weights: weights of the velocity misfit and of the equations there [N, 2].
+        surface_points, surface_pressure: points of the surface [M, 3] and the pressure there [M].
+        term_weights: one for each of granpinn.physics.terms.
+        widths: of the layers, [3, hidden ..., K].
+        input_shift, input_scale: the input map, three numbers each.
+        physics: the fields of granpinn.physics.constants.Physics.
+        form: "mixed" (K = 5), "strong" (K = 3), or "data", which has no equations (K = 3 or 5).
+        law: a name in granpinn.physics.laws.LAWS.
+        precision: "fp32", or "fast" for tensor cores, compensated to float32 in the forward
+            products and halves in the backward ones; without effect on a CPU and in float64.
+
+    The input map and ``physics`` are numbers, or tensors that may lead with E: members of an
+    ensemble can be different problems.
+
+    Returns:
+        loss [], terms, gradient by params [P], gradient by theta.
+
+    Raises:
+        ValueError, TypeError: shapes, types or devices do not fit.
     """
     out: tuple[Tensor, Tensor, Tensor, Tensor] = _ops.residual_loss(
         params,
@@ -117,6 +133,7 @@ def residual_loss(
         widths,
         *(_tensor(values, params) for values in (input_shift, input_scale, physics)),
         form,
+        law,
         precision,
     )
     return out
@@ -127,14 +144,18 @@ def _tensor(values: Constants, like: Tensor) -> Tensor:
 
 
 def pointwise_residuals(
-    raw_jets: Tensor, theta: Tensor, physics: Sequence[float], form: str
+    raw_jets: Tensor,
+    theta: Tensor,
+    physics: Sequence[float],
+    form: str,
+    law: str = "mu_of_i",
 ) -> Tensor:
     """Residuals [N, R] of the equations from raw network jets [C, N, K].
 
     "strong": C = 7, R = 3 (e_u, e_v, div v), K = 3 or 5 (the network of the mixed form);
     "mixed": C = 4, K = 5, R = 5 (e_u, e_v, div v, r_1, r_2). No gradient.
     """
-    residuals: Tensor = _ops.pointwise_residuals(raw_jets, theta, physics, form)
+    residuals: Tensor = _ops.pointwise_residuals(raw_jets, theta, physics, form, law)
     return residuals
 
 
@@ -146,11 +167,12 @@ def strong_residual(
     input_shift: Sequence[float],
     input_scale: Sequence[float],
     physics: Sequence[float],
+    law: str = "mu_of_i",
 ) -> Tensor:
     """(e_u, e_v, div v) [N, 3] of the strong form, for a network of either form. No gradient."""
     with torch.no_grad():
         jets = network_jet(points, params, widths, input_shift, input_scale, 2)
-    return pointwise_residuals(jets, theta, physics, "strong")
+    return pointwise_residuals(jets, theta, physics, "strong", law)
 
 
 def sample_indices(

@@ -4,24 +4,20 @@ Nothing here shares code or a closed-form derivative with the kernels of csrc/: 
 respect to x, y, t, the weights and the rheology all come from `torch.autograd.grad`. Works in any
 floating dtype; float64 is the yardstick of the tests, float32 the rival whose error they allow.
 
-Shapes: points [N, 3] in the order (x, y, t), params [P], theta = (mu_s, mu_2, I_0) [3]. With an
-ensemble, params [E, P], theta [E, 3] and any input may lead with E; outputs then lead with E.
-`physics` is [d, g_x, g_y, eta_min, eta_max, U, P, p_floor] (`Physics`); all quantities are
-dimensionless (`granpinn.physics.scales`). Equation numbers are those of the paper.
+Shapes: points [N, 3] in the order (x, y, t), params [P], theta [K] of a friction law with K
+parameters. With an ensemble, params [E, P], theta [E, K] and any input may lead with E; outputs
+then lead with E. `physics` has the fields of `granpinn.physics.constants.Physics`; all quantities
+are dimensionless (`granpinn.physics.scales`). Equation numbers are those of the paper.
 """
 
-from granpinn.reference.equations import (
-    Physics,
-    pointwise_residuals,
-    residuals,
-    strong_residual,
-    viscosity,
-)
+from granpinn.reference.equations import pointwise_residuals, residuals, strong_residual
+from granpinn.reference.friction import friction, inertial_number, viscosity
 from granpinn.reference.loss import loss_terms, residual_loss
 from granpinn.reference.network import network, network_jet, network_value
 
 __all__ = [
-    "Physics",
+    "friction",
+    "inertial_number",
     "loss_terms",
     "network",
     "network_jet",

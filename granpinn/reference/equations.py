@@ -14,31 +14,16 @@ ratio s = tau / p makes the traction vanish with p at the free surface.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from granpinn.physics import rheology
+from granpinn.physics.constants import Physics
+from granpinn.reference.friction import friction, inertial_number, viscosity
 from granpinn.reference.network import RawNetwork, gradient, network
 
 # gamma_dot = sqrt(... + SMOOTHING): the shear rate keeps a finite derivative in material at rest.
 SMOOTHING = 1e-12
-
-viscosity = rheology.viscosity
-
-
-class Physics(NamedTuple):
-    """The eight numbers of the `physics` list, dimensionless."""
-
-    d: float  # grain diameter
-    g_x: float  # gravity, a unit vector
-    g_y: float
-    eta_min: float  # limits of the viscosity
-    eta_max: float
-    U: float  # scale of the velocity outputs
-    P: float  # scale of the pressure output
-    p_floor: float  # pressure below which I no longer grows
 
 
 def pressure(z: Tensor, P: float) -> Tensor:
@@ -62,7 +47,12 @@ def shear_rate(D_1: Tensor, D_2: Tensor) -> Tensor:
 
 
 def residuals(
-    raw: RawNetwork, points: Tensor, theta: Tensor, physics: Sequence[float], form: str
+    raw: RawNetwork,
+    points: Tensor,
+    theta: Tensor,
+    physics: Sequence[float],
+    form: str,
+    law: str = "mu_of_i",
 ) -> Tensor:
     """Residuals of the equations at the points: [N, 3] strong, [N, 5] mixed.
 
@@ -72,13 +62,13 @@ def residuals(
     points = points.detach().requires_grad_()
     z = raw(points)
     if form == "strong":
-        return _strong_form(z, points, theta, Physics(*physics))
+        return _strong_form(z, points, theta, Physics(*physics), law)
     if form == "mixed":
-        return _mixed_form(z, points, theta, Physics(*physics))
+        return _mixed_form(z, points, theta, Physics(*physics), law)
     raise ValueError(f'form must be "strong" or "mixed", got "{form}"')
 
 
-def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> Tensor:
+def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
     r"""(e_u, e_v, div v) [N, 3] of equations (3a) and (3b):
 
     $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g. $$
@@ -86,17 +76,17 @@ def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> 
     The divergence differentiates the stress 2 eta D itself, with eta in it. A network of the mixed
     form has a strong residual too: that of its first three fields.
     """
-    u, v = physics.U * z[:, 0], physics.U * z[:, 1]
-    p = pressure(z, physics.P)
+    u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
+    p = pressure(z, physics.pressure_scale)
     u_x, u_y, u_t = gradient(u, points).unbind(1)
     v_x, v_y, v_t = gradient(v, points).unbind(1)
     p_x, p_y, _ = gradient(p, points).unbind(1)
 
     D_xx, D_xy, D_yy = u_x, (u_y + v_x) / 2, v_y
     gamma_dot = torch.sqrt(2 * (D_xx**2 + 2 * D_xy**2 + D_yy**2) + SMOOTHING)
-    eta = viscosity(
-        gamma_dot, p, theta, physics.d, physics.eta_min, physics.eta_max, physics.p_floor
-    )
+    c = physics
+    limits = (c.grain_diameter, c.eta_min, c.eta_max, c.pressure_floor)
+    eta = viscosity(gamma_dot, p, theta, *limits, law)
     tau_xx_x, _, _ = gradient(2 * eta * D_xx, points).unbind(1)
     tau_xy_x, tau_xy_y, _ = gradient(2 * eta * D_xy, points).unbind(1)
     _, tau_yy_y, _ = gradient(2 * eta * D_yy, points).unbind(1)
@@ -106,15 +96,15 @@ def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> 
     return torch.stack([e_u, e_v, u_x + v_y], dim=1)
 
 
-def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> Tensor:
+def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
     r"""(e_u, e_v, div v, r_1, r_2) [N, 5] of (3a) and (3b) with the stress as an unknown,
 
     $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g, $$
 
     and of the friction law as `constitutive` writes it.
     """
-    u, v = physics.U * z[:, 0], physics.U * z[:, 1]
-    p = pressure(z, physics.P)
+    u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
+    p = pressure(z, physics.pressure_scale)
     s_1, s_2 = z[:, 3], z[:, 4]
     u_x, u_y, u_t = gradient(u, points).unbind(1)
     v_x, v_y, v_t = gradient(v, points).unbind(1)
@@ -127,14 +117,17 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics) -> T
 
     D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
     gamma_dot = shear_rate(D_1, D_2)
-    inertia = rheology.inertial_number(gamma_dot, p, physics.d, physics.p_floor)
-    mu_s, mu_2, I_0 = theta.unbind(-1)
-    r_1, r_2 = constitutive(D_1, D_2, s_1, s_2, rheology.mu_of_I(inertia, mu_s, mu_2, I_0))
+    inertia = inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
+    r_1, r_2 = constitutive(D_1, D_2, s_1, s_2, friction(law, inertia, theta))
     return torch.stack([e_u, e_v, u_x + v_y, r_1, r_2], dim=1)
 
 
 def pointwise_residuals(
-    raw_jets: Tensor, theta: Tensor, physics: Sequence[float], form: str
+    raw_jets: Tensor,
+    theta: Tensor,
+    physics: Sequence[float],
+    form: str,
+    law: str = "mu_of_i",
 ) -> Tensor:
     r"""Residuals [N, 3] or [N, 5] of fields of which only the raw jets [C, N, K] are known.
 
@@ -155,7 +148,8 @@ def pointwise_residuals(
             polynomial = polynomial + z_xx * d_x**2 / 2 + z_xy * d_x * d_y + z_yy * d_y**2 / 2
         return polynomial
 
-    return residuals(taylor, raw_jets.new_zeros(raw_jets.shape[1], 3), theta, physics, form)
+    points = raw_jets.new_zeros(raw_jets.shape[1], 3)
+    return residuals(taylor, points, theta, physics, form, law)
 
 
 def strong_residual(
@@ -166,7 +160,8 @@ def strong_residual(
     input_shift: Sequence[float],
     input_scale: Sequence[float],
     physics: Sequence[float],
+    law: str = "mu_of_i",
 ) -> Tensor:
     """(e_u, e_v, div v) [N, 3] of the strong form, for a network of either form."""
     raw = network(params, widths, input_shift, input_scale)
-    return residuals(raw, points, theta, physics, "strong").detach()
+    return residuals(raw, points, theta, physics, "strong", law).detach()

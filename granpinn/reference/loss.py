@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from granpinn.reference.equations import Physics, pressure, residuals
+from granpinn.physics.constants import Physics
+from granpinn.reference.equations import pressure, residuals
 from granpinn.reference.network import member, network
 
 
@@ -24,6 +25,7 @@ def loss_terms(
     input_scale: Sequence[float],
     physics: Sequence[float],
     form: str,
+    law: str = "mu_of_i",
 ) -> Tensor:
     r"""The five terms [5] of one network, differentiable in params and theta.
 
@@ -42,13 +44,13 @@ def loss_terms(
         surface_points, surface_pressure: [M, 3], [M].
     """
     raw = network(params, widths, input_shift, input_scale)
-    U, P = Physics(*physics).U, Physics(*physics).P
+    constants = Physics(*physics)
     w_v, w_f = point_weights.unbind(1)
 
-    misfit = U * raw(points)[:, :2] - velocity
-    misfit_surface = pressure(raw(surface_points), P) - surface_pressure
+    misfit = constants.velocity_scale * raw(points)[:, :2] - velocity
+    misfit_surface = pressure(raw(surface_points), constants.pressure_scale) - surface_pressure
     none = misfit.new_zeros(len(points), 0)
-    e = none if form == "data" else residuals(raw, points, theta, physics, form)
+    e = none if form == "data" else residuals(raw, points, theta, physics, form, law)
     momentum, continuity, constitutive = e[:, :2], e[:, 2:3], e[:, 3:]
 
     return torch.stack(
@@ -81,11 +83,12 @@ def residual_loss(
     input_scale: Sequence[float],
     physics: Sequence[float],
     form: str,
+    law: str = "mu_of_i",
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """loss = sum_k term_weights_k term_k, with the terms and both gradients, all detached.
 
     Returns:
-        loss [], terms [5], d loss / d params [P], d loss / d theta [3]; each leads with E for an
+        loss [], terms [5], d loss / d params [P], d loss / d theta; each leads with E for an
         ensemble, whose members are evaluated one after the other.
     """
     if params.ndim == 2:
@@ -104,6 +107,7 @@ def residual_loss(
                 input_scale,
                 physics,
                 form,
+                law,
             )
             for e, w in enumerate(params)
         ]
@@ -124,6 +128,7 @@ def residual_loss(
         input_scale,
         physics,
         form,
+        law,
     )
     loss = (term_weights * terms).sum()
     grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)

@@ -16,9 +16,9 @@ from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
-from granpinn.kernels.op_rules import TERMS
 from granpinn.physics.axes import Axes
 from granpinn.physics.scales import Scales
+from granpinn.physics.terms import NAMES as TERMS
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.physics import rheology
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Configuration, Problem, problem
@@ -188,8 +187,8 @@ def near_a_switch(case: Problem, module: Any) -> Tensor:
     p = pressure(jet[0], P)
     u_x, u_y, v_x, v_y = (U * jet[channel, ..., k] for k in (0, 1) for channel in (1, 2))
     gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + (u_y + v_x) ** 2 + SMOOTHING)
-    mu_s, mu_2, I_0 = case.theta.unsqueeze(-1).unbind(-2)
-    mu = rheology.mu_of_I(rheology.inertial_number(gamma_dot, p, d, p_floor), mu_s, mu_2, I_0)
+    inertia = reference.inertial_number(gamma_dot, p, d, p_floor)
+    mu = reference.friction(case.law, inertia, case.theta.unsqueeze(-2))
     strength = mu * p
     near = (p.abs() / p_floor - 1).abs() < NEAR
     for eta in (eta_min, eta_max):
@@ -231,7 +230,8 @@ def mixed_residuals(module: Any, case: Problem) -> Tensor:
     """The five residuals [N, 5] (or [E, N, 5]) of the mixed form."""
     if case.params.ndim == 1:
         jets = module.network_jet(*case.network, 1).detach()
-        residuals: Tensor = module.pointwise_residuals(jets, case.theta, case.physics, "mixed")
+        constants = (case.theta, case.physics, "mixed", case.law)
+        residuals: Tensor = module.pointwise_residuals(jets, *constants)
         return residuals
     return torch.stack([mixed_residuals(module, case.member(e)) for e in range(len(case.params))])
 
@@ -249,7 +249,7 @@ def _comparison(name: str, *outputs: Tensor) -> Comparison:
     """
     kernel, autograd, rounded, truth = (x.double() for x in outputs)
     if name in ("loss and terms", "grad theta"):
-        # columns of unlike size (mu_s, mu_2, I_0): each in units of its root mean square
+        # columns of unlike size (parameters of the law): each in units of its root mean square
         size = truth.flatten(0, -2).norm(dim=0).clamp_min(1e-300)
         kernel, autograd, rounded, truth = (x / size for x in (kernel, autograd, rounded, truth))
     vectors = truth.flatten(0, -2) if name in OUTPUTS_OF_LOSS else truth.flatten(1)

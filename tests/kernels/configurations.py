@@ -14,6 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from granpinn.physics.laws import LAWS
+
 Form = Literal["strong", "mixed"]
 Regime = Literal["flowing", "low pressure", "slow"]
 
@@ -42,6 +44,7 @@ class Configuration:
     regime: Regime
     members: int | None
     threads: int
+    law: str = "mu_of_i"
 
     @property
     def widths(self) -> list[int]:
@@ -51,9 +54,9 @@ class Configuration:
         hidden = "x".join(map(str, self.hidden))
         ensemble = "" if self.members is None else f"-E{self.members}"
         regime = self.regime.replace(" ", "_")
-        return (
-            f"{self.index}-{self.form}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
-        )
+        law = "" if self.law == "mu_of_i" else f"-{self.law}"
+        kind = f"{self.index}-{self.form}{law}"
+        return f"{kind}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
 
 
 def parameter_count(widths: list[int]) -> int:
@@ -74,6 +77,7 @@ def configuration(index: int) -> Configuration:
         regime=("flowing", "low pressure", "slow")[index % 3],
         members=members,
         threads=int(rng.integers(1, 3)),
+        law="coulomb" if index % 5 == 2 else "mu_of_i",
     )
     while True:
         depth = int(rng.integers(1, 9))
@@ -121,6 +125,7 @@ class Problem:
     input_scale: list[float]
     physics: list[float]
     form: Form
+    law: str
 
     def to(self, dtype: torch.dtype) -> Problem:
         cast: dict[str, Any] = {
@@ -162,7 +167,7 @@ class Problem:
     def strong(self) -> tuple[Any, ...]:
         """Arguments of strong_residual."""
         scaling = (self.widths, self.input_shift, self.input_scale)
-        return (self.points, self.params, self.theta, *scaling, self.physics)
+        return (self.points, self.params, self.theta, *scaling, self.physics, self.law)
 
     @property
     def loss(self) -> tuple[Any, ...]:
@@ -188,7 +193,7 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
     }[row.regime]
     return Problem(
         params=_params(row, weights, E, p_shift),
-        theta=_tensor(weights.uniform((0.2, 0.5, 0.2), (0.5, 0.9, 0.4), (*E, 3))),
+        theta=_theta(row, weights, E),
         points=_tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, N, 3))),
         velocity=_tensor(U * data.normal(size=(*E_data, N, 2))),
         point_weights=_tensor(data.uniform(0.1, 1, (*E_data, N, 2))),
@@ -200,7 +205,14 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
         input_scale=_floats(weights.uniform(0.3, 1.5, 3)),
         physics=_floats([0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P]),
         form=row.form,
+        law=row.law,
     )
+
+
+def _theta(row: Configuration, rng: np.random.Generator, E: tuple[int, ...]) -> Tensor:
+    """Parameters of the law; that many of those of mu(I), whose names every law shares."""
+    values = rng.uniform((0.2, 0.5, 0.2), (0.5, 0.9, 0.4), (*E, 3))
+    return _tensor(values[..., : len(LAWS[row.law].parameters)])
 
 
 def _params(

@@ -75,7 +75,7 @@ def test_gradcheck_of_the_loss(form: str, members: int | None, ops: ModuleType) 
     case = tiny("strong" if form == "strong" else "mixed", members)
 
     def loss(params: Tensor, theta: Tensor) -> Any:
-        return ops.residual_loss(params, theta, *case.loss[2:-1], form)[0]
+        return ops.residual_loss(params, theta, *case.loss[2:-2], form, case.law)[0]
 
     gradcheck(loss, case.params, case.theta)
 

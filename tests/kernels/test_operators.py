@@ -55,20 +55,20 @@ def jet_backward(case: Problem, order: int) -> Arguments:
 def flow(n: int, dtype: torch.dtype = torch.float64, learn: bool = False) -> Arguments:
     gamma_dot, p = (torch.linspace(a, 2, n, dtype=dtype) for a in (0.5, 0.25))
     theta = torch.tensor([0.4, 0.65, 0.3], dtype=dtype)
-    return (*(x.requires_grad_(learn) for x in (gamma_dot, p, theta)), *LAW)
+    return (*(x.requires_grad_(learn) for x in (gamma_dot, p, theta)), "mu_of_i", *LAW)
 
 
 def raw_jets(form: Form, N: int, K: int) -> Arguments:
     case = tiny(form)
     C = 7 if form == "strong" else 4
     jets = torch.linspace(-1, 1, C * N * K, dtype=torch.float64).reshape(C, N, K)
-    return (jets, case.theta, case.physics, form)
+    return (jets, case.theta, case.physics, form, case.law)
 
 
 def as_tensors(loss: Arguments) -> Arguments:
     """The arguments of the operator itself: the input map and the physics as tensors."""
     constants = (loss[0].new_tensor(values) for values in loss[9:12])
-    return (*loss[:9], *constants, loss[12], "fp32")
+    return (*loss[:9], *constants, *loss[12:], "fp32")
 
 
 def leaf(x: Any, device: str) -> Any:
@@ -95,7 +95,7 @@ CALLS: dict[str, tuple[str, Callable[[], Arguments]]] = {
     "jet backward, ensemble": ("network_jet_backward", lambda: jet_backward(tiny(members=2), 0)),
     "loss, mixed": ("residual_loss", lambda: learning(tiny()).loss),
     "loss, strong": ("residual_loss", lambda: learning(tiny("strong")).loss),
-    "loss, data": ("residual_loss", lambda: (*learning(tiny()).loss[:-1], "data")),
+    "loss, data": ("residual_loss", lambda: (*learning(tiny()).loss[:-2], "data", "mu_of_i")),
     "loss, float32": ("residual_loss", lambda: learning(tiny().to(torch.float32)).loss),
     "loss, no points": ("residual_loss", lambda: learning(tiny(points=0)).loss),
     "loss, no surface": ("residual_loss", lambda: learning(tiny(surface_points=0)).loss),

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granpinn.kernels import (
     ops,
-    step_ops,  # noqa: F401
+    step_ops,
 )
 from granpinn.kernels.network import n_params
 from granpinn.training.control import HEALTHY
@@ -70,7 +70,7 @@ def test_batches_may_be_empty(device: torch.device) -> None:
 
 
 def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu") -> list[Any]:
-    """Behind those of draw_batch: params, theta, widths, input map, physics, form, precision."""
+    """The rest: params, theta, widths, input map, physics, form, law, precision."""
     widths = [3, 20, 30, 5]
     tensors = [
         torch.randn(E, n_params(widths), dtype=dtype) / 4,
@@ -79,7 +79,7 @@ def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu
         torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3]], dtype=dtype).repeat(E, 1),
     ]
     params, theta, *rest = (tensor.to(device) for tensor in tensors)
-    return [params, theta, widths, *rest, "mixed", "fast"]
+    return [params, theta, widths, *rest, "mixed", "mu_of_i", "fast"]
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -101,7 +101,7 @@ def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
 
 
 def state(E: int, device: str = "cpu") -> list[Tensor]:
-    """counter, table, slower, fault, counts."""
+    """counter, table, lr_scale, fault, counts."""
     return [
         torch.zeros(3, dtype=torch.int64, device=device),
         torch.ones(2, 2 + E, dtype=torch.float64, device=device),
@@ -115,8 +115,10 @@ def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
     """Loss and network from 5 on, those of the friction law from 15 on."""
     adam = [1e-3, 0.9, 0.99, 1e-8]
     network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(7)]
-    law = [torch.rand(E, k, dtype=dtype) for k in (3, 2, 2, 2, 3, 2)]
-    return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, "log", True]
+    law = [torch.rand(E, 3, dtype=dtype) for _ in range(6)]
+    variables = [step_ops.VARIABLES[kind] for kind in ("log", "log_above", "fixed")]
+    bounds = [-4.0, 1.0, -4.0, 1.0, 0.0, 0.0]
+    return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, variables, bounds, True]
 
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
@@ -161,7 +163,11 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "beyond": ("update", 12, [2, 4, 7, 4], "matrices must end within 10 parameters"),
     "odd": ("update", 12, [2], r"matrices must be \(begin, size\)"),
     "rates": ("update", 21, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("update", 22, "exp", "variables must be 'log', 'sigmoid' or 'theta'"),
+    "variables": ("update", 22, [1, 2, 4], r"variables must be in 0..3, got \[1, 2, 4\]"),
+    "nothing below": ("update", 22, [2, 1, 0], "the first parameter of a law has no parameter"),
+    "too many": ("update", 22, [1] * 9, "variables must be 1 to 3 codes with two bounds each"),
+    "bounds": ("update", 23, [0.0], "with two bounds each, got 3 and 1 bounds"),
+    "theta": ("update", 19, torch.rand(3, 2), r"theta must be \[3, 3\]"),
     "apart": ("descend", 9, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
     "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
@@ -191,26 +197,66 @@ def test_there_is_no_batch_without_points() -> None:
     assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)
 
 
-def test_theta_itself_may_move(device: torch.device) -> None:
-    """All three numbers, as any other parameters do; nothing without a weight is averaged."""
+def theta_of(q: Tensor, kinds: tuple[str, ...], fixed: Tensor) -> Tensor:
+    """theta [E, N] at q [E, N], as csrc/math/law_variables.h states it."""
+    theta: list[Tensor] = []
+    for k, kind in enumerate(kinds):
+        if kind == "fixed":
+            theta.append(fixed[:, k])
+        elif kind == "logistic":
+            theta.append(q[:, k].sigmoid())
+        else:
+            theta.append(q[:, k].exp() + (theta[-1] if kind == "log_above" else 0))
+    return torch.stack(theta, 1)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("log", "log_above", "fixed"),
+        ("logistic", "logistic", "fixed"),
+        ("log",),
+        ("log", "log_above", "log_above"),
+        ("fixed", "log_above", "log"),
+    ],
+    ids=" ".join,
+)
+def test_the_law_moves_as_adam_moves_its_variables(
+    kinds: tuple[str, ...], device: torch.device
+) -> None:
+    """theta, q and its average, by autograd through theta(q) and torch's Adam; two steps."""
+    N = len(kinds)
     arguments = update_arguments(3, 10, torch.float64)
-    theta = torch.rand(3, 3, dtype=torch.float64)
-    moments = [torch.zeros_like(theta) for _ in range(2)]
-    arguments[16:21] = [theta.clone(), *moments, torch.zeros_like(theta), torch.zeros_like(theta)]
-    arguments[22] = "theta"
-    arguments[1][:, 1] = 0
-    averages = arguments[11].clone()
+    grad_theta, q = (torch.randn(3, N, dtype=torch.float64) for _ in range(2))
+    theta = theta_of(q, kinds, torch.rand(3, N, dtype=torch.float64))
+    empty = [torch.zeros(3, N, dtype=torch.float64) for _ in range(3)]
+    arguments[15:21] = [grad_theta, q.clone(), *empty[:2], theta.clone(), empty[2]]
+    arguments[22] = [step_ops.VARIABLES[kind] for kind in kinds]
+    arguments[23] = [-8.0, 8.0] * N
+    arguments[1][:, 1] = 0.25
+    moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
+    leaf = q.clone().requires_grad_()
+    adam = torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8)
+    average = torch.zeros_like(q)
+    for _ in range(2):
+        torch.ops.granpinn.update(*moved)
+        (leaf.grad,) = torch.autograd.grad((theta_of(leaf, kinds, theta) * grad_theta).sum(), leaf)
+        adam.step()
+        average += 0.25 * (leaf.detach() - average)
+    expected = theta_of(leaf.detach(), kinds, theta)
+    for found, wanted in ((moved[16], leaf.detach()), (moved[19], expected), (moved[20], average)):
+        torch.testing.assert_close(found.cpu(), wanted, rtol=1e-13, atol=1e-15)
+    assert moved[4].tolist() == [[2, 2]] * 3
+
+
+def test_a_variable_stays_within_its_bounds(device: torch.device) -> None:
+    arguments = update_arguments(3, 10, torch.float64)
+    arguments[16][:, 0], arguments[16][:, 1] = 0.5, 0.5
+    arguments[23] = [1.0, 2.0, -2.0, -1.0, 0.0, 0.0]
     moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
     torch.ops.granpinn.update(*moved)
-    leaf = theta.clone().requires_grad_()
-    leaf.grad = arguments[15]
-    torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8).step()
-    for found in (moved[16], moved[19]):
-        torch.testing.assert_close(found.cpu(), leaf.detach(), rtol=1e-14, atol=0)
-    assert moved[0].tolist() == [1, 0, 0]
-    assert moved[4].tolist() == [[1, 1]] * 3
-    assert torch.equal(moved[11].cpu(), averages)
-    assert not moved[20].any()
+    assert moved[16][:, :2].tolist() == [[1.0, -1.0]] * 3
+    assert torch.equal(moved[19][:, 1], moved[16][:, :2].exp().sum(1))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -253,8 +299,8 @@ def test_descend_subtracts_the_orthogonal_factor(
     group, E = Group(5, *shape), 3
     P = group.offset + group.count * group.apart + 7
     direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
-    counter, table, slower, fault, counts = state(E, str(device))
-    table[:, 0], table[:, 1], slower[0], fault[1], counter[0] = 0.5, 0.75, 0.25, 0, 1
+    counter, table, lr_scale, fault, counts = state(E, str(device))
+    table[:, 0], table[:, 1], lr_scale[0], fault[1], counter[0] = 0.5, 0.75, 0.25, 0, 1
     average = torch.zeros_like(params)
     expected = params.to(torch.float64, copy=True)
     U = torch.ops.granpinn.orthogonalize(group.of(direction), precision).double()
@@ -266,7 +312,8 @@ def test_descend_subtracts_the_orthogonal_factor(
         places = (group.offset, group.apart, 0.1, precision)
         G = group.of(direction)
         average.zero_()
-        torch.ops.granpinn.descend(counter, table, slower, fault, counts, G, now, average, *places)
+        steered = (counter, table, lr_scale, fault, counts)
+        torch.ops.granpinn.descend(*steered, G, now, average, *places)
         return now
 
     found = descend(params)

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.physics import rheology
 
 D, ETA_MIN, ETA_MAX, P_FLOOR = LAW = (0.02, 1e-3, 1e3, 1e-4)
 THETA = (0.4, 0.65, 0.3)
@@ -17,13 +16,13 @@ THETA = (0.4, 0.65, 0.3)
 
 def test_friction_between_its_limits() -> None:
     inertia = torch.tensor([0.0, 0.3, 1e12], dtype=torch.float64)
-    mu = rheology.mu_of_I(inertia, *THETA)
+    mu = reference.friction("mu_of_i", inertia, torch.tensor(THETA, dtype=inertia.dtype))
     torch.testing.assert_close(mu, torch.tensor([0.4, 0.525, 0.65], dtype=torch.float64))
 
 
 def test_inertial_number_is_finite_without_pressure() -> None:
     gamma_dot, p = torch.tensor([2.0, 2.0]), torch.tensor([0.0, 0.25])
-    inertia = rheology.inertial_number(gamma_dot, p, D, P_FLOOR)
+    inertia = reference.inertial_number(gamma_dot, p, D, P_FLOOR)
     torch.testing.assert_close(inertia, torch.tensor([0.04 / 1e-2, 0.04 / 0.5]))
 
 
@@ -61,8 +60,12 @@ def _samples(seed: int, dtype: torch.dtype) -> list[Tensor]:
     p = 10 ** (8 * torch.rand(4000, generator=rng) - 7)
     p = torch.where(torch.rand(4000, generator=rng) < 0.1, -p, p)
     theta = torch.tensor(THETA)
-    inertia = rheology.inertial_number(gamma_dot, p, D, P_FLOOR)
-    eta = rheology.mu_of_I(inertia, *THETA) * p / gamma_dot
+    inertia = reference.inertial_number(gamma_dot, p, D, P_FLOOR)
+    eta = (
+        reference.friction("mu_of_i", inertia, torch.tensor(THETA, dtype=inertia.dtype))
+        * p
+        / gamma_dot
+    )
     switches = ((eta, ETA_MIN), (eta, ETA_MAX), (p.abs(), P_FLOOR))
     away = torch.stack([(x / limit - 1).abs() > 1e-3 for x, limit in switches]).all(0)
     return [x.to(dtype).requires_grad_() for x in (gamma_dot[away], p[away], theta)]

@@ -16,7 +16,7 @@ from granpinn import reference, results, train
 from granpinn.data import Flow
 from granpinn.identification.final_loss import final_loss
 from granpinn.identification.inertial_profile import grid_of, judge
-from granpinn.kernels.op_rules import TERMS
+from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
 from granpinn.results.findings import Loss, Profile
 from granpinn.training.guard import NonFiniteError

@@ -54,8 +54,10 @@ __device__ inline void collect_loss(const DeviceLoss<float>& a, const LaunchPlan
   if (i < kSums) sum = sum_of_share(scratch.sums + e * plan.slots * kSums + i, plan.slots, kSums);
   sum = sum_shares(sum);
   if (threadIdx.y != 0) return;
-  if (i >= kTerms && i < kSums) a.grad_theta[e * 3 + i - kTerms] = static_cast<float>(sum);
-  const std::int64_t points = i == 1 ? a.m : a.n;
+  const int parameters = parameters_of(a.law);
+  if (i >= kTerms && i < kTerms + parameters)
+    a.grad_theta[e * parameters + i - kTerms] = static_cast<float>(sum);
+  const std::int64_t points = i == kSurface ? a.m : a.n;
   const double term = points ? sum / (2.0 * static_cast<double>(points)) : 0.0;
   if (i < kTerms) a.terms[e * kTerms + i] = static_cast<float>(term);
   double loss = 0;

@@ -67,14 +67,11 @@ cudaError_t weights(const DeviceLoss<float>& a, const LaunchPlan& plan, const Sc
 
 cudaError_t tiles(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s, Chunk chunk,
                   cudaStream_t stream) {
-  switch (a.form) {
-    case Form::data:
-      return launch_data_tiles(a, plan, s, chunk, stream);
-    case Form::mixed:
-      return launch_mixed_tiles(a, plan, s, chunk, stream);
-    default:
-      return launch_strong_tiles(a, plan, s, chunk, stream);
-  }
+  if (a.form == Form::data) return launch_data_tiles(a, plan, s, chunk, stream);
+  const bool own = a.law == LawName::mu_of_i, mixed = a.form == Form::mixed;
+  const auto launch = mixed ? (own ? launch_mixed_mu_of_i_tiles : launch_mixed_any_law_tiles)
+                            : (own ? launch_strong_mu_of_i_tiles : launch_strong_any_law_tiles);
+  return launch(a, plan, s, chunk, stream);
 }
 
 template <int H>

@@ -21,7 +21,6 @@ constexpr int kWidest = 256;
 constexpr int kDeepest = 8;  // hidden layers
 constexpr int kSlab = 32;    // neurons of a warp, or of the two that share them
 constexpr int kRow = 8;      // outputs of a row, padded
-constexpr int kSums = 8;     // squares of the five terms, then theta
 
 constexpr int kConstants = kSums + kPhysics;  // of a member: term weights, theta, physics
 

@@ -1,8 +1,10 @@
-// What a tile's raw outputs are compared with: adjoints of the outputs, and terms of the loss.
+// From the raw outputs of a tile to their adjoints and the terms of the loss.
 #pragma once
 
-#include "math/mixed_form.h"
-#include "math/strong_form.h"
+#include <type_traits>
+
+#include "math/forms/mixed.h"
+#include "math/forms/strong.h"
 #include "tile.cuh"
 
 namespace granpinn::cuda::fused {
@@ -10,41 +12,47 @@ namespace granpinn::cuda::fused {
 // Constants of a member.
 struct TaskConstants {
   float term_weights[kTerms];
-  float theta[3];
+  float theta[kMaxLawParameters];
   Physics<float> physics;
 };
 
+// `parameters` of theta are there; the others are 0.
 __device__ inline TaskConstants constants_from(const float* term_weights, const float* theta,
-                                               const float* physics) {
+                                               int parameters, const float* physics) {
   TaskConstants c;
+#pragma unroll
   for (int i = 0; i < kTerms; ++i) c.term_weights[i] = term_weights[i];
-  for (int i = 0; i < 3; ++i) c.theta[i] = theta[i];
+#pragma unroll
+  for (int i = 0; i < kMaxLawParameters; ++i) c.theta[i] = i < parameters ? theta[i] : 0;
   c.physics = physics_from<float>(physics);
   return c;
 }
 
-// Number i of these, in the order of the arguments above.
+// Constant i of kConstants: term weights, theta (0 beyond the law's parameters), physics.
 __device__ inline float constant_of(const DeviceLoss<float>& a, std::int64_t e, int i) {
-  return i < kTerms  ? a.term_weights.member(e)[i]
-         : i < kSums ? a.theta.member(e)[i - kTerms]
-                     : a.physics.member(e)[i - kSums];
+  if (i < kTerms) return a.term_weights.member(e)[i];
+  if (i >= kSums) return a.physics.member(e)[i - kSums];
+  return i - kTerms < parameters_of(a.law) ? a.theta.member(e)[i - kTerms] : 0;
 }
 
-// Mapped coordinate `axis` of a tile's point p; behind the last point that point again.
+// Mapped coordinate `axis` of a tile's point p; the last point fills the tile.
 __device__ inline float coordinate(const DeviceLoss<float>& a, std::int64_t e, const float* points,
                                    std::int64_t count, std::int64_t at, int p, int axis) {
   const std::int64_t row = at + p < count ? at + p : count - 1;
   return (points[3 * row + axis] - a.net.input.shift_of(e, axis)) * a.net.input.scale_of(e, axis);
 }
 
-// Interior points: velocity misfit and, where F is a form, the equations.
-template <class F>
+// The law of the problem, chosen at run time.
+struct AnyLaw {};
+
+// Interior points: the velocity misfit, and the equations of the form F with a law.
+template <class F, class Law>
 struct Interior {
   static __device__ float xi(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at, int p,
                              int axis) {
     return coordinate(a, e, a.points.member(e), a.n, at, p, axis);
   }
-  // Number k of four of what is known of a point.
+  // Component k of (u, v, w_velocity, w_physics) of a point.
   static __device__ float observed(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at,
                                    int p, int k) {
     const float *velocity = a.velocity.member(e), *weights = a.point_weights.member(e);
@@ -56,9 +64,9 @@ struct Interior {
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
     constexpr int K = F::fields, C = F::channels;
     static_assert(K == 3 || K == 5, "a row is one float4 and, with five fields, one more");
-    const FrictionLaw<float> law{c.theta[0], c.theta[1], c.theta[2]};
     for (int p = threadIdx.x; p < E::PT; p += E::threads) {
-      float z[K][C], z_a[K][C], w[F::residuals], e[F::residuals], law_a[3];
+      float z[K][C], z_a[K][C], w[F::residuals], e[F::residuals];
+      float theta_a[kMaxLawParameters] = {};
 #pragma unroll
       for (int ch = 0; ch < C; ++ch) {
         const float* row = m.raw() + (ch * E::PT + p) * kRow;
@@ -69,8 +77,13 @@ struct Interior {
       const float* seen = m.observed + 4 * p;
 #pragma unroll
       for (int r = 0; r < F::residuals; ++r)
-        w[r] = c.term_weights[term_of(r)] / static_cast<float>(a.n) * seen[3];
-      F::gradient(z, law, c.physics, w, e, z_a, law_a);
+        w[r] = c.term_weights[F::term_of(r)] / static_cast<float>(a.n) * seen[3];
+      if constexpr (std::is_same_v<Law, AnyLaw>)
+        visit_law(a.law, [&](auto law) {
+          F::template gradient<decltype(law)>(z, c.theta, c.physics, w, e, z_a, theta_a);
+        });
+      else
+        F::template gradient<Law>(z, c.theta, c.physics, w, e, z_a, theta_a);
 #pragma unroll
       for (int k = 0; k < 2; ++k) z_a[k][0] += misfit_slope(a, c, seen, k, z[0][0], z[1][0]);
 #pragma unroll
@@ -82,17 +95,17 @@ struct Interior {
       }
       float squares[kTerms] = {misfit_square(c, seen, z[0][0], z[1][0])};
 #pragma unroll
-      for (int r = 0; r < F::residuals; ++r) squares[term_of(r)] += seen[3] * e[r] * e[r];
+      for (int r = 0; r < F::residuals; ++r) squares[F::term_of(r)] += seen[3] * e[r] * e[r];
 #pragma unroll
       for (int k = 0; k < kSums; ++k)
-        m.terms()[k * E::R + p] = k < kTerms ? squares[k] : law_a[k - kTerms];
+        m.terms()[k * E::R + p] = k < kTerms ? squares[k] : theta_a[k - kTerms];
     }
   }
 
   static __device__ float misfit_slope(const DeviceLoss<float>& a, const TaskConstants& c,
                                        const float* seen, int field, float z0, float z1) {
     const float U = c.physics.velocity_scale;
-    const float factor = c.term_weights[0] / static_cast<float>(a.n) * U;
+    const float factor = c.term_weights[kVelocity] / static_cast<float>(a.n) * U;
     return factor * seen[2] * (U * (field ? z1 : z0) - seen[field]);
   }
   static __device__ float misfit_square(const TaskConstants& c, const float* seen, float z0,
@@ -103,16 +116,16 @@ struct Interior {
 };
 
 // No equations: values alone.
-struct Values : Interior<MixedForm> {
+struct Values : Interior<MixedForm, AnyLaw> {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
-    using Misfit = Interior<MixedForm>;
+    using Misfit = Interior<MixedForm, AnyLaw>;
     for (int p = threadIdx.x; p < E::PT; p += E::threads) {
       const float *seen = m.observed + 4 * p, *z = m.raw() + p * kRow;
       for (int k = 0; k < kRow; ++k)
         m.adjoint()[p * kRow + k] = k < 2 ? Misfit::misfit_slope(a, c, seen, k, z[0], z[1]) : 0;
       for (int k = 0; k < kSums; ++k) m.terms()[k * E::R + p] = 0;
-      m.terms()[p] = Misfit::misfit_square(c, seen, z[0], z[1]);
+      m.terms()[kVelocity * E::R + p] = Misfit::misfit_square(c, seen, z[0], z[1]);
     }
   }
 };
@@ -136,16 +149,16 @@ struct Surface {
       const float z = m.raw()[p * kRow + 2], weight = m.observed[4 * p + 1];
       const float P = c.physics.pressure_scale;
       const float e = pressure_value<map>(z, P) - m.observed[4 * p];
-      const float factor = c.term_weights[1] / static_cast<float>(a.m) * weight;
+      const float factor = c.term_weights[kSurface] / static_cast<float>(a.m) * weight;
       for (int k = 0; k < kRow; ++k)
         m.adjoint()[p * kRow + k] = k == 2 ? factor * e * pressure_slope<map>(z, P) : 0;
       for (int k = 0; k < kSums; ++k) m.terms()[k * E::R + p] = 0;
-      m.terms()[E::R + p] = weight * e * e;
+      m.terms()[kSurface * E::R + p] = weight * e * e;
     }
   }
 };
 
-// Likewise, with the pressure of the network's form, which its outputs tell.
+// The same with the pressure map of the network: softplus for five outputs, linear for three.
 struct SurfaceOfForm : Surface<PressureMap::softplus> {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {

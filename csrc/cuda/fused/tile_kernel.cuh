@@ -91,7 +91,9 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
   tile.forward();
   if constexpr (kFewValues<E>)
     Task::template evaluate<E>(
-        a, constants_from(m.constants, m.constants + kTerms, m.constants + kSums), m);
+        a,
+        constants_from(m.constants, m.constants + kTerms, kMaxLawParameters, m.constants + kSums),
+        m);
   else
     Task::template evaluate<E>(a, constants, m);
   __syncthreads();
@@ -128,7 +130,8 @@ __global__ void __launch_bounds__(I::threads, Blocks)
   const int L = plan.hidden, narrow = plan.narrow();
   TaskConstants constants;
   if constexpr (!few)
-    constants = constants_from(a.term_weights.member(e), a.theta.member(e), a.physics.member(e));
+    constants = constants_from(a.term_weights.member(e), a.theta.member(e), parameters_of(a.law),
+                               a.physics.member(e));
   const TileNetwork net{plan,
                         scratch.narrow + e * narrow,
                         scratch.stash + block * plan.stash(),

@@ -158,7 +158,7 @@ __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<flo
   const std::int64_t e = matrix / a.count, l = matrix % a.count;
   const int column = threadIdx.x % kSide, first = threadIdx.x / kSide;
   const double* control = d.control.row(step);
-  const auto rate = static_cast<float>(d.learning_rate * control[0] * d.members.slower[e]);
+  const auto rate = static_cast<float>(d.learning_rate * control[0] * d.members.lr_scale[e]);
   const auto weight = static_cast<float>(control[1]);
   const std::int64_t from = e * d.P + d.offset + l * d.apart + column;
   float *W = d.params + from, *average = d.average_params + from;

@@ -106,16 +106,25 @@ Network<T> network(const T* params, Ints widths, const Values& shift, const Valu
 }
 
 inline void check_physics(std::int64_t count) {
-  GRANPINN_CHECK_VALUE(
-      count == kPhysics,
-      "physics must be [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor], got ", count,
-      " values");
+  std::string names;
+  for (const char* name : kPhysicsFields) names += (names.empty() ? "" : ", ") + std::string(name);
+  GRANPINN_CHECK_VALUE(count == kPhysics, "physics must be [", names, "], got ", count, " values");
 }
 
 template <class T>
 Physics<T> physics_of(Doubles values) {
   check_physics(static_cast<std::int64_t>(values.size()));
   return physics_from<T>(values.data());
+}
+
+inline LawName law_of(c10::string_view name) {
+  std::string known;
+#define GRANPINN_ROW(row, Law)                \
+  if (name == Law::name) return LawName::row; \
+  known += (known.empty() ? "'" : ", '") + std::string(Law::name) + "'";
+  GRANPINN_LAWS(GRANPINN_ROW)
+#undef GRANPINN_ROW
+  GRANPINN_CHECK_VALUE(false, "law must be one of ", known, ", got '", name, "'");
 }
 
 inline Form form_of(c10::string_view name) {
@@ -140,7 +149,7 @@ inline void check_matrices(const at::Tensor& G) {
   GRANPINN_CHECK_VALUE(G.dim() >= 2, "G must be [..., m, n], got ", shape_of(G));
 }
 
-inline int channels_of(std::int64_t order) {
+inline int channels_of_order(std::int64_t order) {
   GRANPINN_CHECK_VALUE(order >= 0 && order <= 2, "order must be 0, 1 or 2, got ", order);
   return order == 0 ? 1 : order == 1 ? 4 : 7;
 }

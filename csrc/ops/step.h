@@ -1,18 +1,15 @@
-// The operators of one optimization step, from tensors to plain structs: the same for all devices.
+// The operators of one optimization step: checks, and the structs for the backends.
 //
-// `Backend` runs the kernels: static functions draw, update and descend, each taking its arguments
-// struct; descend also takes the matrices that it has to orthogonalize, and how. Its loss is
-// residual_loss right after a draw.
-// In-place on the tensors that the schemas mark; nothing is synchronised.
+// `Backend` runs each struct: draw(a), loss(in), update(a), and descend(a, G, precision) with the
+// matrices G that it orthogonalizes. The operators change the tensors that the schemas mark, and
+// synchronise nothing.
 #pragma once
 
 #include <c10/core/DeviceGuard.h>
-#include <torch/library.h>
-
 #include <tuple>
 
-#include "batch.h"
-#include "loss_tensors.h"
+#include "../batch.h"
+#include "residual_loss.h"
 
 namespace granpinn {
 
@@ -35,12 +32,12 @@ inline Control control_of(const at::Tensor& counter, const at::Tensor& table, st
           E};
 }
 
-inline Members members_of(const at::Tensor& slower, const at::Tensor& fault,
+inline Members members_of(const at::Tensor& lr_scale, const at::Tensor& fault,
                           const at::Tensor& counts, const at::Tensor& like, std::int64_t E) {
-  expect("slower", slower, at::kDouble, like, {E});
+  expect("lr_scale", lr_scale, at::kDouble, like, {E});
   expect("fault", fault, at::kLong, like, {E});
   expect("counts", counts, at::kLong, like, {E, 2});
-  return {slower.const_data_ptr<double>(), fault.mutable_data_ptr<std::int64_t>(),
+  return {lr_scale.const_data_ptr<double>(), fault.mutable_data_ptr<std::int64_t>(),
           counts.mutable_data_ptr<std::int64_t>()};
 }
 
@@ -51,12 +48,24 @@ inline AdamSettings adam_settings(Doubles values) {
   return {values[0], values[1], values[2], values[3]};
 }
 
-inline LawVariables law_variables(c10::string_view name) {
-  GRANPINN_CHECK_VALUE(name == "log" || name == "sigmoid" || name == "theta",
-                       "variables must be 'log', 'sigmoid' or 'theta', got '", name, "'");
-  return name == "log"       ? LawVariables::logarithm
-         : name == "sigmoid" ? LawVariables::sigmoid
-                             : LawVariables::theta;
+// A code of `Variable` for every parameter of a law, and the bounds (low, high) of its q.
+inline LawVariables law_variables(Ints codes, Doubles bounds) {
+  const std::size_t N = codes.size();
+  GRANPINN_CHECK_VALUE(N >= 1 && N <= kMaxLawParameters && bounds.size() == 2 * N,
+                       "variables must be 1 to ", kMaxLawParameters,
+                       " codes with two bounds each, got ", N, " and ", bounds.size(), " bounds");
+  LawVariables v{};
+  v.parameters = static_cast<int>(N);
+  for (std::size_t k = 0; k < N; ++k) {
+    GRANPINN_CHECK_VALUE(codes[k] >= 0 && codes[k] < kVariables, "variables must be in 0..",
+                         kVariables - 1, ", got ", codes);
+    v.kind[k] = static_cast<Variable>(codes[k]);
+    v.low[k] = bounds[2 * k];
+    v.high[k] = bounds[2 * k + 1];
+  }
+  GRANPINN_CHECK_VALUE(v.kind[0] != Variable::logarithm_above,
+                       "the first parameter of a law has no parameter below it, got ", codes);
+  return v;
 }
 
 // [E, P] and the type of params.
@@ -116,7 +125,7 @@ struct StepOps {
     return out;
   }
 
-  // Of the batch that draw_batch draws.
+  // residual_loss of the batch that draw_batch draws.
   static LossResult batch_loss(const at::Tensor& counter, const at::Tensor& table,
                                const at::Tensor& seeds, const at::Tensor& places,
                                const at::Tensor& points, const at::Tensor& velocity,
@@ -126,26 +135,28 @@ struct StepOps {
                                const at::Tensor& params, const at::Tensor& theta, Ints widths,
                                const at::Tensor& input_shift, const at::Tensor& input_scale,
                                const at::Tensor& physics, c10::string_view form,
-                               c10::string_view precision) {
+                               c10::string_view law, c10::string_view precision) {
     const Six batch =
         draw_batch(counter, table, seeds, places, points, velocity, point_weights, surface_points,
                    surface_pressure, term_weights, interior, surface, share);
-    return std::apply(
+    LossTensors in = std::apply(
         [&](const auto&... drawn) {
-          return Backend::loss(params, theta, drawn..., widths, input_shift, input_scale, physics,
-                               form, precision);
+          return loss_tensors(params, theta, drawn..., widths, input_shift, input_scale, physics,
+                              form, law, precision);
         },
         batch);
+    in.drawn = in.E > 0 && in.params.is_same(params);
+    return Backend::loss(in);
   }
 
-  static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
+  static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& lr_scale,
                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& loss,
                      const at::Tensor& gradient, const at::Tensor& params, const at::Tensor& first,
                      const at::Tensor& second, const at::Tensor& direction,
                      const at::Tensor& average_params, Ints matrices, Doubles adam, double momentum,
                      const at::Tensor& grad_theta, const at::Tensor& q, const at::Tensor& first_q,
                      const at::Tensor& second_q, const at::Tensor& theta,
-                     const at::Tensor& average_q, Doubles law_adam, c10::string_view variables,
+                     const at::Tensor& average_q, Doubles law_adam, Ints variables, Doubles bounds,
                      bool law_moves) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
@@ -157,25 +168,24 @@ struct StepOps {
     expect("second", second, type, params, {E, P});
     expect("direction", direction, type, params, {E, P});
     expect("average_params", average_params, type, params, {E, P});
-    const LawVariables kind = law_variables(variables);
-    const int numbers = law_numbers(kind);
-    expect("grad_theta", grad_theta, type, params, {E, 3});
-    expect("q", q, type, params, {E, numbers});
-    expect("first_q", first_q, type, params, {E, numbers});
-    expect("second_q", second_q, type, params, {E, numbers});
-    expect("theta", theta, type, params, {E, 3});
-    expect("average_q", average_q, type, params, {E, numbers});
+    const LawVariables kinds = law_variables(variables, bounds);
+    expect("grad_theta", grad_theta, type, params, {E, kinds.parameters});
+    expect("q", q, type, params, {E, kinds.parameters});
+    expect("first_q", first_q, type, params, {E, kinds.parameters});
+    expect("second_q", second_q, type, params, {E, kinds.parameters});
+    expect("theta", theta, type, params, {E, kinds.parameters});
+    expect("average_q", average_q, type, params, {E, kinds.parameters});
     const auto regions = static_cast<int>(matrices.size() / 2);
     GRANPINN_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
                          "matrices must be (begin, size) of at most ", kMaxRegions,
                          " hidden matrices, got ", matrices.size(), " numbers");
     const Control control = control_of(counter, table, E);
-    const Members members = members_of(slower, fault, counts, params, E);
+    const Members members = members_of(lr_scale, fault, counts, params, E);
     AT_DISPATCH_FLOATING_TYPES(type, "update", [&] {
       using T = scalar_t;
       const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
       const LawArguments<T> law{adam_settings(law_adam),
-                                kind,
+                                kinds,
                                 law_moves,
                                 grad_theta.const_data_ptr<T>(),
                                 at(q),
@@ -210,11 +220,11 @@ struct StepOps {
     });
   }
 
-  static void descend(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& slower,
-                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& G,
-                      const at::Tensor& params, const at::Tensor& average_params,
-                      std::int64_t offset, std::int64_t apart, double learning_rate,
-                      c10::string_view precision) {
+  static void descend(const at::Tensor& counter, const at::Tensor& table,
+                      const at::Tensor& lr_scale, const at::Tensor& fault, const at::Tensor& counts,
+                      const at::Tensor& G, const at::Tensor& params,
+                      const at::Tensor& average_params, std::int64_t offset, std::int64_t apart,
+                      double learning_rate, c10::string_view precision) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
@@ -231,7 +241,7 @@ struct StepOps {
         "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
         apart, " and G ", shape_of(G));
     const Control control = control_of(counter, table, E);
-    const Members members = members_of(slower, fault, counts, params, E);
+    const Members members = members_of(lr_scale, fault, counts, params, E);
     fast_precision(precision);
     if (G.numel() == 0) return;
     AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {
@@ -243,14 +253,5 @@ struct StepOps {
     });
   }
 };
-
-// The schemas' names, once per device.
-template <class Backend>
-void register_step(torch::Library& m) {
-  m.impl("draw_batch", &StepOps<Backend>::draw_batch);
-  m.impl("batch_loss", &StepOps<Backend>::batch_loss);
-  m.impl("update", &StepOps<Backend>::update);
-  m.impl("descend", &StepOps<Backend>::descend);
-}
 
 }  // namespace granpinn

@@ -8,7 +8,8 @@
 // eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x.
 #pragma once
 
-#include "fields.h"
+#include "../fields.h"
+#include "../viscosity.h"
 
 namespace granpinn {
 
@@ -19,12 +20,17 @@ struct StrongForm {
   static constexpr int residuals = 3;
   static constexpr PressureMap pressure_map = map;
 
-  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, law_a
-  // of sum_r w_r e_r^2 / 2, in reverse mode. What ends in _a is an adjoint.
-  template <class R, class T>
-  static GRANPINN_HD void gradient(const R (&z)[fields][channels], const FrictionLaw<R>& law,
+  // The loss term of a residual.
+  static GRANPINN_HD constexpr Term term_of(int residual) {
+    return residual < 2 ? kMomentum : kContinuity;
+  }
+
+  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
+  // of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an adjoint.
+  template <class Law, class R, class T, int N>
+  static GRANPINN_HD void gradient(const R (&z)[fields][channels], const R (&theta)[N],
                                    const Physics<T>& c, const R (&w)[residuals], R (&e)[residuals],
-                                   R (&z_a)[fields][channels], R (&law_a)[3]) {
+                                   R (&z_a)[fields][channels], R (&theta_a)[N]) {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
       u[i] = c.velocity_scale * z[0][i];
@@ -39,7 +45,7 @@ struct StrongForm {
     const R over = R(T(1)) / gamma_dot;
     const R gamma_dot_x = (T(2) * (u[kX] * u[kXX] + v[kY] * v[kXY]) + shear * shear_x) * over;
     const R gamma_dot_y = (T(2) * (u[kX] * u[kXY] + v[kY] * v[kYY]) + shear * shear_y) * over;
-    const ViscosityJet<R> eta = viscosity_jet(gamma_dot, p.p, law, c);
+    const ViscosityJet<R> eta = viscosity_jet<Law>(gamma_dot, p.p, theta, c);
     const R eta_x = eta.by_gamma_dot * gamma_dot_x + eta.by_p * p.p_x;
     const R eta_y = eta.by_gamma_dot * gamma_dot_y + eta.by_p * p.p_y;
 
@@ -57,7 +63,7 @@ struct StrongForm {
                                 eta_x_a * gamma_dot_x + eta_y_a * gamma_dot_y,
                                 eta_x_a * p.p_x + eta_y_a * p.p_y};
     R gamma_dot_a, p_a;
-    viscosity_jet_adjoint(gamma_dot, p.p, law, c, eta_a, gamma_dot_a, p_a, law_a);
+    viscosity_jet_adjoint<Law>(gamma_dot, p.p, theta, c, eta_a, gamma_dot_a, p_a, theta_a);
     // of the numerators of gamma_dot_x and gamma_dot_y, and of gamma_dot^2 / 2
     const R X = eta_x_a * eta.by_gamma_dot * over, Y = eta_y_a * eta.by_gamma_dot * over;
     const R G = (gamma_dot_a - (X * gamma_dot_x + Y * gamma_dot_y)) * over;

@@ -10,7 +10,7 @@
 // gamma_dot = 2 sqrt(D_1^2 + D_2^2).
 #pragma once
 
-#include "fields.h"
+#include "../fields.h"
 
 namespace granpinn {
 
@@ -20,12 +20,17 @@ struct MixedForm {
   static constexpr int residuals = 5;
   static constexpr PressureMap pressure_map = PressureMap::softplus;
 
-  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, law_a
-  // of sum_r w_r e_r^2 / 2, in reverse mode. What ends in _a is an adjoint.
-  template <class R, class T>
-  static GRANPINN_HD void gradient(const R (&z)[fields][channels], const FrictionLaw<R>& law,
+  // The loss term of a residual.
+  static GRANPINN_HD constexpr Term term_of(int residual) {
+    return residual < 2 ? kMomentum : residual == 2 ? kContinuity : kConstitutive;
+  }
+
+  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
+  // of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an adjoint.
+  template <class Law, class R, class T, int N>
+  static GRANPINN_HD void gradient(const R (&z)[fields][channels], const R (&theta)[N],
                                    const Physics<T>& c, const R (&w)[residuals], R (&e)[residuals],
-                                   R (&z_a)[fields][channels], R (&law_a)[3]) {
+                                   R (&z_a)[fields][channels], R (&theta_a)[N]) {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
       u[i] = c.velocity_scale * z[0][i];
@@ -44,7 +49,7 @@ struct MixedForm {
     const R two_D1 = u[kX] - v[kY], two_D2 = u[kY] + v[kX];
     const R gamma_dot = square_root(two_D1 * two_D1 + two_D2 * two_D2 + T(1e-12));
     const R I = inertial_number(gamma_dot, p.p, c);
-    const FrictionJet<R> f = friction_jet(I, law);
+    const typename Law::template Jet<R> f(I, theta);
     const R over_mu = R(T(1)) / f.mu, rate = gamma_dot * over_mu;
     e[3] = rate * s1[kValue] - two_D1;
     e[4] = rate * s2[kValue] - two_D2;
@@ -53,9 +58,7 @@ struct MixedForm {
     for (int r = 0; r < residuals; ++r) a[r] = w[r] * e[r];
     const R rate_a = a[3] * s1[kValue] + a[4] * s2[kValue];
     const R mu_a = -(rate_a * rate * over_mu);
-    law_a[0] = mu_a * f.rest;
-    law_a[1] = mu_a * f.ratio;
-    law_a[2] = -(mu_a * f.range * f.over * f.ratio);
+    f.adjoint(mu_a, R(T(0)), theta_a);
     const R I_I_a = mu_a * f.I_dmu;  // I times its adjoint
     const R over_gamma_dot = (rate_a * rate + I_I_a) / (gamma_dot * gamma_dot);
     const R two_D1_a = over_gamma_dot * two_D1 - a[3], two_D2_a = over_gamma_dot * two_D2 - a[4];

@@ -1,4 +1,6 @@
-// The arguments and results of residual_loss as checked tensors. Shared by all devices.
+// granpinn::residual_loss: the arguments, checked, as one struct for the backends.
+//
+// `Backend::loss(in)` returns the LossResult of the checked tensors.
 #pragma once
 
 #include <tuple>
@@ -7,12 +9,16 @@
 
 namespace granpinn {
 
+// loss, terms, grad_params, grad_theta
 using LossResult = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor>;
 
 // Everything contiguous, of one type and on one device.
 struct LossTensors {
   Form form;
+  LawName law;
+  Ints widths;
   bool fast;              // precision
+  bool drawn;             // draw_batch made the points just before, and no parameter has changed
   std::int64_t count, E;  // parameters; ensemble size, 0 without the axis
   std::int64_t n, m;      // interior and surface points
   at::Tensor params;
@@ -21,13 +27,13 @@ struct LossTensors {
 
   std::int64_t members() const { return E ? E : 1; }
 
-  // loss, terms, grad_params, grad_theta, not filled in
+  // The result, with its memory not yet filled in.
   LossResult results() const {
     const auto leading = [&](std::vector<std::int64_t> shape) {
       if (E) shape.insert(shape.begin(), E);
       return at::empty(shape, params.options());
     };
-    return {leading({}), leading({kTerms}), leading({count}), leading({3})};
+    return {leading({}), leading({kTerms}), leading({count}), leading({parameters_of(law)})};
   }
 };
 
@@ -49,13 +55,16 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
                                 const at::Tensor& surface_pressure, const at::Tensor& term_weights,
                                 Ints widths, const at::Tensor& input_shift,
                                 const at::Tensor& input_scale, const at::Tensor& physics,
-                                c10::string_view form, c10::string_view precision) {
+                                c10::string_view form, c10::string_view law,
+                                c10::string_view precision) {
   LossTensors in{};
   in.count = parameter_count(widths);
+  in.widths = widths;
   in.fast = fast_precision(precision);
   check_physics(physics.size(-1));
   in.E = ensemble_size(params, in.count);
   in.form = form_of(form);
+  in.law = law_of(law);
   check_outputs(in.form, form, widths);
   in.params = params.contiguous();
   const auto checked = [&](const char* name, const at::Tensor& a, std::vector<std::int64_t> shape) {
@@ -65,7 +74,7 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.surface_points = checked("surface_points", surface_points, {-1, 3});
   in.n = points.size(-2);
   in.m = surface_points.size(-2);
-  in.theta = checked("theta", theta, {3});
+  in.theta = checked("theta", theta, {parameters_of(in.law)});
   in.velocity = checked("velocity", velocity, {in.n, 2});
   in.point_weights = checked("point_weights", point_weights, {in.n, 2});
   in.surface_pressure = checked("surface_pressure", surface_pressure, {in.m});
@@ -75,5 +84,15 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.physics = checked("physics", physics, {kPhysics});
   return in;
 }
+
+// The operator for a backend, with the arguments of loss_tensors.
+template <class Backend, class Parser = decltype(loss_tensors)>
+struct ResidualLoss;
+template <class Backend, class... Arguments>
+struct ResidualLoss<Backend, LossTensors(Arguments...)> {
+  static LossResult evaluate(Arguments... arguments) {
+    return Backend::loss(loss_tensors(arguments...));
+  }
+};
 
 }  // namespace granpinn

@@ -1,0 +1,11 @@
+#include "launch_tiles.cuh"
+
+namespace granpinn::cuda::fused {
+
+cudaError_t launch_mixed_any_law_tiles(const DeviceLoss<float>& a, const LaunchPlan& plan,
+                                       const Scratch& scratch, Chunk chunk, cudaStream_t stream) {
+  return launch_tiles<Form::mixed, 4, Interior<MixedForm, AnyLaw>, Surface<PressureMap::softplus>>(
+      a, plan, scratch, chunk, stream);
+}
+
+}  // namespace granpinn::cuda::fused

@@ -1,0 +1,43 @@
+// The table of the friction laws: one row for each. The name of a row is that of the law in Python
+// (granpinn/physics/laws).
+#pragma once
+
+#include "coulomb.h"
+#include "mu_of_i.h"
+
+#define GRANPINN_LAWS(ROW) \
+  ROW(mu_of_i, MuOfI)      \
+  ROW(coulomb, Coulomb)
+
+namespace granpinn {
+
+enum class LawName {
+#define GRANPINN_ROW(name, Law) name,
+  GRANPINN_LAWS(GRANPINN_ROW)
+#undef GRANPINN_ROW
+};
+
+constexpr int larger(int a, int b) { return a < b ? b : a; }
+
+// The most parameters of any law: arrays of parameters have this length.
+#define GRANPINN_ROW(name, Law) larger(Law::parameters,
+#define GRANPINN_CLOSE(name, Law) )
+constexpr int kMaxLawParameters = GRANPINN_LAWS(GRANPINN_ROW) 0 GRANPINN_LAWS(GRANPINN_CLOSE);
+#undef GRANPINN_ROW
+#undef GRANPINN_CLOSE
+
+// Calls work(Law{}) for the law of that name.
+template <class Work>
+GRANPINN_HD auto visit_law(LawName name, const Work& work) {
+#define GRANPINN_ROW(row, Law) \
+  if (name == LawName::row) return work(Law{});
+  GRANPINN_LAWS(GRANPINN_ROW)
+#undef GRANPINN_ROW
+  return work(MuOfI{});  // not reached: every name has a row
+}
+
+GRANPINN_HD int parameters_of(LawName name) {
+  return visit_law(name, [](auto law) { return decltype(law)::parameters; });
+}
+
+}  // namespace granpinn

@@ -1,0 +1,36 @@
+// The constants of a problem, all dimensionless (granpinn/physics/constants.py has the same fields
+// in the same order).
+#pragma once
+
+#include "scalar.h"
+
+namespace granpinn {
+
+template <class T>
+struct Physics {
+  T grain_diameter;
+  T g_x, g_y;
+  T eta_min, eta_max;
+  T velocity_scale, pressure_scale;  // of the network's raw outputs
+  T pressure_floor;                  // under the root of I
+};
+
+constexpr const char* kPhysicsFields[] = {"grain_diameter", "g_x",           "g_y",
+                                          "eta_min",        "eta_max",       "velocity_scale",
+                                          "pressure_scale", "pressure_floor"};
+constexpr int kPhysics = sizeof(kPhysicsFields) / sizeof(kPhysicsFields[0]);
+static_assert(sizeof(Physics<double>) == kPhysics * sizeof(double), "every field has its name");
+
+template <class T, class From>
+GRANPINN_HD Physics<T> physics_from(const From* a) {
+  return {T(a[0]), T(a[1]), T(a[2]), T(a[3]), T(a[4]), T(a[5]), T(a[6]), T(a[7])};
+}
+
+//   I = d gamma_dot / sqrt(|p|)                          (paper, eq. I)
+template <class R, class T>
+GRANPINN_HD R inertial_number(const R& gamma_dot, const R& p, const Physics<T>& c) {
+  const R floored = maximum(absolute(p), R(c.pressure_floor));
+  return c.grain_diameter * gamma_dot / square_root(floored);
+}
+
+}  // namespace granpinn
