@@ -1,4 +1,4 @@
-// Which instance of the tile kernel a form takes.
+// Launchers of the tile kernel, one for each form of the loss.
 #pragma once
 
 #include "layout.h"
