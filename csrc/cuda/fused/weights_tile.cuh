@@ -121,9 +121,9 @@ __device__ inline unsigned times(unsigned halves, __half2 factor) {
   return *reinterpret_cast<const unsigned*>(&product);
 }
 
-// Tensor cores, halves. Every four rows have their own scales 2^s, of G and of A. The halves of G are
-// multiplied by 2^(least - sum of the two exponents) <= 1, so that all products have the same scale
-// 2^least. The bits that small numbers lose in this are far below the rounding of the largest.
+// Tensor cores, halves. Every four rows have their own scales 2^s, of G and of A. The halves of G
+// are multiplied by 2^(least - sum of the two exponents) <= 1, so that all products have the same
+// scale 2^least. The bits that small numbers lose are far below the rounding of the largest.
 template <int Rows, int StageRows>
 struct MmaWeights : WeightsTile<__half, Rows, StageRows, 8> {
   using Tile = WeightsTile<__half, Rows, StageRows, 8>;
