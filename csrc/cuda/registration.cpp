@@ -1,4 +1,4 @@
-// Puts the CUDA kernels behind the operators; the schemas are in torch_library.cpp.
+// Registers the CUDA implementations of the operators. torch_library.cpp has the schemas.
 #include <torch/library.h>
 
 #include "ops.h"

@@ -1,5 +1,5 @@
 // The Newton-Schulz iteration in plain float32 or float64, for matrices that
-// newton_schulz_cluster.cu does not compute: one launch for the norms, three for each of five steps.
+// newton_schulz_cluster.cu does not compute: one launch for the norms, three for each of 5 steps.
 //
 //   out = alpha (left right) + beta D:   A = X X^T,   P = c A A + b A,   X <- P X + a X
 //
