@@ -14,8 +14,8 @@
 namespace granpinn {
 namespace GRANPINN_SIMD_NAMESPACE {
 
-// A butterfly of rows a and b, which are `Distance` apart. Row a gives its lanes whose index has that
-// bit, row b gives the others.
+// A butterfly of rows a and b, which are `Distance` apart. Row a gives its lanes whose index has
+// that bit, row b gives the others.
 template <int Distance, class V, std::size_t... i>
 GRANPINN_INLINE void exchange(V& a, V& b, std::index_sequence<i...>) {
   constexpr int N = sizeof...(i);

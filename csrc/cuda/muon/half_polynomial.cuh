@@ -1,7 +1,7 @@
 // Symmetric products of newton_schulz_half.cu: Y Y^T for A = X X^T and for A^2.
 //
 // Rows and columns are four bands of 32. Warp w = 0 .. 3 is `near` the diagonal and computes Nw;
-// warp 4 + w computes Fw. Every other tile is the transpose of one of these, stored by the same warp.
+// warp 4 + w computes Fw. Every other tile is a transposed copy that the same warp stores.
 //
 //             band 0    band 1    band 2    band 3
 //   band 0    N0        F0        N0 | N2             N0 | N2: left half by warp 0, right half by
