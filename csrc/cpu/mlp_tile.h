@@ -1,9 +1,19 @@
 // A tile of 32 points through the network and back.
 //
-// Everything of a tile stays in cache: activations are panels [channel][neuron][32 points], so the
-// points fill the vector registers and each channel of each layer is one small matrix product with
-// the weights as they are. Only pre-activations are kept for the way back; activations are
-// recomputed there. No memory grows with the number of points.
+//   forward    z_0 = W_0 xi + b_0,   a_l = f(z_l),   z_l = W_l a_{l-1} + b_l  (b_l: values alone)
+//   backward   dL/da_{l-1} = W_l^T g_l,   g_l = dL/dz_l = f'(z_l)^T dL/da_l
+//              dL/dW_l = sum over channels and points of g_l a_{l-1}^T,   dL/db_l = sum of g_l
+//
+//                      32 points
+//   channel value    +-----------+
+//     neuron 0       |           |     a panel, [channel][neuron][32 points]: points fill vector
+//     neuron 1       |           |     registers, and a channel of a layer is one product of gemm.h
+//      ...           +-----------+     with the weights as they are
+//   channel x        |    ...    |
+//                    +-----------+
+//
+// A tile stays in cache. The way back has the pre-activations z of all layers, and computes the
+// activations again. No memory grows with the number of points.
 #pragma once
 
 #include "gemm.h"
@@ -19,10 +29,10 @@ static_assert(kTile == kTilePoints, "panels are as wide as a tile");
 template <class T>
 struct TileBuffers {
   T* xi;       // [3][32] mapped coordinates
-  T* z;        // pre-activations of all layers, [layer][C][out][32]; the last one: raw outputs
-  T* a;        // [C][widest][32] activations; on the way back the adjoints of a layer's input
-  T* g;        // [C][widest][32] adjoints of a layer's pre-activations
-  T* flipped;  // [in / 32][C][32 points][32 neurons] activations, transposed
+  T* z;        // [layer][C][out][32] pre-activations; the last layer: raw outputs
+  T* a;        // [C][widest][32] activations; backward: adjoints, in turn with g
+  T* g;        // [C][widest][32] backward: adjoints of one layer
+  T* flipped;  // [in / 32][C][32 points][32 neurons] activations of one layer, transposed
 
   TileBuffers(const Network<T>& net, int C, T* memory) {
     std::ptrdiff_t stash = 0;
@@ -36,16 +46,17 @@ struct TileBuffers {
   }
 };
 
+// Mapped coordinates of points [begin, end), at most 32. The last point fills the tile.
 template <class T>
 void load_points(const Network<T>& net, const T* points, std::int64_t begin, std::int64_t end,
                  T* xi) {
   for (int p = 0; p < kTile; ++p) {
-    const T* x = points + 3 * (begin + p < end ? begin + p : end - 1);  // the last point fills up
+    const T* x = points + 3 * (begin + p < end ? begin + p : end - 1);
     for (int i = 0; i < 3; ++i) xi[i * kTile + p] = (x[i] - net.shift[i]) * net.scale[i];
   }
 }
 
-// z of the first layer: the coordinates' own jets are (xi, e_i, 0).
+// z of the first layer. The jet of coordinate i is (xi_i, scale_i e_i, 0).
 template <int C, class T>
 void first_layer(const Network<T>& net, const T* xi, T* z) {
   using V = Vec<T>;
@@ -63,7 +74,7 @@ void first_layer(const Network<T>& net, const T* xi, T* z) {
     }
 }
 
-// Fills tile.z from tile.xi and returns its last part, the raw outputs [C][outputs][32].
+// Fills tile.z from tile.xi. Returns its last layer, the raw outputs [C][outputs][32].
 template <int C, class T>
 const T* forward(const Network<T>& net, const TileBuffers<T>& tile) {
   using V = Vec<T>;
@@ -98,7 +109,7 @@ const T* forward(const Network<T>& net, const TileBuffers<T>& tile) {
   return z;
 }
 
-// The gradient of the first layer's W and b.
+// Adds the gradient of the first layer's W and b.
 template <int C, class T>
 void first_layer_adjoint(const Network<T>& net, const T* xi, const T* g, T* gradient) {
   using V = Vec<T>;
@@ -119,8 +130,8 @@ void first_layer_adjoint(const Network<T>& net, const T* xi, const T* g, T* grad
   }
 }
 
-// Adds the gradient of the parameters; `g_out` [C][outputs][32] is the adjoint of the raw outputs.
-// tile.z must hold the pre-activations of `forward`.
+// Adds the gradient of the parameters, in the padded layout of gradient_offset.
+// g_out: adjoint of the raw outputs [C][outputs][32]. tile.z: as `forward` left it.
 template <int C, class T>
 void backward(const Network<T>& net, const TileBuffers<T>& tile, const T* g_out, T* gradient) {
   using V = Vec<T>;
@@ -148,7 +159,7 @@ void backward(const Network<T>& net, const TileBuffers<T>& tile, const T* g_out,
                             false};
       product(back, static_cast<int>(in));
     }
-    // through the activation; the activations themselves, transposed, for the weights' gradient
+    // through the activation; also the activations, transposed, for the weights' gradient
     for (std::ptrdiff_t block = 0; block < padded(in) / kTile; ++block) {
       alignas(64) T activations[C][kTile][kTile];
       const std::ptrdiff_t rows = in - block * kTile < kTile ? in - block * kTile : kTile;

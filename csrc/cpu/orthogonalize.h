@@ -1,11 +1,21 @@
 // U V^T of G = U S V^T to about 30 %: five steps of the quintic Newton-Schulz iteration of Muon
 // (Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024),
 //
-//   A = X X^T,  X <- (a I + (b I + c A) A) X,  from X = G / |G|_F.
+//   A = X X^T,  B = a I + (b I + c A) A,  X <- B X,  from X = G / |G|_F.
 //
-// Matrices are panels of 32 columns, [columns / 32][rows][32], padded with zeros to whole blocks,
-// so that every product is one for the micro-kernel of gemm.h. A and its polynomial are symmetric:
-// blocks on and below the diagonal are computed, the others are transposed copies.
+//   a matrix: panels of 32 columns             a symmetric product: blocks of 32 x 32
+//             panel 0   panel 1                        J = 0     1
+//           +---------+---------+                   +-------+-------+
+//   block 0 | row 0   |         |            I = 0  | made  | copy^T|
+//           | row 1   |         |                   +-------+-------+
+//   block 1 |  ...    |         |                1  | made  | made  |
+//           +---------+---------+                   +-------+-------+
+//
+//   name  shape             layout
+//   X, Y  R x C             [columns / 32][rows][32]; rows and columns padded with zeros
+//   A, B  R x R             the same; r <= c are the sides of G, R and C these padded to 32
+//
+// So every product is one for the micro-kernel of gemm.h.
 #pragma once
 
 #include "transpose.h"
@@ -15,8 +25,8 @@ namespace GRANPINN_SIMD_NAMESPACE {
 
 constexpr std::ptrdiff_t kBlock = static_cast<std::ptrdiff_t>(kTile) * kTile;
 
-// out = left right, [rows, inner] x [inner, columns]; with `symmetric` only one triangle of blocks
-// is multiplied. All sizes are multiples of kTile.
+// out = left right, [rows, inner] x [inner, columns]. If symmetric, only blocks on and below the
+// diagonal are multiplied. All sizes are multiples of kTile.
 template <class T>
 void panel_product(const T* left, const T* right, std::ptrdiff_t rows, std::ptrdiff_t inner,
                    std::ptrdiff_t columns, bool symmetric, T* out) {
@@ -40,13 +50,13 @@ void panel_product(const T* left, const T* right, std::ptrdiff_t rows, std::ptrd
   }
 }
 
-// Where element (i, j) of a matrix with so many rows is.
+// Position of element (i, j) in a matrix of `rows` rows.
 inline __attribute__((always_inline)) std::ptrdiff_t panel_at(std::ptrdiff_t rows, std::ptrdiff_t i,
                                                               std::ptrdiff_t j) {
   return (j / kTile * rows + i) * kTile + j % kTile;
 }
 
-// G, out [m, n]; workspace of orthogonalize_workspace(m, n) scalars.
+// G, out: [m, n]. workspace: orthogonalize_workspace(m, n) scalars.
 template <class T>
 void orthogonalize(const T* G, std::int64_t m, std::int64_t n, T* out, T* workspace) {
   using V = Vec<T>;

@@ -1,9 +1,13 @@
 // A fixed-width vector of scalars built on the compiler's vector extension (GCC, Clang).
 //
-// `Vec<T>` has the arithmetic of a scalar, so the templates of csrc/math run on a register full of
-// points at once. The instruction set is whatever the translation unit is compiled for:
-// kernels.cpp is compiled once per instruction set inside its own namespace, and
-// dispatch.cpp picks one at run time.
+// `Vec<T>` has the arithmetic of a scalar, so the templates of csrc/math compute a register of
+// points at once. The instruction set is that of the translation unit: kernels.cpp is compiled once
+// per instruction set, each in a namespace of its own, and dispatch.cpp selects one at run time.
+//
+//   instruction set   kVectorBytes   lanes, float / double   kMicroRows
+//   AVX-512           64             16 / 8                  14
+//   AVX2              32              8 / 4                   6
+//   generic           16              4 / 2                   6
 #pragma once
 
 #include <cstdint>
@@ -47,7 +51,7 @@ struct Register<double> {
   typedef std::int64_t Mask __attribute__((vector_size(kVectorBytes)));
 };
 
-// As many values of T as a register holds.
+// A register of kLanes<T> values.
 template <class T>
 struct Vec {
   using Scalar = T;
@@ -59,7 +63,7 @@ struct Vec {
   Native v;
 
   GRANPINN_INLINE Vec() = default;
-  GRANPINN_INLINE Vec(T s) : v(s - Native{}) {}  // the same in all lanes
+  GRANPINN_INLINE Vec(T s) : v(s - Native{}) {}  // s in all lanes
   GRANPINN_INLINE explicit Vec(Native n) : v(n) {}
 
   static GRANPINN_INLINE Vec load(const T* p) {

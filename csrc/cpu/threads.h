@@ -1,5 +1,7 @@
-// Work split over threads in fixed, contiguous ranges, so that sums are the same in every run with
-// the same number of threads.
+// Work in fixed, contiguous ranges, one for each thread. So sums are the same in every run with the
+// same number of threads.
+//
+//   memory of a thread   | workspace: T | block: T [gradient] | total: double [gradient] |
 #pragma once
 
 #include <ATen/ATen.h>
@@ -13,7 +15,7 @@ inline std::int64_t tiles_of(std::int64_t points) {
   return (points + kTilePoints - 1) / kTilePoints;
 }
 
-// Threads worth starting for so many tiles.
+// Number of threads for `tiles` tiles: at most one for each.
 inline std::int64_t team_size(std::int64_t tiles) {
   return std::max<std::int64_t>(1, std::min<std::int64_t>(at::get_num_threads(), tiles));
 }
@@ -28,7 +30,7 @@ void split(std::int64_t team, std::int64_t count, const Work& work) {
 
 // The threads that work on one network, with scratch memory and gradient of each.
 //
-// The memory belongs to the calling thread and is kept for its next call: fresh pages of a few
+// The memory belongs to the calling thread, which keeps it for its next call. New pages of a few
 // megabytes in every step would cost as much as the arithmetic of a small batch.
 template <class T>
 class Team {
@@ -51,7 +53,7 @@ class Team {
     return reinterpret_cast<T*>(memory_ + thread * share_);
   }
 
-  // An empty sum; call it in the thread itself, which then has the pages close by.
+  // An empty sum. Call it in thread `thread`, so that the pages are near its core.
   GradientSum<T> gradient(std::int64_t thread) const {
     T* block = reinterpret_cast<T*>(memory_ + thread * share_ + workspace_bytes_);
     for (std::int64_t i = 0; i < gradient_; ++i) block[i] = T(0);

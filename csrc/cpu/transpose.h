@@ -1,4 +1,10 @@
-// A 32 x 32 block, transposed in registers.
+// Transposes a 32 x 32 block in registers: squares of N x N values, N = kLanes, one after another.
+//
+//   N = 4, Distance 1         Distance 2
+//   a0 a1 a2 a3               a0 b0 a2 b2               a0 b0 c0 d0
+//   b0 b1 b2 b3   rows 0, 1   a1 b1 a3 b3   rows 0, 2   a1 b1 c1 d1
+//   c0 c1 c2 c3   rows 2, 3   c0 d0 c2 d2   rows 1, 3   a2 b2 c2 d2
+//   d0 d1 d2 d3               c1 d1 c3 d3               a3 b3 c3 d3
 #pragma once
 
 #include <utility>
@@ -8,7 +14,8 @@
 namespace granpinn {
 namespace GRANPINN_SIMD_NAMESPACE {
 
-// One butterfly: rows a and b, apart by `Distance`, exchange the lanes whose index has that bit.
+// A butterfly of rows a and b, which are `Distance` apart. Row a gives its lanes whose index has
+// that bit, row b gives the others.
 template <int Distance, class V, std::size_t... i>
 GRANPINN_INLINE void exchange(V& a, V& b, std::index_sequence<i...>) {
   constexpr int N = sizeof...(i);

@@ -3,7 +3,8 @@
 
 namespace granpinn::cuda {
 
-// Every thread of the block must call it; thread 0 gets the sum. Threads: a power of two.
+// Sum over the threads of a block, returned to thread 0. All threads must call this function.
+// Threads: of the block, a power of two.
 template <int Threads>
 __device__ double block_sum(double value) {
   __shared__ double sums[Threads];

@@ -1,32 +1,49 @@
-// Products of matrices for a batch, tile by tile through shared memory.
+// Products of matrices for a batch, tile by tile through shared memory:
 //
-// 16 x 16 threads own a tile of (16 TM) x (16 TN) outputs, TM x TN each. Every output is one sum
-// over k in ascending order, so that results depend neither on the grid nor on the batch.
+//   out(m, n) = sum_k a(m, k) b(k, n) + bias(n)
+//
+//                                       BN = 16 TN columns n
+//                                     +--------------------+
+//                        kDepth = 16  |       tile_b       |     shared
+//                  k                  +--------------------+
+//               +--------+            +--------------------+
+//   BM = 16 TM  | tile_a |            | outputs of a block |     16 x 16 threads (ty, tx),
+//   rows m      +--------+            +--------------------+     TM x TN neighbours each
+//
+//   name            shape            where      layout
+//   a               M x K            global     k fast (AKFast) or m fast, a_stride the other way
+//   b               K x N            global     k fast (BKFast) or n fast, b_stride the other way
+//   tile_a, tile_b  16 x BM, 16 x BN shared     [k][m or n], four columns of padding
+//   next_a, next_b  TM, TN           registers  a thread's part of the next tiles
+//   sum             TM x TN          registers
+//
+// Every output is one sum over k in ascending order, so results depend neither on the grid nor on
+// the batch.
 #pragma once
 
 #include "launcher.cuh"
 
 namespace granpinn::cuda {
 
-// out(m, n) = sum_k a(m, k) b(k, n) + bias(n), for k of one slice.
+// The operands and sizes of a product. With several slices, each sums over its own range of k.
 template <class T>
 struct Product {
   const T *a, *b;
-  std::int64_t a_stride, b_stride;  // of the slow axis; which one: see matrix_product
+  std::int64_t a_stride, b_stride;  // of the slow axis: AKFast, BKFast
   std::int64_t a_batch, b_batch;    // between members
   T* out;                           // [members][slices][M, N], N contiguous
   std::int64_t out_batch;           // between slices (and so between members)
-  const T* bias;                    // [N] of rows m < bias_rows, or null
+  const T* bias;                    // [N], added to rows m < bias_rows; or null
   std::int64_t bias_batch;
   int bias_rows;
   int M, N, K;
-  int slices, slice;  // number of slices, and how many k are in one
+  int slices, slice;  // number of slices, number of k in one
 };
 
 constexpr int kProductThreads = 256;
-constexpr int kDepth = 16;  // k that are in shared memory at a time
+constexpr int kDepth = 16;  // number of k in shared memory at a time
 
-// Element (i, k) of an operand: k is the fast axis where KFast, i otherwise.
+// Element (i, k) of an operand: k is the fast axis if KFast, else i. Zero outside.
 template <bool KFast, class T>
 __device__ __forceinline__ T operand(const T* data, std::int64_t stride, int i, int k, int rows,
                                      int end) {
@@ -34,7 +51,7 @@ __device__ __forceinline__ T operand(const T* data, std::int64_t stride, int i, 
   return KFast ? data[i * stride + k] : data[k * stride + i];
 }
 
-// Where the e-th element of a tile [kDepth][Rows] is read: in the order of global memory.
+// Position (i, k) of element e of a tile [kDepth][Rows]: e follows the order of global memory.
 template <bool KFast, int Rows>
 __device__ __forceinline__ void tile_position(int e, int* i, int* k) {
   *i = KFast ? e / kDepth : e % Rows;
@@ -45,7 +62,7 @@ template <class T, int TM, int TN, bool AKFast, bool BKFast>
 __global__ __launch_bounds__(kProductThreads) void matrix_product(
     const __grid_constant__ Product<T> p) {
   constexpr int BM = 16 * TM, BN = 16 * TN;
-  // four more: rows stay aligned to 16 bytes and columns fall into different banks
+  // padding by 4: rows stay aligned to 16 bytes and columns fall into different banks
   __shared__ alignas(16) T tile_a[kDepth][BM + 4];
   __shared__ alignas(16) T tile_b[kDepth][BN + 4];
   const int thread = threadIdx.x, tx = thread % 16, ty = thread / 16;
@@ -120,7 +137,7 @@ void launch_product(Launcher& run, const Product<T>& p, std::int64_t members) {
   run(matrix_product<T, TM, TN, AKFast, BKFast>, grid, dim3(kProductThreads), p);
 }
 
-// Narrow results (first and last layer) take narrow tiles.
+// Launches a product. Narrow results (first and last layer) take narrow tiles.
 template <bool AKFast, bool BKFast, int TM, class T>
 void product(Launcher& run, const Product<T>& p, std::int64_t members) {
   if (p.N <= 16)

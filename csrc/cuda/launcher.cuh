@@ -1,4 +1,4 @@
-// Launches kernels on a stream and keeps the first error; after one, nothing more is launched.
+// Launches kernels on a stream and keeps the first error. After an error it launches nothing more.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ class Launcher {
   cudaError_t status_ = cudaSuccess;
 };
 
-// Blocks of `size` that cover `count`.
+// Number of blocks of `size` elements that cover `count` elements.
 inline unsigned blocks_of(std::int64_t count, std::int64_t size) {
   return static_cast<unsigned>((count + size - 1) / size);
 }

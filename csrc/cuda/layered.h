@@ -1,9 +1,22 @@
 // Points through networks and back, one layer after another, in chunks that bound the memory.
 //
-// Panels of a chunk lie in scratch memory, [members of a group][C][points][width]: the channels of
-// a jet are rows of one matrix product with the weights. Pre-activations are kept for the way back,
-// activations are recomputed there. How points are cut into chunks, and rows into slices of a
-// gradient, does not depend on the number of members: an ensemble gives its members' own bits.
+//   forward    Z_l = A_{l-1} W_l^T + b_l (b_l: value rows alone),   A_l = f(Z_l)
+//   backward   dL/dA_{l-1} = G_l W_l,   G_l = f'(Z_l)^T dL/dA_l
+//              dL/dW_l = G_l^T A_{l-1},   dL/db_l = sum of the value rows of G_l
+//
+//   a panel    [members of a group][C channels][points of a chunk][width], in scratch memory:
+//              the C * points rows of a member are the rows of one product with its weights
+//
+//   name      panel of                   kept
+//   inputs    jets of coordinates, A_-1  through a chunk
+//   z         pre-activations Z_l        all layers, for the way back
+//   a         activations A_l            one layer, computed again on the way back
+//   g, spare  adjoints                   of one layer; each product goes from one to the other
+//   partial   [members][slices][size]    of one layer's gradient
+//   gradient  [members][count] double    sums over all chunks
+//
+// The cuts of points into chunks, and of rows into slices of a gradient, do not depend on the
+// number of members. So every member of an ensemble has the same bits as alone.
 #pragma once
 
 #include <algorithm>
@@ -19,14 +32,14 @@ struct Chunk {
   std::int64_t first_member, members, begin, count;
 };
 
-// How the work is cut, and where the panels are in scratch memory.
+// The sizes of chunks and groups, and the positions of the panels in scratch memory.
 template <class T>
 struct Layout {
-  int channels;                  // the most of any chunk
-  std::int64_t points, members;  // of a chunk and of a group, the most
+  int channels;                                                // largest number in any chunk
+  std::int64_t points, members;                                // largest chunk, largest group
   std::size_t gradient, inputs, z, a, g, spare, partial, end;  // positions in bytes
 
-  // `longest`: the most points of any set; `extra`: bytes that the caller wants for each member.
+  // longest: number of points of the largest set.
   Layout(const DeviceNetwork<T>& net, int channels, std::int64_t longest);
 
   // Calls work(chunk) for the chunks of `count` points.
@@ -47,10 +60,10 @@ class LayeredNetwork {
   // Returns the raw outputs [members][C][count][outputs].
   const T* forward(const Chunk& chunk, const Batched<T>& points);
 
-  // Where backward expects the adjoint of the raw outputs, laid out like them.
+  // Memory for the adjoint of the raw outputs, in their layout: the input of backward.
   T* adjoint() const { return panel(layout_.g); }
 
-  // After forward: adds the parameters' gradient of the chunk to the group's total.
+  // After forward of the same chunk: adds its gradient of the parameters to the group's total.
   void backward(const Chunk& chunk);
 
   void clear_gradient(std::int64_t group);

@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kThreads = 256;
 
-// Copies runs of `length` numbers, one for each channel (y) and member (z).
+// Copies a run of `length` numbers for each channel (blockIdx.y) and member (blockIdx.z).
 template <class T>
 __global__ void copy_runs(const T* from, std::int64_t from_channel, std::int64_t from_member, T* to,
                           std::int64_t to_channel, std::int64_t to_member, std::int64_t length) {

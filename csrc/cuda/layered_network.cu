@@ -1,4 +1,4 @@
-// The layers of a network as launches; see layered.h.
+// The launches of layered.h, which has the equations and the panels.
 #include "gemm.cuh"
 #include "layered.h"
 #include "layers.cuh"
@@ -7,21 +7,21 @@ namespace granpinn::cuda {
 
 namespace {
 
-// Rows of a panel that a gradient adds up in T; slices and chunks are added in double, so that the
+// Rows of a slice: a gradient sums these in T. Slices and chunks are added in double, so that the
 // rounding error does not grow with the number of points.
 constexpr int kSliceRows = 512;
 
 constexpr std::int64_t kMostPoints = 16384, kFewestPoints = 256;          // of a chunk
 constexpr std::int64_t kMemberBytes = 128ll << 20, kBytes = 256ll << 20;  // of scratch memory
-constexpr std::int64_t kMostBlocks = 65535;                               // along y and z
+constexpr std::int64_t kMostBlocks = 65535;                               // of a grid in y, z
 
 std::int64_t slices_of(std::int64_t rows) { return (rows + kSliceRows - 1) / kSliceRows; }
 
 std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
 
-// What a member takes of the scratch memory, in numbers.
+// Scratch memory of a member, in scalars.
 struct Sizes {
-  std::int64_t stash = 0, hidden = 1, widest = 1, layer = 0;  // layer: the most parameters of one
+  std::int64_t stash = 0, hidden = 1, widest = 1, layer = 0;  // layer: parameters of the largest
 
   template <class T>
   explicit Sizes(const DeviceNetwork<T>& net) {
@@ -114,7 +114,7 @@ const T* LayeredNetwork<T>::forward(const Chunk& chunk, const Batched<T>& points
   for (int l = 0; l < net_.layers; ++l) {
     const std::int64_t in = net_.in(l), out = net_.out(l);
     const T* W = weights(chunk, l);
-    // Z = A W^T + b, with b for the values alone
+    // Z = A W^T + b; b for the value rows alone
     Product<T> p{};
     p.a = layer_input(chunk, l);
     p.a_stride = in;
@@ -136,7 +136,7 @@ const T* LayeredNetwork<T>::forward(const Chunk& chunk, const Batched<T>& points
   return z(net_.layers - 1);
 }
 
-// Adds the gradient of a layer's W and b, from its input and the adjoint g of its output.
+// Adds the gradient of a layer's W and b. input: A of the layer before; g: adjoint of its own Z.
 template <class T>
 void LayeredNetwork<T>::layer_gradient(const Chunk& chunk, int layer, const T* input, const T* g) {
   const std::int64_t in = net_.in(layer), out = net_.out(layer), size = (in + 1) * out;
@@ -172,7 +172,7 @@ void LayeredNetwork<T>::backward(const Chunk& chunk) {
   T *g = panel(layout_.g), *spare = panel(layout_.spare), *a = panel(layout_.a);
   for (int l = net_.layers - 1; l >= 1; --l) {
     const std::int64_t in = net_.in(l), out = net_.out(l);
-    // the adjoint of the layer's input: G W
+    // adjoint of the layer's input: G W
     Product<T> p{};
     p.a = g;
     p.a_stride = out;

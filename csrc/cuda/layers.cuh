@@ -1,4 +1,12 @@
-// The kernels between the matrix products of a network, over panels [members][C][points][width].
+// The kernels between the matrix products of a network, on panels [members][C][points][width].
+//
+//   kernel            computes                                         grid
+//   input_panel       jets of the mapped coordinates                   3 points x members
+//   activate          A = f(Z)                                         points width x members
+//   activate_adjoint  A = f(Z) again, and dL/dZ from dL/dA             points width x members
+//   column_sums       dL/db of a slice of rows                         width x 1 x members slices
+//   add_partials      total += sum over slices, in double              parameters x members
+//   round_total       T from the totals in double                      all parameters
 #pragma once
 
 #include "launch.h"
@@ -9,7 +17,7 @@ namespace granpinn::cuda {
 
 constexpr int kThreads = 256;
 
-// The jets of the mapped coordinates, (xi, scale_i e_i, 0): panel [C][points][3] of each member.
+// Jets of the mapped coordinates, (xi_i, scale_i e_i, 0): panel [members][C][points][3].
 template <int C, class T>
 __global__ void input_panel(const __grid_constant__ InputMap<T> map, Batched<T> points,
                             std::int64_t first_member, std::int64_t begin, std::int64_t count,
@@ -36,7 +44,7 @@ __global__ void activate(const T* z, T* a, std::int64_t size) {
   for (int c = 0; c < C; ++c) a[from + c * size] = ac[c];
 }
 
-// Its adjoint: from z and g = dL/da the activation a, and dL/dz in g's place.
+// The adjoint of `activate`: from z and g = dL/da, computes a, and replaces g by dL/dz.
 template <int C, class T>
 __global__ void activate_adjoint(const T* z, T* a, T* g, std::int64_t size) {
   const std::int64_t at = static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
@@ -56,7 +64,7 @@ __global__ void activate_adjoint(const T* z, T* a, T* g, std::int64_t size) {
 
 constexpr int kColumns = 32, kLanes = 8;
 
-// A bias's gradient: the sum of the value channel's rows of g, slice by slice of rows.
+// Gradient of the biases: for each slice, the sum of its value rows of g.
 template <class T>
 __global__ void column_sums(const T* g, std::int64_t g_batch, int rows, int width, int slices,
                             int slice, T* out, std::int64_t out_batch) {
@@ -77,7 +85,7 @@ __global__ void column_sums(const T* g, std::int64_t g_batch, int rows, int widt
     out[blockIdx.z * out_batch + column] = sums[0][threadIdx.x];
 }
 
-// Adds the slices' partial gradients [members][slices][size] to a layer's part of the total.
+// Adds the partial gradients [members][slices][size] of a layer to its part of the total.
 template <class T>
 __global__ void add_partials(const T* partial, int slices, std::int64_t size, double* total,
                              std::int64_t total_batch) {

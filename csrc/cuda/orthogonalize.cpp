@@ -1,5 +1,5 @@
-// granpinn::orthogonalize on the GPU: small matrices by own kernels, large ones by batched products
-// of torch. Nothing is synchronised: it can be captured in a CUDA graph.
+// granpinn::orthogonalize on the GPU: small matrices with the kernels in muon/, large ones with
+// batched products of torch. It never waits for the GPU, so a CUDA graph can capture it.
 #include "orthogonalize.h"
 
 #include <algorithm>

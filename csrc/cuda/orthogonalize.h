@@ -1,4 +1,4 @@
-// Muon's matrices, from tensors to the structs that the kernels take.
+// Muon's matrices: tensors as the structs that the kernels take.
 #pragma once
 
 #include <ATen/ATen.h>
@@ -7,8 +7,8 @@
 
 namespace granpinn::cuda {
 
-// G [..., m, n] as [groups, count, m, n], no gap within a matrix: where it is if that can be seen
-// so, else a copy.
+// G [..., m, n] as [groups, count, m, n] without gaps inside a matrix: a view of G if its strides
+// allow it, else a copy.
 inline at::Tensor spread(const at::Tensor& G) {
   const std::int64_t m = G.size(-2), n = G.size(-1);
   const bool dense = G.dim() <= 4 && G.stride(-1) == 1 && G.stride(-2) == n;
@@ -18,7 +18,7 @@ inline at::Tensor spread(const at::Tensor& G) {
   return out;
 }
 
-// Of a tensor that `spread` gave; its memory must live as long.
+// The struct of a tensor that `spread` returned. The tensor must outlive it.
 template <class T>
 NewtonSchulz<T> matrices(const at::Tensor& G) {
   NewtonSchulz<T> a{};

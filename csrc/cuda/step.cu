@@ -1,7 +1,13 @@
-// The kernels of an optimization step (csrc/step.h): a row of blocks for every member.
+// The kernels of an optimization step (csrc/step.h). A member is one blockIdx.y.
 //
-// A kernel that may note a fault of one kind tests only for faults before that kind, so that notes
-// of its own blocks change nothing.
+//   kernel    blocks of a member                         work
+//   draw      count / kThreads, at most kMostBlocks      points of the batch, weights of the terms
+//   update    block 0                                    friction law; of member 0 also the step
+//             blocks 1 ..                                momentum of matrices, Adam elsewhere
+//   descend   count / kThreads, at most kMostBlocks      matrices: W -= rate U
+//
+// A kernel that may note a fault of kind k only tests for faults before k. So faults that its own
+// blocks note while it runs do not change the result of that test.
 #include "launch_after.cuh"
 #include "step_launch.h"
 #include "step_note.cuh"
@@ -11,8 +17,8 @@ namespace granpinn::cuda {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kEach = 4;                    // values that a thread loads at once
-constexpr std::int64_t kMostBlocks = 1024;  // for a member
+constexpr int kEach = 4;                    // values of a thread, loaded before any is stored
+constexpr std::int64_t kMostBlocks = 1024;  // of a member
 
 __device__ std::int64_t first_index() {
   return static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
@@ -20,7 +26,7 @@ __device__ std::int64_t first_index() {
 
 __device__ std::int64_t stride() { return static_cast<std::int64_t>(gridDim.x) * kThreads; }
 
-// Blocks for `count` elements of each of so many members.
+// Grid for `count` elements of each member.
 dim3 grid_of(std::int64_t count, std::int64_t members) {
   std::int64_t blocks = (count + kThreads - 1) / kThreads;
   if (blocks > kMostBlocks) blocks = kMostBlocks;
@@ -43,6 +49,7 @@ __global__ void __launch_bounds__(kThreads) draw_kernel(const BatchArguments<T> 
   }
 }
 
+// Whether Muon updates parameter i, as an element of a matrix.
 template <class T>
 __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
   bool matrix = false;
@@ -54,7 +61,7 @@ __device__ bool in_matrix(const UpdateArguments<T>& a, std::int64_t i) {
 // Step state, loaded by thread 0 and broadcast to the block.
 template <class T>
 struct Update {
-  bool frozen;  // a fault before this step, or in its loss or in the gradient by theta
+  bool frozen;  // the member had a fault before, or its loss or law gradient is not finite now
   std::int64_t step;
   T weight;
   AdamRates<T> rates;
@@ -71,12 +78,13 @@ __device__ void load_state(const UpdateArguments<T>& a, std::int64_t e, Update<T
   update.rates = adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e], count);
 }
 
-// Called by one thread of every block once the block has read the step state.
+// Counts a block that has read the state of the step. One thread of every block calls it.
 __device__ void arrive(const Control& control) {
   asm volatile("red.release.gpu.global.add.u64 [%0], 1;" ::"l"(control.counter + 2) : "memory");
 }
 
-// Called by one block: waits until all blocks have arrived, then advances the step counter.
+// Advances to the next step. One block calls it; it waits until all blocks have arrived. The other
+// blocks do not wait.
 template <class T>
 __device__ void advance(const UpdateArguments<T>& a) {
   const std::int64_t step = a.control.counter[0];
@@ -111,7 +119,7 @@ __device__ void move_law_by_one_thread(const UpdateArguments<T>& a, std::int64_t
   if (!move_law(a, e, step)) note(fault, step, kLawScalars);
 }
 
-// The first block of a member updates its friction law, the others its parameters.
+// Block 0 of a member updates its friction law, the other blocks its network.
 template <class T>
 __global__ void __launch_bounds__(kThreads)
     update_kernel(const __grid_constant__ UpdateArguments<T> a) {

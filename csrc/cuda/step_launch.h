@@ -1,5 +1,5 @@
-// Launchers of the kernels of an optimization step; one launch each, nothing is waited for. The
-// pointers in the structs are those of the device.
+// Launchers of the kernels of an optimization step: one launch each, without waiting for the GPU.
+// All pointers in the structs are device pointers.
 #pragma once
 
 #include <cuda_runtime_api.h>

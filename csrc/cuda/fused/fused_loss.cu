@@ -1,4 +1,4 @@
-// Cuts a problem up, and launches pack, tiles, weights and collect.
+// Makes the launch plan, and launches the kernels pack, tile, weights and collect (layout.h).
 #include "fused_loss.h"
 
 #include <algorithm>
@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::int64_t kPanels = std::int64_t(1) << 30;  // bytes of activations and adjoints
 
+// Addresses of the scratch arrays in `memory`; *size: their bytes.
 Scratch carve(const DeviceLoss<float>& a, const LaunchPlan& plan, char* memory, std::size_t* size) {
   const std::int64_t E = a.net.members, hidden = plan.hidden - 1;
   std::size_t at = 0;
@@ -106,7 +107,7 @@ bool make_launch_plan(const DeviceLoss<float>& a, bool tensor_cores, const Devic
   for (int l = 0; l <= L; ++l) p.offsets[l] = static_cast<int>(a.net.offset(l));
   p.H = widest <= 128 ? 128 : 256;
 
-  // blocks that a multiprocessor holds, by registers and by shared memory
+  // blocks that fit on a multiprocessor, by registers and by shared memory
   int resident = 0;
   const auto take = [&](bool tensor, Size size) {
     p.tensor_cores = tensor, p.size = size;
@@ -120,9 +121,9 @@ bool make_launch_plan(const DeviceLoss<float>& a, bool tensor_cores, const Devic
             : std::min(p.tile.blocks, device.shared_per_multiprocessor / (p.tile_bytes() + 1024));
     return resident > 0;
   };
-  // the largest tiles that fit and of which there are enough for all multiprocessors, but medium
-  // ones only if that takes one round; small ones of wide layers need more memory than medium ones,
-  // and more than some GPUs have
+  // Takes the largest tiles that fit, if there are enough of them for all multiprocessors. Medium
+  // tiles are taken only if one round of blocks computes them all. Small tiles of wide layers need
+  // more shared memory than medium ones, and more than some GPUs have.
   const auto enough = [&] { return 4 * E * p.tiles >= 3 * device.multiprocessors * resident; };
   const auto take_largest = [&](bool tensor) {
     if (take(tensor, Size::large) && enough()) return true;
@@ -136,7 +137,7 @@ bool make_launch_plan(const DeviceLoss<float>& a, bool tensor_cores, const Devic
   plan = p;
   if (p.tiles == 0) return true;
 
-  // as many rounds as it takes, each with the same number of blocks
+  // each round has the same number of blocks
   const std::int64_t most = std::max<std::int64_t>(1, device.multiprocessors * resident / E);
   const std::int64_t rounds = ceil_div(p.tiles, most);
   p.slots = static_cast<int>(ceil_div(p.tiles, rounds));

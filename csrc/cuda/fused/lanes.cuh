@@ -1,7 +1,26 @@
-// Which values of a tile a thread owns: `neurons` consecutive neurons of a slab, for some points
-// and all their channels. A warp is 8 groups of neurons x 4 groups of points: these are lanes that
-// differ by 1 and 2, or, if `Paired`, by 1 and 4. Then lanes i and i ^ 1 read the same weights from
-// shared memory, i and i ^ 2 the same activations, and the hardware merges 16-byte loads in pairs.
+// The values of a tile that a thread owns: `neurons` consecutive neurons of a slab, for some points
+// and all channels of these points.
+//
+// A warp owns a slab of 32 neurons. Its lanes are 8 groups of neurons x 4 groups of points:
+//
+//                     plain                    Paired
+//   point_lane        0   1   2   3            0   1   2   3
+//   neurons  0 ..  3  0   1   2   3            0   1   4   5      entries: lanes
+//   neurons  4 ..  7  4   5   6   7            2   3   6   7
+//   neurons  8 .. 11  8   9  10  11            8   9  12  13
+//     ...                                        ...
+//
+// If Paired, lanes i and i ^ 1 read the same weights from shared memory, and lanes i and i ^ 2 the
+// same activations. The hardware then merges 16-byte loads in pairs.
+//
+// With Split = 2, two warps share a slab. Each sums over half of the inputs for all 32 neurons;
+// `exchange` then leaves two of every four neurons to each warp.
+//
+//   name      value        meaning
+//   threads   H * Split    of a block
+//   neurons   4 / Split    of a thread, from `column()` on
+//   slab()    0 .. H/32-1  slab of the warp
+//   part()    0 .. Split-1 number of the warp among those of its slab
 #pragma once
 
 #include "weight_stream.cuh"
@@ -30,17 +49,17 @@ struct Lanes {
     return Paired ? lane() / 2 % 2 + lane() / 8 * 2 : lane() / 4;
   }
   static __device__ int slab() { return threadIdx.x / 32 % (H / kSlab); }
-  static __device__ int part() { return threadIdx.x / H; }  // of the warps of a slab
+  static __device__ int part() { return threadIdx.x / H; }
   static __device__ int column() { return slab() * kSlab + neuron_lane() * 4 + part() * neurons; }
 
-  // Sums over the lanes with the same neurons: lane j of these gets number j, if there is one.
+  // Sums over the lanes with the same neurons; point_lane j returns the sum of a[j], j < neurons.
   static __device__ float sum_points(const float (&a)[neurons]) {
     if constexpr (neurons == 4)
       return halve(halve(a[0], a[2], second_point), halve(a[1], a[3], second_point), 1);
     else
       return add_lanes(halve(a[0], a[1], 1), second_point);
   }
-  // Sums over the lanes with the same points; of eight, lane n of these gets number n.
+  // Sums over the lanes with the same points; of eight sums, neuron_lane n returns that of a[n].
   static __device__ float sum_neurons(float a) {
     return add_lanes(add_lanes(add_lanes(a, first_neuron), 8), 16);
   }
@@ -50,13 +69,13 @@ struct Lanes {
     for (int i = 0; i < 4; ++i) v[i] = halve(a[i], a[i + 4], 16);
     return halve(halve(v[0], v[2], 8), halve(v[1], v[3], 8), first_neuron);
   }
-  // Of two sums over two lanes: the upper one gets the second.
+  // Sums over two lanes that are `apart`: the lower lane returns that of a, the upper that of b.
   static __device__ float halve(float a, float b, int apart) {
     const bool upper = lane() & apart;
     return (upper ? b : a) + __shfl_xor_sync(~0u, upper ? a : b, apart);
   }
 
-  // this thread's neurons of a row of H
+  // The values of this thread's neurons, from a row of H.
   static __device__ void load(const float* row, float (&v)[neurons]) { copy(row + column(), v); }
 
   static __device__ void copy(const float* from, float (&v)[neurons]) {
@@ -75,8 +94,9 @@ struct Lanes {
       *reinterpret_cast<float2*>(to) = make_float2(v[0], v[1]);
   }
 
-  // Both warps of a slab have sums over their half of the inputs, for four neurons per thread:
-  // each gives away two and gets the other half of its own two. `memory` is of all threads.
+  // Adds the sums of the two warps of a slab. Each thread has `half`, sums over half of the inputs
+  // for four neurons. It sends two of them, and receives the other half of its own two.
+  // memory: shared, [Rows][2 warps of a slab][H], written by all threads.
   template <int Rows>
   static __device__ void exchange(float2* memory, const float (&half)[Rows][4],
                                   float (&whole)[Rows][neurons]) {

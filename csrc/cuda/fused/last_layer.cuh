@@ -1,19 +1,31 @@
-// The last layer of a tile: its outputs, their adjoints' way back to its inputs, its gradient.
+// The last layer of a tile: K outputs from the activations a of the last hidden layer.
 //
-// A thread with few values keeps the layer's weights and sums eight rows at a time; one with many
-// has no registers for that and goes through the outputs one by one.
+//   outputs        raw[row][k] = sum_n W[k][n] a[row][n] + b[k]     b: value rows alone
+//   pull_back      g[row][n] = sum_k W[k][n] adjoint[row][k]
+//   add_products   dL/dW[k][n] += sum_row adjoint[row][k] a[row][n]
+//   add_biases     dL/db[k] += sum of adjoint[row][k] over the value rows
+//
+//   name          shape            where      layout
+//   a, g          R x H            registers  Values of the engine
+//   W, b          K x H, K         global     net.narrow; the weights of few values in registers
+//   parts         R x K            shared     panel [warp][row][kRow]: sums over a warp's neurons
+//   raw, adjoint  R x K            shared     [row][kRow]
+//   Sums          K x neurons      registers  of dL/dW, over the thread's rows
+//
+// `few` (tensor cores, few values of a thread): a thread holds all W of its neurons, and sums eight
+// rows at a time. Else it has no registers for that, and takes the outputs one by one.
 #pragma once
 
 #include "tile_memory.cuh"
 
 namespace granpinn::cuda::fused {
 
-// Outputs: the largest number K of outputs. What is kept between the methods is in `memory`.
+// Outputs: the largest number K of outputs. Results pass from method to method in `memory`.
 template <class E, int Outputs, class Memory>
 class LastLayer {
  public:
   using Values = typename E::Values;
-  using Sums = float[Outputs][E::neurons];  // of the gradient of the layer's weights
+  using Sums = float[Outputs][E::neurons];
   static constexpr bool few = kFewValues<E> && sizeof(typename E::Element) == 2;
 
   __device__ LastLayer(const TileNetwork& net, Memory& memory)
@@ -80,7 +92,7 @@ class LastLayer {
     }
   }
 
-  // Adds what point q gives to the gradient: its activations, all or those of neuron j.
+  // Adds the products of point q: of all its activations, or of those of neuron j.
   __device__ void add_products(int q, const float (&a)[E::C][E::neurons], Sums& sum) {
 #pragma unroll
     for (int c = 0; c < E::C; ++c) {
@@ -100,7 +112,8 @@ class LastLayer {
         sum[k][j] = fmaf(m_.adjoint()[E::row(c, q) * kRow + k], a[c], sum[k][j]);
   }
 
-  // Adds the gradient of the biases; by another warp than that of the sums over the points.
+  // Adds the gradient of the biases. The last threads of the block do this, since the first ones
+  // sum the terms of the loss before (tile_kernel.cuh).
   __device__ void add_biases(float* gradient) {
     const int k = E::threads - 1 - static_cast<int>(threadIdx.x);
     if (k >= K_) return;
@@ -129,7 +142,7 @@ class LastLayer {
     if constexpr (Outputs == 5) v[3] = four.w, v[4] = row[4];
   }
 
-  // What the warps give to the outputs, [warp][row][K].
+  // Fills `parts` (see above).
   __device__ void parts_of_few(const Values& a, const float (&w)[Outputs][N]) {
     constexpr int rows = E::C * E::PPT;  // of a thread
 #pragma unroll

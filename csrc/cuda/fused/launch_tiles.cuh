@@ -1,4 +1,5 @@
-// From a plan to the instance of the tile kernel that it names; included once per form.
+// Launches the instance of the tile kernel that a launch plan selects: by width, tensor cores and
+// size of the tiles. Included once per form (tiles_*.cu).
 #pragma once
 
 #include "../launch_after.cuh"

@@ -1,64 +1,53 @@
-// Products of a tile on tensor cores: float32-grade, or, on the strong form's way back, with
-// mantissas of ten bits (of the value channel, twenty).
+// Products of a tile on tensor cores, with mma.m16n8k16 on halves (halves.cuh).
 //
-// z^T = W a^T with mma.m16n8k16 on halves: neurons are the rows of the tensor cores' tile, so a
-// weight fragment is used by one warp alone and comes straight from its stream, and a thread ends
-// up with all channels of its points. Float32-grade, each operand is split into two halves of 11
-// bits each; of the four products the smallest is left out, and the tensor cores' sums over 16
-// terms are added in float32 registers: added up inside, they would be truncated. Halves have the
-// mantissa of TF32 at twice its rate but a short range, hence scales, all powers of two: each
-// channel of a tile is scaled by its largest value, weights by 2^8 (beyond +-255 a weight makes the
-// loss infinite).
+//   z[row][n] = sum_k a[row][k] W[k][n],   row = (channel, point);  k, n: neurons
+//
+// The tensor core computes the transposed product z^T = W^T a^T. A warp computes the 32 neurons n
+// of its slab for all rows of the tile:
+//
+//                   16 inputs k          8 rows   8 rows
+//                                       +-------+-------+-- ... --+
+//                                     k | b[0]  | b[1]  |         |   R / 8 tensor-core tiles
+//                 +-----------+         +-------+-------+-- ... --+
+//    16 neurons   | a, m = 0  |         | d[0]  | d[1]  |         |   d[i][m]: float32
+//                 +-----------+         +-------+-------+-- ... --+
+//    16 neurons   | a, m = 1  |         |       |       |         |
+//                 +-----------+         +-------+-------+-- ... --+
+//
+// A weight fragment belongs to one warp, so it comes straight from the warp's stream. A thread ends
+// up with four consecutive neurons of its points, in all channels, because of the order of
+//
+//   neurons   row g of tile m is neuron 4 (g % 8) + 2 m + g / 8 of the slab
+//   rows      quad:  column n of tile t is point n / 2 of channel 2 t + n % 2
+//             else:  column n of tile t is point 8 (t % (PT / 8)) + n of channel t / (PT / 8)
+//   inputs    lane l loads 4 (two pieces) or 8 (one piece) consecutive inputs, from
+//             4 (l % 4) or 8 (l % 4) of the block on
+//
+//   name     shape                     where      layout
+//   panel    R rows x H                shared     two pieces: [row][H / 4][4 high, 4 low] halves
+//                                                 one piece:  [row][H high, then H low of the value
+//                                                 channel]
+//   weights  32 x 16, two pieces       shared     stage [piece][m][lane][8]
+//            32 x 32, one piece        shared     stage [inputs 0-3, 4-7 of a lane][m][lane][8]
+//   a, b     a stage, its inputs       registers  uint4 of 8 halves for a lane
+//   d        together x 2 x 4          registers  one stage; `together` independent products
+//   sum, z   CP PPT x 4, x neurons     registers  [channel][point of the thread][neuron]
+//   memory   CP PPT x threads          shared     for Lanes::exchange, if Split = 2
+//
+// Precision of a product:
+//
+//   forward, and backward if FineWeights   low high + high low + high high, each block of 16 inputs
+//                                          added in float32 registers: float32-grade
+//   backward, else                         high high, added up by the tensor core: ten bits of
+//                                          mantissa; if MoreRows, high low in the value channel too
 #pragma once
 
-#include <cuda_fp16.h>
-
+#include "halves.cuh"
 #include "lanes.cuh"
 
 namespace granpinn::cuda::fused {
 
-constexpr int kWeightExponent = 8;
-constexpr int kNoScale = 1 << 20;  // of zeros
-
-// Tensor cores cut off what they cannot keep of a sum. That takes a third of the last place from
-// those of a block of inputs on average (measured on an H200), alike in all points, so that it does
-// not average out. These factors give it back: of each sum, and of what they add up to. (The strong
-// form, whose error in float32 is larger, does without.)
-constexpr float kBlockFactor = 1.2421875f, kSumFactor = 0x1.9c2d16p-1f;
-constexpr double kGivenBack = (double{kBlockFactor} * double{kSumFactor} - 1) * (1 << 23);
-static_assert(0.33 < kGivenBack && kGivenBack < 0.34, "a third of the last place");
-
-// Two numbers as halves, the first in the lower bits, and what rounding took away.
-__device__ inline unsigned to_halves(float a, float b) {
-  const __half2 h = __floats2half2_rn(a, b);
-  return *reinterpret_cast<const unsigned*>(&h);
-}
-__device__ inline unsigned rest_of_halves(unsigned halves, float a, float b) {
-  const float2 f = __half22float2(*reinterpret_cast<const __half2*>(&halves));
-  return to_halves(a - f.x, b - f.y);
-}
-
-// d = a b + c
-__device__ inline void mma_f16(float (&d)[4], uint4 a, unsigned b0, unsigned b1,
-                               const float (&c)[4]) {
-  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
-      "{%10,%11,%12,%13};"
-      : "=f"(d[0]), "=f"(d[1]), "=f"(d[2]), "=f"(d[3])
-      : "r"(a.x), "r"(a.y), "r"(a.z), "r"(a.w), "r"(b0), "r"(b1), "f"(c[0]), "f"(c[1]), "f"(c[2]),
-        "f"(c[3]));
-}
-
-// Largest absolute value, as bits of a float -> the exponent of the power of two that brings it to
-// [2^14, 2^15); 0 for zeros. Both powers of two are normal numbers.
-__device__ inline int scale_exponent(unsigned peak) {
-  const int exponent = static_cast<int>(peak >> 23);
-  return exponent == 0 ? 0 : 141 - max(exponent, 40);
-}
-__device__ inline float power_of_two(int exponent) {
-  return __uint_as_float(static_cast<unsigned>(127 + exponent) << 23);
-}
-
-// Points: 4, or a multiple of 8.
+// Points: 4, or a multiple of 8. Split: warps of a slab. Stages: of a warp's ring.
 template <int Width, int Channels, int Points, int Split, int Stages, bool FineWeights,
           bool MoreRows>
 struct MmaEngine : Lanes<Width, Split> {
@@ -66,28 +55,28 @@ struct MmaEngine : Lanes<Width, Split> {
   using L::H, L::neurons;
   static constexpr int C = Channels;
   static constexpr int PT = Points;
-  static constexpr bool quad = PT == 4;  // a tensor-core tile then holds two channels of 4 points
+  static constexpr bool quad = PT == 4;  // a tensor-core tile holds two channels of 4 points
   static constexpr int CP = quad ? (C + 1) / 2 * 2 : C;
   static constexpr int PPT = quad ? 1 : PT / 4;
   static constexpr int R = CP * PT;
   static constexpr int tiles = R / 8;
   static constexpr int ld = row_floats(H);  // rows eight banks apart
   static constexpr int exchange = Split == 1 ? 2 : CP * PPT * L::threads;
-  // in the panels, of the value channel's second pieces: compensated() and fine_weights(), layout.h
+  // Whether the panels hold low pieces of the value channel, too: compensated() in layout.h.
   static constexpr bool more_rows = MoreRows;
   using Stream = WeightStream<512, Stages>;
   using Values = float[CP * PPT][neurons];
-  using Element = __half;  // of the panels
+  using Element = __half;  // of the panels in global memory
   using Stored = unsigned[neurons / 2];
   template <bool Forward>
-  static constexpr bool fine = Forward || FineWeights;  // operands in two pieces, weights too
+  static constexpr bool fine = Forward || FineWeights;  // weights and operands in two pieces
 
   static __device__ int point(int q) {
     return quad ? L::point_lane() : q / 2 * 8 + L::point_lane() * 2 + q % 2;
   }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
 
-  // Raises the channels' largest absolute values to those of this warp; lane c has channel c.
+  // Raises peaks[c] to the largest absolute value of channel c in this warp.
   static __device__ void note_peaks(const Values& a, unsigned* peaks) {
     unsigned own = 0;
 #pragma unroll
@@ -111,8 +100,8 @@ struct MmaEngine : Lanes<Width, Split> {
     }
   }
 
-  // The weights kernel gets the exponents of the scales, one for each four of a tile's rows: these
-  // are of the same channel. Behind the channels are rows of the value channel, or none.
+  // Writes the exponents of the scales for the weights kernel: one for every four rows, which are
+  // of the same channel. The rows from R on are of the value channel, or zero.
   static __device__ void store_scales(int* to, int panel_rows, const unsigned* peaks) {
 #pragma unroll 1
     for (int i = threadIdx.x; i < panel_rows / 4; i += L::threads) {
@@ -122,15 +111,13 @@ struct MmaEngine : Lanes<Width, Split> {
     }
   }
 
-  // Of channel c of the operands; a channel of padding has none.
+  // Scale of channel c of the operands; 1 for a channel of padding.
   static __device__ float scale_of(int c, const unsigned* peaks) {
     return c < C ? power_of_two(scale_exponent(peaks[c])) : 1;
   }
 
-  // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `stored` is what the weights kernel gets, `rest` what is left then. With two pieces, a row
-  // holds for every four inputs these inputs and then what rounding took from them; with weights in
-  // one piece, that of the value channel's rows is behind all inputs.
+  // Writes the neurons of channel c of this thread's point q to the panel, as operands of the next
+  // product. `stored` and `rest` are the high and low pieces for the weights kernel.
   template <bool Forward>
   static __device__ void put(float* panel, int c, int q, float scale, const float (&v)[neurons],
                              Stored& stored, [[maybe_unused]] Stored& rest) {
@@ -171,13 +158,13 @@ struct MmaEngine : Lanes<Width, Split> {
       *reinterpret_cast<unsigned*>(row + L::column()) = v[0];
   }
 
-  // z[row][neuron] = sum_k panel[row][k] W[k][neuron], times the scales
+  // z as above, times the scales of operands and weights.
   template <bool Forward>
   static __device__ void multiply(const float* panel, Stream& weights, float2* memory, Values& z) {
     float sum[CP * PPT][4];
 #pragma unroll
     for (int i = 0; i < CP * PPT * 4; ++i) sum[i / 4][i % 4] = 0;
-    // this lane's sixteen bytes of the row of its tensor-core column
+    // address of this lane's 16 bytes in the row of its tensor-core column
     const float* from = panel + place(L::lane() / 4) * ld + L::lane() % 4 * 4;
     constexpr int block = fine<Forward> ? 16 : 32;  // inputs of a stage
     from += L::part() * (H / Split / block) * 16;
@@ -187,7 +174,7 @@ struct MmaEngine : Lanes<Width, Split> {
       uint4 a[4];
 #pragma unroll
       for (int i = 0; i < 4; ++i) a[i] = *reinterpret_cast<const uint4*>(w + i * 128);
-      // tiles in groups: their products are independent and hide each other's latency
+      // the products of a group of tiles are independent and hide each other's latency
 #pragma unroll
       for (int first = 0; first < tiles; first += together)
         multiply_group<Forward>(from + first * 8 * ld, first, a, sum);
@@ -196,8 +183,8 @@ struct MmaEngine : Lanes<Width, Split> {
   }
 
  private:
-  // Where the panel holds the row of column n of a tensor-core tile: so that eight lanes reach all
-  // banks, both when they read rows n, n + 1 and when they write rows 0, 2, 4, 6.
+  // Position in the panel of column n of a tensor-core tile. With this order eight lanes reach all
+  // banks, both when they read columns n, n + 1 and when they write columns 0, 2, 4, 6.
   static __device__ int place(int n) { return n % 2 ? 4 + (n / 2 + 2) % 4 : n / 2; }
   static __device__ int panel_row(int c, int q) {
     if (quad) return c / 2 * 8 + place(point(q) * 2 + c % 2);
@@ -206,20 +193,21 @@ struct MmaEngine : Lanes<Width, Split> {
 
   static constexpr int together = tiles <= 4 ? tiles : 2;
 
-  // Whether channel c shares tensor-core tiles with the value channel; whether tile t has it.
+  // Whether channel c is in the tensor-core tiles of the value channel; whether tile t is one.
   static __device__ constexpr bool of_values(int c) { return quad ? c < 2 : c == 0; }
   static constexpr bool has_values(int t) { return quad ? t == 0 : t < PT / 8; }
 
-  // Whether second pieces of the inputs are taken too: not of the derivatives' adjoints in large
-  // tiles. Their rounding differs from point to point and, unlike the weights', averages out.
+  // Whether the low pieces of tile t's inputs are used. Large tiles leave out those of the adjoints
+  // of derivatives: their rounding differs from point to point, so it averages out. That of the
+  // weights does not.
   template <bool Forward>
   static constexpr bool fine_inputs(int t) {
     return Forward || PT < 16 || has_values(t);
   }
 
-  // Products of tensor-core tiles with a stage. Of weights in two pieces: low high + high low +
-  // high high, then added to the sum in a register. Of one piece: those of its two halves of the
-  // inputs, added up by the tensor core.
+  // Products of `together` tensor-core tiles with a stage. The weights' piece is named first:
+  // two pieces: parts low high, high low, high high, added to `sum` in registers;
+  // one piece:  parts inputs 0-3 and inputs 4-7 of a lane, added to `sum` by the tensor core.
   template <bool Forward>
   static __device__ void multiply_group(const float* from, int first, const uint4 (&a)[4],
                                         float (&sum)[CP * PPT][4]) {
@@ -235,7 +223,7 @@ struct MmaEngine : Lanes<Width, Split> {
           t < tiles && !fine<Forward> ? value_of(sum, t, j / 4 % 2, j % 4) : 0;
     }
     constexpr int parts = fine<Forward> ? 3 : 2;
-    constexpr int second = fine<Forward> ? 0 : 1;  // part that takes the later weights
+    constexpr int second = fine<Forward> ? 0 : 1;  // part that uses a[2], a[3]
 #pragma unroll
     for (int part = 0; part < parts; ++part)
 #pragma unroll
@@ -248,7 +236,7 @@ struct MmaEngine : Lanes<Width, Split> {
           mma_f16(d[i][m], a[part == second ? 2 + m : m], part == 1 ? v.z : v.x,
                   part == 1 ? v.w : v.y, d[i][m]);
         }
-    if constexpr (!Forward && !FineWeights && MoreRows) {  // and those of the second pieces
+    if constexpr (!Forward && !FineWeights && MoreRows) {  // low pieces of the value channel
 #pragma unroll
       for (int i = 0; i < together; ++i) {
         if (!has_values(first + i)) continue;
@@ -264,15 +252,15 @@ struct MmaEngine : Lanes<Width, Split> {
       if (t >= tiles) continue;
       float& s = value_of(sum, t, j / 4 % 2, j % 4);
       const float product = d[j / 8][j / 4 % 2][j % 4];
-      if constexpr (FineWeights)  // both ways
+      if constexpr (FineWeights)  // forward and backward
         s = fmaf(product, kBlockFactor, s);
       else
         s = fine<Forward> ? s + product : product;
     }
   }
 
-  // The place of element d of tensor-core tile (t, m) among a thread's values: its two columns are
-  // two channels of a point, or two points.
+  // Element d of tensor-core tile (t, m) among a thread's values. The thread's two columns are two
+  // channels of a point (quad), or two points.
   static __device__ float& value_of(float (&z)[CP * PPT][4], int t, int m, int d) {
     const int i =
         quad ? 2 * t + d % 2 : t / (quad ? 1 : PT / 8) * PPT + t % (quad ? 1 : PT / 8) * 2 + d % 2;

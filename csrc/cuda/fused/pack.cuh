@@ -1,4 +1,13 @@
-// Weights in the order of their use, padded with zeros.
+// Packs the weights in the order in which the tile kernel uses them, padded with zeros.
+//
+//   stream of a warp:  | W_1 | W_2 | ... | W_{L-1} | W_{L-1}^T | ... | W_2^T | W_1^T |
+//                        products 0 .. L-2: forward   L-1 .. 2L-3: backward
+//
+//   name            shape                            element
+//   packed          [part of the inputs][slab]       a stream; tile.split parts, one for a warp
+//   float32 stream  [product][k][slab][32]           k: the warp's inputs; `parts` slabs, own first
+//   halves stream   [product][stage][4][32 lanes]    8 halves, see MmaEngine
+//   narrow          [3 + L + K][H], [kRow]           W_0^T, all biases, W_L; the biases of W_L
 #pragma once
 
 #include "../launch_after.cuh"
@@ -9,13 +18,13 @@ namespace granpinn::cuda::fused {
 
 constexpr int kPackThreads = 256;
 
-// Weights of the product with a layer's matrix W [out, in], forward, or with its transpose.
+// Weights of the product with W [out, in] of a layer (forward), or with its transpose.
 struct ProductWeights {
   const float* W;
   int in, out;
   bool forward;
 
-  // From input k of the product to its output n; zero beyond the layer.
+  // Weight of input k for output n of the product; zero outside the layer.
   __device__ float operator()(int k, int n) const {
     const int row = forward ? n : k, column = forward ? k : n;
     return row < out && column < in ? W[row * in + column] : 0;
@@ -29,7 +38,7 @@ __device__ inline ProductWeights product_weights(const DeviceNetwork<float>& net
           static_cast<int>(net.out(layer)), forward};
 }
 
-// A warp's stream: the slab's weights of all products, from its part of the inputs.
+// A warp's stream: the weights of its slab in all products, for its part of the inputs.
 struct WarpStream {
   int slab, part, parts;
   float4* to;
@@ -40,27 +49,28 @@ template <int H>
 __device__ void pack_floats(const DeviceNetwork<float>& net, const LaunchPlan& plan,
                             const float* params, const WarpStream& stream, int i) {
   const int L = plan.hidden, parts = plan.tile.parts;
-  constexpr int fours = kSlab * H / 4;  // of a product
+  constexpr int fours = kSlab * H / 4;  // float4 of a product
   const int product = i / fours, at = i % fours;
   const bool forward = product < L - 1;
   const auto w =
       product_weights(net, plan, params, forward ? product + 1 : 2 * L - 2 - product, forward);
-  // of `parts` slabs, the warp's own first, see SimtEngine::add_parts
+  // `parts` slabs, the warp's own one first: SimtEngine::add_parts
   const int k = stream.slab % parts * (H / parts) + at / (kSlab / 4 * parts);
   const int n = (stream.slab ^ at / (kSlab / 4) % parts) * kSlab + at % (kSlab / 4) * 4;
   stream.to[i] = {w(k, n ^ kSwap), w(k, (n + 1) ^ kSwap), w(k, (n + 2) ^ kSwap),
                   w(k, (n + 3) ^ kSwap)};
 }
 
-// Eight weights of a stream in halves, in one piece or in two; thread i of it. A stage is
-// [quarter][lane][register], two halves in each, see MmaEngine::multiply: its second half has the
-// second pieces or, of weights in one piece, further inputs.
+// Eight weights of a stream in halves, by thread i of the stream. A stage is [4][lane][register],
+// with two halves in a register. Its quarters are
+//   two pieces:  high m = 0, high m = 1, low m = 0, low m = 1
+//   one piece:   inputs 0-3 of a lane m = 0, m = 1; inputs 4-7 of a lane m = 0, m = 1
 template <int H>
 __device__ void pack_halves(const DeviceNetwork<float>& net, const LaunchPlan& plan,
                             const float* params, const WarpStream& stream, int i) {
   const int L = plan.hidden;
   const int product = i * stream.parts / (kSlab * H / 8), threads = kSlab * H / 8 / stream.parts;
-  const int at = i - product * threads, lane = at % 32, m = at / 32 % 2;  // of a product
+  const int at = i - product * threads, lane = at % 32, m = at / 32 % 2;  // at: in the product
   const bool forward = product < L - 1, pieces = forward || plan.fine_weights;
   const int layer = forward ? product + 1 : 2 * L - 2 - product;
   const int in = static_cast<int>(net.in(layer)), out = static_cast<int>(net.out(layer));
@@ -68,7 +78,7 @@ __device__ void pack_halves(const DeviceNetwork<float>& net, const LaunchPlan& p
       stream.part * (H / stream.parts) +
       (pieces ? at / 64 * 16 + 4 * (lane % 4) : at / 128 * 32 + 8 * (lane % 4) + at / 64 % 2 * 4);
   const int n0 = stream.slab * kSlab + lane / 4 * 4 + 2 * m;
-  // inputs k and outputs n of the product are columns and rows of W, or the other way round
+  // inputs k and outputs n are columns and rows of W (forward), or rows and columns (backward)
   const int k_step = forward ? 1 : in, n_step = forward ? in : 1;
   const int k_count = (forward ? in : out) - k0, n_count = (forward ? out : in) - n0;
   const float* from = params + plan.offsets[layer] + (k0 * k_step + n0 * n_step);
@@ -92,14 +102,14 @@ __device__ void pack_halves(const DeviceNetwork<float>& net, const LaunchPlan& p
   if (pieces) to[64] = make_uint4(rest[0], rest[1], rest[2], rest[3]);
 }
 
-// Threads for a stream.
+// Threads that pack a stream.
 template <int H>
 GRANPINN_HD std::int64_t pack_threads(const LaunchPlan& plan) {
   return plan.tensor_cores ? plan.products() * kSlab * (H / plan.tile.split) / 8
                            : plan.stream() / 4;
 }
 
-// Element i of the narrow parameters (LaunchPlan::narrow), zero for padding.
+// Element i of the narrow parameters (LaunchPlan::narrow); zero for padding.
 template <int H>
 __device__ float narrow_parameter(const DeviceNetwork<float>& net, const LaunchPlan& plan,
                                   const float* params, int i) {
@@ -107,8 +117,8 @@ __device__ float narrow_parameter(const DeviceNetwork<float>& net, const LaunchP
   return at < 0 ? 0 : params[at];
 }
 
-// blockIdx = (share of a piece, piece, member). Piece 0 is the narrow parameters; the others are
-// the warps' streams, [part of the inputs][slab], each [product][stage].
+// blockIdx = (share of a piece, piece, member). Piece 0 is the narrow parameters. Piece 1 + w is
+// the stream of warp w.
 template <int H, bool TensorCores>
 __device__ void pack_share(const DeviceLoss<float>& a, const LaunchPlan& plan,
                            const Scratch& scratch) {
@@ -131,7 +141,8 @@ __device__ void pack_share(const DeviceLoss<float>& a, const LaunchPlan& plan,
     pack_floats<H>(a.net, plan, params, stream, i);
 }
 
-// Runs beside the draw of the batch, where that comes before: the two share no memory.
+// May run at the same time as draw_batch, if that is the launch before (a.drawn): the two kernels
+// share no memory.
 template <int H, bool TensorCores>
 __global__ void __launch_bounds__(kPackThreads)
     pack_kernel(const __grid_constant__ DeviceLoss<float> a,

@@ -1,20 +1,39 @@
-// Products of a tile in plain float32: each thread 4 neurons times all channels of its points or,
-// where a multiprocessor has one small tile, 16 neurons and a quarter of the inputs.
+// Products of a tile in plain float32.
 //
-// An instruction reads one register of each of two banks, even and odd ones, in a cycle: FFMA comes
-// at full rate if one of its three operands is that of the instruction before and the other two are
-// in different banks. Hence the order of the loops; neurons change places in pairs in the stream of
-// weights (`kSwap`), so that a sum and its weight are in different banks; and few inputs at a time,
-// as the compiler moves sums to other registers in longer code.
+//   z[row][n] = sum_k panel[row][k] W[k][n],   row = (channel, point);  k, n: neurons
+//
+// Parts = 1: a warp sums over all inputs for the 32 neurons of its slab. Parts = 4 (small tiles,
+// one on a multiprocessor): four warps share their four slabs. Each warp sums over a quarter of the
+// inputs for all 128 neurons; `add_parts` then adds the four sums.
+//
+//   inputs k       slab s    s ^ 1    s ^ 2    s ^ 3        warp s of four, Parts = 4
+//   quarter of   +--------+--------+--------+--------+
+//   the warp     | sum 0-3| sum 4-7|    8-11|   12-15|      a thread: 16 neurons x its rows
+//                +--------+--------+--------+--------+
+//                  kept      sent     sent     sent         to the warp of that slab
+//
+//   name     shape                          where      layout
+//   panel    R rows x H inputs              shared     [channel][point][ld]
+//   weights  block_k inputs x 32 Parts      shared     stage [input][slab][8 lanes][4 neurons]
+//   sum      CP PPT rows x 4 Parts neurons  registers  `rows` x `sums` of a thread
+//   z        CP PPT rows x 4 neurons        registers  Values
+//   memory   R x H x (Parts - 1)            shared     float4 [Parts - 1][rows][threads]
+//
+// Register banks: in a cycle, an instruction reads one register of the even bank and one of the odd
+// bank. FFMA runs at full rate if the instruction before used one of its three operands, and the
+// other two are in different banks. Three choices follow from this:
+//   - the order of the loops;
+//   - kSwap: neurons change places in pairs in the stream, so that a sum and its weight are in
+//     different banks;
+//   - few inputs at a time: in longer code the compiler moves sums to other registers.
 #pragma once
 
 #include "lanes.cuh"
 
 namespace granpinn::cuda::fused {
 
-constexpr int kSwap = 1;  // weight i ^ kSwap of four is that of neuron i
+constexpr int kSwap = 1;  // of four weights, number i ^ kSwap belongs to neuron i
 
-// With Parts = 4, four warps share 4 x 32 neurons: each sums over a quarter of the inputs.
 template <int Width, int Channels, int Points, int Parts, int StageFloats, int Stages>
 struct SimtEngine : Lanes<Width, 1, true> {
   using L = Lanes<Width, 1, true>;
@@ -22,7 +41,7 @@ struct SimtEngine : Lanes<Width, 1, true> {
   static constexpr int C = Channels;
   static constexpr int CP = Channels;  // channels with padding
   static constexpr int PT = Points;
-  static constexpr int PPT = PT / 4;  // of a thread
+  static constexpr int PPT = PT / 4;  // points of a thread
   static constexpr int R = C * PT;
   static constexpr int ld = row_floats(H);
   static constexpr bool more_rows = false;
@@ -30,20 +49,20 @@ struct SimtEngine : Lanes<Width, 1, true> {
   static constexpr int exchange = parts == 1 ? 2 : (parts - 1) * CP * PPT * L::threads * 2;
   using Stream = WeightStream<StageFloats, Stages>;
   using Values = float[CP * PPT][neurons];
-  using Element = float;  // of the panels
+  using Element = float;  // of the panels in global memory
   using Stored = float[neurons];
 
   static __device__ int point(int q) { return 4 * q + L::point_lane(); }
   static __device__ int row(int c, int q) { return c * PT + point(q); }
 
-  // No scales here: float32 has the range.
+  // float32 needs no scales.
   static __device__ void note_peaks(const Values&, unsigned*) {}
   static __device__ void remove_scales(Values&, const unsigned*) {}
   static __device__ void store_scales(int*, int, const unsigned*) {}
   static __device__ float scale_of(int, const unsigned*) { return 1; }
 
-  // A thread's neurons of channel c of its point q into the panel, as operands of the next product;
-  // `stored` is what the weights kernel gets.
+  // Writes the neurons of channel c of this thread's point q to the panel, as operands of the next
+  // product. `stored` are the values for the weights kernel.
   template <bool Forward>
   static __device__ void put(float* panel, int c, int q, float, const float (&v)[neurons],
                              Stored& stored, Stored&) {
@@ -53,7 +72,7 @@ struct SimtEngine : Lanes<Width, 1, true> {
   }
   static __device__ void store(float* row, const Stored& v) { L::copy_to(row + L::column(), v); }
 
-  // z[row][neuron] = sum_k panel[row][k] W[k][neuron]; `Forward` makes no difference here.
+  // z as above; `Forward` makes no difference here.
   template <bool Forward>
   static __device__ void multiply(const float* panel, Stream& weights, float2* memory, Values& z) {
     float sum[rows][sums];
@@ -68,18 +87,18 @@ struct SimtEngine : Lanes<Width, 1, true> {
   }
 
  private:
-  static constexpr int rows = CP * PPT;                     // of a thread
-  static constexpr int sums = 4 * parts;                    // its neurons in a product
+  static constexpr int rows = CP * PPT;                     // rows of a thread
+  static constexpr int sums = 4 * parts;                    // neurons of a thread in a product
   static constexpr int step = 4 * 8 * sums;                 // weights of four inputs
   static constexpr int block_k = StageFloats / (8 * sums);  // inputs of a stage
   static_assert(block_k % 4 == 0 && H / parts % block_k == 0, "whole stages, four inputs a time");
 
-  static __device__ int part() { return L::slab() % parts; }  // of the inputs
-  // Four inputs of row r of this thread's.
+  static __device__ int part() { return L::slab() % parts; }  // the warp's share of the inputs
+  // Four inputs of row r of this thread.
   static __device__ float4 four_inputs(const float* inputs, int r) {
     return *reinterpret_cast<const float4*>(inputs + (r / PPT * PT + r % PPT * 4) * ld);
   }
-  // This thread's weights of an input.
+  // The weights of one input for this thread's neurons.
   static __device__ void load_weights(const float* from, float4 (&w)[parts]) {
 #pragma unroll
     for (int b = 0; b < parts; ++b) w[b] = reinterpret_cast<const float4*>(from)[b * 8];
@@ -112,7 +131,7 @@ struct SimtEngine : Lanes<Width, 1, true> {
     }
   }
 
-  // Likewise, with the registers to read an input ahead.
+  // The same sums. This version has the registers to load the weights of the next input early.
   static __device__ void add_products_ahead(const float* inputs, Stream& weights,
                                             float (&sum)[rows][sums]) {
     constexpr int last = H / parts - 4;
@@ -139,8 +158,8 @@ struct SimtEngine : Lanes<Width, 1, true> {
     }
   }
 
-  // Warps with the same neurons give each other their sums. Those of the thread's own four neurons
-  // are first, then those of warp `part() ^ j`; so the weights lie (see pack.cuh).
+  // Adds the sums of the four warps that share four slabs. A thread holds the sums of its own slab
+  // first, then those of the slab of warp part() ^ j: pack.cuh orders the weights in the same way.
   static __device__ void add_parts(float4* memory, const float (&sum)[rows][sums], Values& z) {
     float4* group = memory + L::slab() / parts * (32 * parts) + L::lane();
 #pragma unroll

@@ -1,8 +1,34 @@
-// A tile of points through the network and back, by one block; E is an engine of products.
+// A tile of points through the network and back, by one block. E is an engine of products, L the
+// number of hidden layers, f the activation of jets (math/jet.h).
 //
-// Between products a thread holds its own neurons of all rows: `neurons` x points x channels. What
-// does not fit into registers meanwhile, pre-activations, waits in global memory (in L2) and comes
-// back point by point.
+//   forward    z_0 = W_0 xi + b_0,   a_l = f(z_l),   z_l = W_l a_{l-1} + b_l  (b_l: values alone)
+//              raw = W_L a_{L-1} + b_L                                        (last_layer.cuh)
+//   backward   dL/da_{L-1} = W_L^T adjoint
+//              g_l = dL/dz_l = f'(z_l)^T dL/da_l,   dL/da_{l-1} = W_l^T g_l
+//              dL/db_l = sum of g_l over the value rows,   dL/dW_0 = sum over the rows of g_0 xi^T
+//
+// dL/dW_l of the hidden layers, G^T A with A = a_{l-1} and G = g_l, is left to weights_kernel.cuh.
+//
+//                  slab 0     slab 1            H neurons; a slab of 32 for a warp, or for more
+//               +----------+----------+-- ... --+
+//   value       |          |          |         |  PT rows, one for each point
+//   x           |          |          |         |  PT rows
+//   y, t, ...   |          |          |         |  C channels, CP with padding: R = CP PT rows
+//               +----------+----------+-- ... --+
+//   value       |          |          |         |  2 PT rows in A and G alone, if E::more_rows:
+//   again       |          |          |         |  for products of low pieces, see put
+//               +----------+----------+-- ... --+
+//
+//   name            shape            where      layout
+//   z, a, g         R x H            registers  Values: [channel][point of the thread][neuron]
+//   operands        R x H            shared     memory.panel, one layer at a time; see E::put
+//   pre-activations [L - 1][R][H]    global     stash: [layer - 1][row of a thread][thread][neuron]
+//   A, G            [L - 1][.][H]    global     panels of the chunk; this tile from first_row on
+//   raw, adjoint    R x K            shared     [row][kRow]
+//   gradient        narrow()         shared     of W_0, W_L and all biases
+//   peaks           2 x kRow         shared     of the operands in use; of the next ones, zero
+//
+// Pre-activations do not fit into registers: the way back loads them point by point, from L2.
 #pragma once
 
 #include "last_layer.cuh"
@@ -10,7 +36,7 @@
 
 namespace granpinn::cuda::fused {
 
-// Outputs: the largest number K of outputs.
+// Outputs: the largest number K of outputs. Memory: TileMemory.
 template <class E, int Outputs, class Memory>
 class Tile {
  public:
@@ -20,7 +46,7 @@ class Tile {
                   std::int64_t first_row)
       : net_(net), m_(memory), weights_(weights), first_row_(first_row) {}
 
-  // Fills memory.raw(); keeps pre-activations.
+  // Fills memory.raw(); stores the pre-activations.
   __device__ void forward() {
     Values z;
     const int L = net_.plan.hidden;
@@ -34,7 +60,7 @@ class Tile {
       activate(z);
       if (l == L - 1) break;
       put<true>(z, l, net_.activations, net_.activation_scales);
-      float b[N];  // on its way during the product
+      float b[N];  // loaded while the product is computed
       E::load(net_.narrow + net_.plan.bias(l + 1), b);
       multiply<true>(z);
 #pragma unroll
@@ -45,7 +71,7 @@ class Tile {
     Last(net_, m_).outputs(z);
   }
 
-  // From memory.adjoint(): adds to the narrow gradients, leaves the adjoints of the hidden layers.
+  // From memory.adjoint(): adds to the narrow gradients, and stores G for the hidden weights.
   __device__ void backward() {
     const int L = net_.plan.hidden;
     Values g;
@@ -80,8 +106,8 @@ class Tile {
       for (int j = 0; j < N; ++j) z[c * E::PPT + q][j] = c < E::C ? zq[c < E::C ? c : 0][j] : 0;
   }
 
-  // z of the first layer: the coordinates' own jets are (xi, e_i, 0). Its weights and biases [4][H]
-  // are in the panel at first (TileMemory), and where net.narrow begins.
+  // z of the first layer, of point q. The jet of coordinate i is (xi_i, scale_i e_i, 0).
+  // weights: W and b [4][H], at the start of net.narrow or (TileMemory) of the panel.
   __device__ void first_layer(const float* weights, int q, float (&z)[E::C][N]) {
     float w[3][N], b[N];
 #pragma unroll
@@ -99,7 +125,7 @@ class Tile {
     }
   }
 
-  // z of any layer, of one point
+  // z of any layer, of point q: computed again for the first one, loaded for the others.
   __device__ void pre_activation(int layer, int q, float (&z)[E::C][N]) {
     if (layer == 0) return first_layer(net_.narrow, q, z);
     const float* from = stash_of(layer);
@@ -121,7 +147,7 @@ class Tile {
       }
   }
 
-  // Neuron j of point q: the activation, and the adjoint of z instead of that of the activation.
+  // Neuron j of point q: a = f(z), and g becomes dL/dz instead of dL/da.
   __device__ static void activate_adjoint(const float (&z)[E::C][N], int q, int j, float (&a)[E::C],
                                           Values& g) {
     float zc[E::C], gc[E::C];
@@ -132,8 +158,8 @@ class Tile {
     for (int c = 0; c < E::C; ++c) g[c * E::PPT + q][j] = gc[c];
   }
 
-  // Into the panel, for the next product, and to global memory, for the weights' gradient: to the
-  // member's panel and scales number `layer`. Instructions are few, as each is fetched for one use.
+  // Writes a to the shared panel for the next product, and to panel `layer` of the member in global
+  // memory for the weights' gradient. The code is short: an instruction is fetched for one use.
   template <bool Forward>
   __device__ void put(const Values& a, int layer, void* panels, int* scales) {
     const LaunchPlan& plan = net_.plan;
@@ -157,7 +183,8 @@ class Tile {
         E::store(row, v);
         if constexpr (E::more_rows)
           if (c == 0) {
-            // A and G hold the value channel thrice: (v, v, rest) against (v, rest, v)
+            // The value channel's rows are (v, v, rest) in A and (v, rest, v) in G, so that
+            // G^T A sums v v + rest v + v rest.
             E::store(row + E::R * E::H, Forward ? v : rest);
             E::store(row + (E::R + E::PT) * E::H, Forward ? rest : v);
           }
@@ -188,7 +215,7 @@ class Tile {
     for (int i = 0; i < E::C * E::PPT; ++i) E::copy_to(to + i * N * E::threads, z[i]);
   }
 
-  // The last layer's gradient, and g of the last hidden layer.
+  // The gradient of the last layer, and g = dL/dz of the last hidden layer.
   __device__ void last_layer(Values& g) {
     Last last(net_, m_);
     last.pull_back(g);
@@ -196,7 +223,8 @@ class Tile {
 #pragma unroll
     for (int q = 0; q < E::PPT; ++q) {
       float zq[E::C][N], aq[E::C][N];
-      if constexpr (Last::few) asm volatile("" ::: "memory");  // adjoints are read again, not kept
+      // makes the compiler load the adjoints again instead of keeping them in registers
+      if constexpr (Last::few) asm volatile("" ::: "memory");
       pre_activation(net_.plan.hidden - 1, q, zq);
 #pragma unroll
       for (int j = 0; j < N; ++j) {
@@ -247,7 +275,7 @@ class Tile {
   Memory& m_;
   typename E::Stream& weights_;
   std::int64_t first_row_;
-  int turn_ = 0;  // whose peaks are in use
+  int turn_ = 0;  // buffer of peaks in use
 };
 
 }  // namespace granpinn::cuda::fused

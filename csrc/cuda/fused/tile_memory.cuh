@@ -1,4 +1,13 @@
-// What a block of the tile kernel has at hand; E is an engine of products.
+// Shared memory of a block of the tile kernel, and the addresses of its member's network.
+//
+// E is an engine of products (MmaEngine or SimtEngine): E::R rows, E::ld floats from row to row.
+//
+//   panel while a layer is computed      [R][ld]            operands of a product
+//   panel between forward and backward   [warps][R][kRow]   the warps' parts of the outputs
+//                                        [R][kRow]          raw(): outputs
+//                                        [R][kRow]          adjoint(): adjoints of the outputs
+//                                        [kSums][R]         terms(): loss terms of the points
+//   panel at the start, few values       [4][H]             W and b of the first layer
 #pragma once
 
 #include "mma_engine.cuh"
@@ -6,39 +15,37 @@
 
 namespace granpinn::cuda::fused {
 
-// Whether a thread has few values, and so registers for more besides: in small and medium tiles.
+// Whether a thread has few values (small and medium tiles). It then has registers to spare.
 template <class E>
 constexpr bool kFewValues = E::CP * E::PPT * E::neurons <= 32;
 
 // Shared memory of a block.
 template <class E>
 struct TileMemory {
-  float panel[E::R * E::ld];                 // operands of a product [row][neuron]
-  float ring[E::warps * E::Stream::floats];  // weights
-  alignas(16) float2 halves[E::exchange];    // sums on their way to other warps
+  float panel[E::R * E::ld];                 // see above
+  float ring[E::warps * E::Stream::floats];  // weights, one ring for each warp
+  alignas(16) float2 halves[E::exchange];    // sums that warps of a slab exchange
   float xi[3 * E::R];                        // mapped coordinates [3][point]
-  float observed[4 * E::R];                  // of the points: what the task needs
-  float scale[4];
-  float constants[kConstants];  // of the member: term weights, theta, physics
-  unsigned peaks[2][kRow];      // of the operands, by channel; two take turns
+  float observed[4 * E::R];                  // observations [point][4], see tasks.cuh
+  float scale[4];                            // of the input map, per axis
+  float constants[kConstants];               // of the member: term weights, theta, physics
+  unsigned peaks[2][kRow];  // largest |operand| of each channel, as bits; two buffers alternate
 
-  // With few values the panel starts with the first layer's weights and biases [4][H].
-  // Between forward and backward the panel is free, first for the warps' parts of the outputs:
-  __device__ float* raw() { return panel + E::warps * E::R * kRow; }  // outputs [row][K]
-  __device__ float* adjoint() { return raw() + E::R * kRow; }         // their adjoints
-  __device__ float* terms() { return adjoint() + E::R * kRow; }       // what points add to the sums
+  __device__ float* raw() { return panel + E::warps * E::R * kRow; }
+  __device__ float* adjoint() { return raw() + E::R * kRow; }
+  __device__ float* terms() { return adjoint() + E::R * kRow; }
 };
 
-// What a block knows of its member's network.
+// The network of a block's member.
 struct TileNetwork {
   LaunchPlan plan;
-  const float* narrow;  // weights of the first and last layer, biases
-  float* stash;         // this block's
-  void* activations;    // of this member: [L - 1][panel]
-  void* adjoints;
-  int* activation_scales;  // [L - 1][scales]
-  int* adjoint_scales;
-  float* gradient;  // of the narrow parameters, in shared memory
+  const float* narrow;     // global: weights of the first and last layer, biases
+  float* stash;            // global, of this block: pre-activations
+  void* activations;       // global, of this member: A [L - 1][panel]
+  void* adjoints;          // global, of this member: G [L - 1][panel]
+  int* activation_scales;  // global: [L - 1][scales]
+  int* adjoint_scales;     // global: [L - 1][scales]
+  float* gradient;         // shared: gradient of the narrow parameters
 };
 
 }  // namespace granpinn::cuda::fused

@@ -1,9 +1,31 @@
-// Gradient of the hidden weights: G^T A, summed over the rows of a chunk.
+// Gradient of the hidden weights of a layer, summed over the rows r of a chunk:
 //
-// A block computes M x 128 weights over a share of the rows, which a ring of stages in shared
-// memory takes from the panels. Its threads form groups that take turns at the rows of a stage and
-// are added up in fixed order. A thread reads its operands a step ahead. On tensor cores these are
-// halves, and the exponents of their scales come through the ring with them.
+//   dL/dW[o][i] = sum_r G[r][o] A[r][i],   o, i < H;   r < chunk.count * panel_rows
+//
+// A block computes an M x 128 tile of dL/dW over one of `splits` shares of the rows. collect.cuh
+// adds up the splits.
+//
+//   stage of the ring, shared                      tile of weights, registers
+//                   G: M     A: 128                          128 weights i
+//                 +--------+--------+-+                  +---------+---------+
+//   stage_rows    | group 0, `steps`|p|           M      | 64 x 64 | 64 x 64 |   a warp of
+//   rows r        | of step_rows    |a|           weights+---------+---------+   each group has
+//                 +-----------------+d|           o      | 64 x 64 | 64 x 64 |   such a square
+//                 | group 1 ...     | |                  +---------+---------+
+//                 +-----------------+-+
+//                 | scales (halves) |
+//                 +-----------------+
+//
+//   name       shape                           where      layout
+//   G, A       [E][L - 1][chunk rows][H]       global     scratch.adjoints, scratch.activations
+//   ring       2 or 3 stages                   shared     each as above, P::stage_size elements
+//   operands   2 x a step                      registers  one in use, one being loaded
+//   sum        128 weights                     registers  over the rows of the thread's group
+//   others     groups (groups - 1) shares      shared     in place of the ring: [adder][from][run]
+//   gradients  [E][L - 1][splits][H][H]        global     one split for each blockIdx.y
+//
+// 256 threads form `groups` groups, which compute the same weights from different rows of a stage.
+// Their sums are added in fixed order. weights_tile.cuh lists M, stage_rows and groups.
 #pragma once
 
 #include <cuda_pipeline_primitives.h>
@@ -15,19 +37,19 @@
 
 namespace granpinn::cuda::fused {
 
-// A thread's share of the rows of a panel, W neurons of each, on their way into the ring. A group
-// of threads brings the rows that it takes.
+// Copies W neurons of the rows of a panel into the ring: a thread's share of them. A group copies
+// the rows that it multiplies.
 template <class P, int H, int W>
 class PanelStream {
  public:
   using Element = typename P::Element;
 
-  // `from` is the first row, `to` its place in the first stage.
+  // from: the first row; to: its place in the first stage.
   __device__ PanelStream(const Element* from, const Element* to)
       : from_(from + row() * H + column()),
         to_(static_cast<unsigned>(__cvta_generic_to_shared(to + row() * P::ld + column()))) {}
 
-  // The next rows, `left` of them, then zeros; `stage` is an offset in elements.
+  // Fetches the rows of the next stage, `left` of them, then zeros. stage: offset in elements.
   __device__ void fetch(int stage, int left) {
 #pragma unroll
     for (int i = 0; i < rows; i += down) copy(stage, i, row() + i < left ? 16 : 0);
@@ -66,7 +88,7 @@ class PanelStream {
   unsigned to_;
 };
 
-// The exponents of the scales of a block's rows: one thread for each four rows of a stage.
+// Copies the exponents of the scales into the ring, one thread for every four rows of a stage.
 template <class P>
 class Scales {
  public:
@@ -75,7 +97,7 @@ class Scales {
     to_ = to + threadIdx.x;
   }
 
-  // Of stage s of the block, to `stage`, an offset in elements.
+  // Fetches those of the block's stage s. stage: offset in elements.
   __device__ void fetch(int s, int stage) {
     constexpr int fours = P::stage_rows / 4;
     const int i = s * fours + threadIdx.x;
@@ -85,7 +107,7 @@ class Scales {
     __pipeline_memcpy_async(to + fours, a_ + i, 4);
   }
 
-  // The smallest sum of two, for all threads.
+  // The smallest sum of an exponent of G and one of A in the block's rows, for all threads.
   __device__ int least() {
     __shared__ int of_warps[P::threads / 32];
     int least = 2 * kNoScale;
@@ -95,7 +117,7 @@ class Scales {
     __syncthreads();
 #pragma unroll
     for (int w = 0; w < P::threads / 32; ++w) least = min(least, of_warps[w]);
-    return least < kNoScale ? least : 0;  // of nothing but zeros
+    return least < kNoScale ? least : 0;  // 0 if all products are zero
   }
 
  private:
@@ -139,8 +161,8 @@ __global__ void __launch_bounds__(P::threads, 1)
   };
   constexpr int group_threads = P::threads / P::groups;
   const int group = threadIdx.x / group_threads;
-  // until the oldest stage is complete, of as many as the ring has, or of one fewer; groups do not
-  // wait for each other, but for the scales
+  // Waits until the oldest of the stages under way is complete. Under way are all stages of the
+  // ring, or (fewer = 1) one fewer. Groups wait for each other only if there are scales.
   const auto wait = [&](auto fewer) {
     if (plan.weights_stages == 2)
       __pipeline_wait_prior(1 - fewer());
@@ -165,7 +187,7 @@ __global__ void __launch_bounds__(P::threads, 1)
   const int last = (plan.weights_stages - 1) * P::stage_size;
   int stage = 0;
   load(stage, 0, operands[0]);
-  // small tiles are for few rows, where much of the time of a long loop is its way from L2
+  // small tiles have few rows: fetching the code of a long loop from L2 would take much of the time
   constexpr int unroll = P::scaled || P::groups == 1 ? steps / 2 : 1;
   for (int s = begin; s < end; ++s) {
 #pragma unroll unroll
@@ -174,7 +196,7 @@ __global__ void __launch_bounds__(P::threads, 1)
       P::multiply(operands[0], least, sum);
       if (step + 2 < steps) {
         load(stage, step + 2, operands[0]);
-      } else {  // all have read this stage: another takes its place
+      } else {  // the group has read this stage: the next fetch overwrites it
         wait(std::integral_constant<int, 1>());
         const int next = stage == last ? 0 : stage + P::stage_size;
         load(next, 0, operands[0]);
@@ -186,12 +208,12 @@ __global__ void __launch_bounds__(P::threads, 1)
   }
   __pipeline_wait_prior(0);
 
-  // A thread of each group has the same weights; of these, each adds up and stores its share.
+  // One thread of each group has the same weights. Each of these adds and stores its share of them.
   using Run = typename P::Run;
   constexpr int groups = P::groups;
   constexpr int share = P::values * sizeof(float) / sizeof(Run) / groups;
   Run* others = reinterpret_cast<Run*>(memory) + threadIdx.x % group_threads;
-  const auto place = [&](int from, int q) {  // of run q in the memory of its adder
+  const auto place = [&](int from, int q) {  // of run q of group `from`, for the group that adds it
     const int adder = q / share;
     return ((adder * (groups - 1) + from - (from > adder)) * share + q % share) * group_threads;
   };
@@ -204,7 +226,7 @@ __global__ void __launch_bounds__(P::threads, 1)
   }
   float* to = scratch.gradients + (std::int64_t(blockIdx.z) * plan.splits + blockIdx.y) * H * H +
               out0 * H + in0;
-  // out of the scales, in two steps: one power of two may be no normal number
+  // removes the scales in two steps: a single power of two may not be a normal number
   const float scale[2] = {power_of_two(-least / 2), power_of_two(-least - -least / 2)};
 #pragma unroll
   for (int q = 0; q < share * groups; ++q) {

@@ -1,4 +1,6 @@
-// Which tile the weights kernel takes, and into how many splits it cuts the rows of a chunk.
+// The part of the launch plan for the weights kernel: size of its tile, stages, splits of the rows.
+//
+//   time = rounds (rows of a split * row + block) + 4 bytes * weights of all splits * kAddTime
 #pragma once
 
 #include <algorithm>
@@ -10,8 +12,8 @@ namespace granpinn::cuda::fused {
 
 constexpr std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
 
-// Measured on an H200, in nanoseconds; a plan depends on the ratios alone. Of a block: for a row,
-// and for its start and end.
+// Time of a block in nanoseconds, measured on an H200: for each row, and for its start and end. The
+// plan depends on the ratios alone.
 struct WeightsTime {
   double row, block;
 };
@@ -24,11 +26,11 @@ constexpr WeightsTime weights_time(bool tensor_cores, int tile_rows) {
          : tile_rows == 128 ? WeightsTime{83, 5500}
                             : WeightsTime{44.5, 3700};
 }
-// For a byte of a split, when these are added up: between that of few rows and that of so many that
-// the panels fill the cache.
+// Nanoseconds to add up a byte of a split: between the time for few rows and that for so many rows
+// that the panels fill the cache.
 constexpr double kAddTime = 3e-4;
 
-// Calls `visit` with the policy of the weights kernel.
+// Calls visit(P) with the policy P of the weights kernel that the plan selects.
 template <int H, class Visit>
 auto visit_weights(const LaunchPlan& plan, Visit visit) {
   if constexpr (H == 256)
@@ -39,14 +41,14 @@ auto visit_weights(const LaunchPlan& plan, Visit visit) {
   return plan.tensor_cores ? visit(MmaWeights<64, 128>{}) : visit(SimtWeights<64, 32>{});
 }
 
-// Stages of a block, if the rows of a chunk go into so many splits.
+// Stages that a block reads if the rows of a chunk are cut into `splits`.
 template <class P>
 std::int64_t split_stages(const LaunchPlan& plan, std::int64_t splits) {
   const std::int64_t rows = std::int64_t(plan.chunk) * plan.tile.panel_rows;
   return ceil_div(ceil_div(rows, P::stage_rows), splits);
 }
 
-// Time of the weights kernel, and of adding up the splits.
+// Nanoseconds of the weights kernel, and of adding up the splits.
 template <class P>
 double weights_time(const LaunchPlan& plan, std::int64_t panels, int multiprocessors) {
   const WeightsTime time = weights_time(plan.tensor_cores, plan.weights_rows);
@@ -56,8 +58,8 @@ double weights_time(const LaunchPlan& plan, std::int64_t panels, int multiproces
   return rounds * (rows * time.row + time.block) + 4 * kAddTime * static_cast<double>(weights);
 }
 
-// Chooses tile, stages and splits for `panels` pairs of panels (members x hidden layers); false
-// where no tile fits.
+// Chooses tile, stages and splits for `panels` pairs of panels (members x hidden layers). Returns
+// false if no tile fits into shared memory.
 inline bool plan_weights(LaunchPlan& plan, std::int64_t panels, const DeviceLimits& device) {
   double best = 0;
   for (const int tile_rows : {64, 128, 256}) {
@@ -68,7 +70,7 @@ inline bool plan_weights(LaunchPlan& plan, std::int64_t panels, const DeviceLimi
       using P = decltype(policy);
       p.weights_stages = P::memory(3) <= device.shared_per_block ? 3 : 2;
       if (P::memory(p.weights_stages) > device.shared_per_block) return;
-      // splits that fill the GPU once, twice, ..., and the fewest that are as short
+      // splits that fill the GPU once, twice, ...; of those with equal stages, the fewest
       const std::int64_t blocks = panels * (p.H / P::M) * (p.H / P::N);
       const std::int64_t fewest = ceil_div(blocks, device.multiprocessors);
       for (std::int64_t rounds = fewest; rounds < fewest + 8; ++rounds) {

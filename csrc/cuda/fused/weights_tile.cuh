@@ -1,5 +1,23 @@
-// The tile of weights that a block of the weights kernel computes, and the products of its threads:
-// in plain float32, or on tensor cores.
+// The tile of weights that a block of the weights kernel computes, in plain float32 or on tensor
+// cores. weights_kernel.cuh has the equation and the diagram.
+//
+//                       SimtWeights                       MmaWeights
+//   element             float32                           half, with exponents of scales
+//   M x N of a block    64, 128, 256 x 128                64, 128, 256 x 128
+//   rows of a stage     32, 32, 16                        128, 64, 64
+//   groups of threads   4, 2, 1                           4, 2, 1
+//   rows of a step      1                                 16
+//   weights of a thread 8 x 16: [2][4] x [4][4]           4 x 8 tiles of m16n8k16, 4 each
+//   operands            g[2], a[4]: float4                g[4], a[4]: 16 x 16 fragments
+//   Run (neighbours)    float4                            float2
+//
+// A warp computes 64 x 64 weights, in SimtWeights with 8 x 4 lanes:
+//
+//          columns  0   4   8  12 | 16 ..          lane's columns: 4 each from 0, 16, 32, 48 on
+//   rows  0 ..  3   0   1   4   5 | again          lane's rows:    4 each from 0, 32 on
+//   rows  4 ..  7   2   3   6   7 |
+//   rows  8 .. 11   8   9  12  13 |
+//     ...                         |                entries: lanes
 #pragma once
 
 #include "mma_engine.cuh"
@@ -7,8 +25,8 @@
 
 namespace granpinn::cuda::fused {
 
-// M x N weights; a stage of the ring has StageRows rows, of G and of A side by side, and then, in
-// halves, the exponents of their scales.
+// M x N weights. A stage of the ring has StageRows rows, [G: M][A: N][Padding] each. For halves,
+// the exponents of the scales of G and of A follow: [2][StageRows / 4].
 template <class Element_, int Rows, int StageRows, int Padding>
 struct WeightsTile {
   using Element = Element_;
@@ -18,14 +36,14 @@ struct WeightsTile {
   static constexpr int groups = threads * values / (M * N);
   static constexpr int stage_rows = StageRows;
   static constexpr int ld = M + N + Padding;
-  static constexpr int scales = StageRows * ld;  // where they are in a stage: first those of G
+  static constexpr int scales = StageRows * ld;  // position in a stage
   static constexpr int stage_size = scales + (scaled ? StageRows : 0);
   static constexpr int memory(int stages) {  // bytes: the ring, then the sums of all groups but one
     const int ring = stages * stage_size * int{sizeof(Element)}, sums = 4 * (groups - 1) * M * N;
     return ring > sums ? ring : sums;
   }
 
-  // A warp computes 64 x 64 weights, or a share of the rows of so many.
+  // Position of the warp's 64 x 64 weights in the tile.
   static __device__ int warp() { return threadIdx.x % (threads / groups) / 32; }
   static __device__ int warp_row() { return warp() / (N / 64) * 64; }
   static __device__ int warp_column() { return warp() % (N / 64) * 64; }
@@ -42,17 +60,17 @@ __device__ inline float4 operator*(const float4& a, float b) {
   return {a.x * b, a.y * b, a.z * b, a.w * b};
 }
 
-// Plain float32: 8 x 16 weights per thread, a row per step; columns change places in pairs, so that
-// a sum and its factor are in different banks of registers (see SimtEngine).
+// Plain float32. Columns change places in pairs (kSwap), so that a sum and its factor are in
+// different banks of registers: see SimtEngine.
 template <int Rows, int StageRows>
 struct SimtWeights : WeightsTile<float, Rows, StageRows, 0> {
   using Tile = WeightsTile<float, Rows, StageRows, 0>;
   using Tile::values, Tile::M, Tile::ld;
   static constexpr int step_rows = 1;
-  using Run = float4;  // weights of a thread, side by side
+  using Run = float4;  // neighbouring weights of a thread
 
-  // A warp is 8 x 4 threads, its lanes numbered so that i and i ^ 1 read the same row, i and i ^ 2
-  // the same column: the hardware then merges 16-byte loads in pairs.
+  // Lanes i and i ^ 1 have the same rows, lanes i and i ^ 2 the same columns: the hardware then
+  // merges 16-byte loads in pairs.
   static __device__ int row0() {
     const int lane = threadIdx.x % 32;
     return Tile::warp_row() + (lane / 2 % 2 + lane / 8 * 2) * 4;
@@ -88,7 +106,8 @@ struct SimtWeights : WeightsTile<float, Rows, StageRows, 0> {
   static __device__ int column_of(int q) { return column0() + q % 4 * 16; }
 };
 
-// Four 8 x 8 matrices of halves from shared memory, transposed; each lane has the address of a row.
+// Loads four 8 x 8 matrices of halves from shared memory, transposed. row: address of a row of 8,
+// a different one in each lane.
 __device__ inline uint4 load_transposed(const __half* row) {
   uint4 v;
   asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0,%1,%2,%3}, [%4];"
@@ -102,9 +121,9 @@ __device__ inline unsigned times(unsigned halves, __half2 factor) {
   return *reinterpret_cast<const unsigned*>(&product);
 }
 
-// Tensor cores, halves: 64 x 64 weights per warp, 16 rows a step. Every four rows have scales of
-// their own, of G and of A; relative to the largest product of scales, G's halves take the powers
-// of two: what that takes from the smallest numbers is far below the rounding of the largest.
+// Tensor cores, halves. Every four rows have their own scales 2^s, of G and of A. The halves of G
+// are multiplied by 2^(least - sum of the two exponents) <= 1, so that all products have the same
+// scale 2^least. The bits that small numbers lose are far below the rounding of the largest.
 template <int Rows, int StageRows>
 struct MmaWeights : WeightsTile<__half, Rows, StageRows, 8> {
   using Tile = WeightsTile<__half, Rows, StageRows, 8>;
@@ -114,7 +133,7 @@ struct MmaWeights : WeightsTile<__half, Rows, StageRows, 8> {
 
   struct Operands {
     uint4 g[4], a[4];
-    int exponents[2];  // of this thread's rows of g and a, 2 t and 2 t + 8
+    int exponents[2];  // sums for G and A of rows 2 t, 2 t + 1 and 2 t + 8, 2 t + 9; t = lane % 4
   };
   static __device__ void load(const __half* stage, int first, Operands& o) {
     const int lane = threadIdx.x % 32, eight = lane / 8 % 2 * 8, other = lane / 16 * 8;
@@ -132,7 +151,7 @@ struct MmaWeights : WeightsTile<__half, Rows, StageRows, 8> {
       o.exponents[i] = at[0] + at[StageRows / 4];
     }
   }
-  // `least`: the smallest exponent of all
+  // least: the smallest sum of two exponents in the block's rows
   static __device__ void multiply(const Operands& o, int least, float (&sum)[values]) {
     __half2 factor[2];
 #pragma unroll

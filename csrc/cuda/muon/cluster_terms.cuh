@@ -1,4 +1,13 @@
-// Products of newton_schulz_cluster.cu: which values a lane reads, and which outputs are its own.
+// Products of newton_schulz_cluster.cu: the operands and the outputs of a lane.
+//
+// A lane is (row, column) = (lane / 16, lane % 16).
+//
+//   name        shape             outputs of a lane
+//   sum         [8][8] of 16x128  [s][4 h + j]: row 2 s + row, column 64 h + 4 column + j
+//   sum, Gram   [8][5] of 16x80   [s][t]: row 2 s + row, column `column` of tile t
+//   made        [2][8], [2][5]    [d][..]: row 4 warp + 2 d + row, columns as in sum
+//   Terms       4 terms of a sum  left [8], right [4][2]: 16 float4 for 256 products
+//   GramTerms   4 terms of a sum  left [8], right [5]: 13 float4 for 160 products
 #pragma once
 
 #include "cluster_memory.cuh"
@@ -9,14 +18,13 @@ struct Place {
   int rank, blocks;  // of the cluster; the number of blocks is a power of two
   int warp, lane, row, column;
 
-  // row of the matrix where tile t, counted from the block's own, begins
+  // first row of tile t of the matrix, counted from the block's own tile
   __device__ int tile(int t) const { return ((rank + t) & (blocks - 1)) * kRows; }
-  // whether A has the lane's four columns of a row
+  // whether the lane's four columns of a row are inside A
   __device__ bool fetches() const { return 4 * lane < blocks * kRows; }
 };
 
-// A lane's outputs of a product after add_warps: made[d][4 h + j] is in the block's row
-// 4 warp + 2 d + row and column 64 h + 4 column + j.
+// Reads or writes `made` of a product: see above.
 __device__ inline void read_outputs(const Place& at, const float* rows, float (&made)[2][8]) {
 #pragma unroll
   for (int v = 0; v < 4; ++v) {
@@ -37,7 +45,7 @@ __device__ inline void write_outputs(const Place& at, const float (&made)[2][8],
   }
 }
 
-// Operands of four terms of the sums of a lane's outputs, rows 2 s + row.
+// Operands of four terms of a lane's sums.
 struct Terms {
   float4 left[8], right[4][2];
 
@@ -60,7 +68,7 @@ struct Terms {
   }
 };
 
-// The same of X X^T: one output in each of five tiles, column `column` of it.
+// Operands of four terms of a lane's sums of X X^T.
 struct GramTerms {
   float4 left[8], right[kTiles];
 

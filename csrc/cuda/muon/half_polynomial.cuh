@@ -1,16 +1,26 @@
-// Symmetric products of newton_schulz_half.cu: A = X X^T and P = b A + c A^2.
+// Symmetric products of newton_schulz_half.cu: Y Y^T for A = X X^T and for A^2.
 //
-// Their rows are four bands of 32, and nothing is made twice: a band has its tile on the diagonal,
-// the next one to the right (that of the last band is in the first), and half of the opposite one.
-// The others are mirrored.
+// Rows and columns are four bands of 32. Warp w = 0 .. 3 is `near` the diagonal and computes Nw;
+// warp 4 + w computes Fw. Every other tile is a transposed copy that the same warp stores.
+//
+//             band 0    band 1    band 2    band 3
+//   band 0    N0        F0        N0 | N2             N0 | N2: left half by warp 0, right half by
+//   band 1              N1        F1        N1 | N3             warp 2
+//   band 2                        N2        F2
+//   band 3    F3                            N3
+//
+//   name      shape              where      layout
+//   tile      32 x 32 float      registers  [2][4][4] of a lane: tiles of m16n8k16
+//   opposite  32 x 16 float      registers  [2][2][4] of a lane, near warps alone
+//   Terms     16 columns of Y    registers  fragments of 16 x 16 halves
+//   Y         128 x 128 halves   shared     a square of half_square.cuh
 #pragma once
 
 #include "half_square.cuh"
 
 namespace granpinn::cuda::half_square {
 
-// What one of the two warps of a band makes: the one near the diagonal the tile there and the
-// opposite half, the other one the next tile.
+// The tiles of one warp. Near: the tile on the diagonal, and half of the opposite one.
 struct Band {
   int band, lane;
   Sum tile[2][4], opposite[2][2];
@@ -19,7 +29,7 @@ struct Band {
     Fragment own[2], next[2], upper[2], lower[1];
   };
 
-  // += Y Y^T, `steps` times 16 columns of it
+  // Adds Y Y^T, over 16 `steps` columns of Y.
   template <bool Near>
   __device__ void add_product(unsigned Y, int steps) {
     Terms even, odd;
@@ -49,7 +59,7 @@ struct Band {
   }
 
  private:
-  // of bands 0 and 2, and 1 and 3, the first has the left half of their tile
+  // first column of the opposite half, in units of 16
   __device__ int lower() const { return band < 2 ? 2 * band + 4 : 2 * band + 1; }
 
   template <bool Near>

@@ -1,8 +1,20 @@
 // Squares of 128 x 128 half-precision numbers in shared memory, and their products on tensor cores.
 //
-// A row is 256 bytes, and its chunks of 16 bytes change places with the row, so that eight rows of
-// any 8 x 8 matrix lie in different banks. A fragment of 16 x 16 numbers is what mma.m16n8k16 takes
-// as its left operand, or, of a matrix given by its columns, as two right ones.
+// A row is 256 bytes: 16 chunks of 8 numbers. Chunk c of row r lies at position c ^ (r % 8), so
+// that the eight rows of any 8 x 8 matrix lie in different banks:
+//
+//   position   0  1  2  3  4  5  6  7   8 ..
+//   row 0      0  1  2  3  4  5  6  7   8 ..      entries: chunks
+//   row 1      1  0  3  2  5  4  7  6   9 ..
+//   row 2      2  3  0  1  6  7  4  5  10 ..
+//    ...
+//
+// A Fragment is 16 x 16 numbers: the left operand of mma.m16n8k16 or, of a matrix that is stored by
+// its columns, two right operands. It is four 8 x 8 matrices x[i]; a lane has two numbers of each:
+//
+//           columns 0-7   8-15                       columns 0-7   8-15
+//   rows 0-7    x[0]      x[2]              rows 0-7     x[0]      x[1]
+//   rows 8-15   x[1]      x[3]     left     rows 8-15    x[2]      x[3]     right
 #pragma once
 
 #include <cuda_fp16.h>
@@ -13,23 +25,21 @@ constexpr int kSide = 128;
 constexpr int kRowBytes = 2 * kSide;
 constexpr int kBytes = kSide * kRowBytes;
 
-using Sum = float[4];  // of a lane: columns 2 (lane % 4) + {0, 1} of rows lane / 4 and 8 below
+using Sum = float[4];  // columns 2 (lane % 4) + {0, 1} of rows lane / 4 and lane / 4 + 8
 
-// Left: rows 0-7, rows 8-15, both of columns 8-15. Right: columns 0-7, columns 8-15 of rows 0-7,
-// both of rows 8-15.
 struct Fragment {
   unsigned x[4];
 };
 
-// Where a lane finds the row that it loads of the fragment at (0, 0); it goes on from there with
-// rows, and columns 16 k are found with ^ 32 k.
+// Address of the row of 8 numbers that a lane loads for the fragment at (0, 0) of a square. For
+// other fragments: + kRowBytes for each row (a multiple of 8), ^ 32 k for column 16 k.
 __device__ inline unsigned left_lane(int lane) {
   return lane % 16 * kRowBytes + (lane / 16 ^ lane % 8) * 16;
 }
 __device__ inline unsigned right_lane(int lane) {
   return (lane % 8 + lane / 16 * 8) * kRowBytes + (lane / 8 % 2 ^ lane % 8) * 16;
 }
-// A fragment on the diagonal is both.
+// The right operand from the left one, for a fragment on the diagonal.
 __device__ inline Fragment right_of(const Fragment& left) {
   return {{left.x[0], left.x[2], left.x[1], left.x[3]}};
 }
@@ -42,7 +52,7 @@ __device__ inline Fragment load(unsigned at) {
                : "memory");
   return f;
 }
-// With 8 x 8 matrices transposed: what left_lane finds becomes a right operand given by its rows.
+// Transposes the 8 x 8 matrices: at left_lane, it loads a right operand that is stored by its rows.
 __device__ inline Fragment load_flipped(unsigned at) {
   Fragment f;
   asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
@@ -82,12 +92,12 @@ __device__ inline unsigned transpose(unsigned both) {
   return out;
 }
 
-// An 8 x 8 matrix, a lane's two numbers of row lane / 4, to rows 8 I and columns 8 J.
+// Stores an 8 x 8 matrix to row 8 I and column 8 J. both: a lane's two numbers of row lane / 4.
 __device__ inline void store_matrix(unsigned square, int I, int J, int lane, unsigned both) {
   store(square + (8 * I + lane / 4) * kRowBytes + (J ^ lane / 4) * 16 + lane % 4 * 4, both);
 }
 
-// The sums to rows 16 I .. and columns 8 J .. of a square, and of the transposed square too.
+// Stores sums to row 16 I and column 8 J of a square. Mirrored: to the transposed place, too.
 template <int M, int N, bool Mirrored>
 __device__ inline void store_tile(unsigned square, int I, int J, int lane, const Sum (&d)[M][N]) {
 #pragma unroll

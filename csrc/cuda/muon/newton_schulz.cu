@@ -1,7 +1,22 @@
-// Newton-Schulz iterations in plain float32 or float64, of what newton_schulz_cluster.cu leaves:
-// one launch for the norms, three for each of the five steps. A block makes a tile of 32 x 32 of a
-// product from panels in shared memory; the rest of a formula, alpha (left right) + beta D, is
-// added on the way out.
+// The Newton-Schulz iteration in plain float32 or float64, for matrices that
+// newton_schulz_cluster.cu does not compute: one launch for the norms, three for each of 5 steps.
+//
+//   out = alpha (left right) + beta D:   A = X X^T,   P = c A A + b A,   X <- P X + a X
+//
+//                                 +-------------+
+//                         kDepth  | right panel |      panels in shared memory, one after another
+//                                 +-------------+      along the inner dimension
+//               kDepth              32 columns
+//            +------------+       +-------------+
+//   32 rows  | left panel |       |   outputs   |      of a block: 8 x 16 threads (ty, tx)
+//            +------------+       +-------------+
+//
+//   name         shape                       where
+//   left, right  [32][kPitch]                shared; kDepth: 512 bytes of a row
+//   sum          [M][N] = [4][2]             registers; rows ty + 8 i, columns tx + 16 j
+//   X, Y, A, P   [r, c] twice, [r, r] twice  global scratch, for each matrix; r <= c
+//
+// A symmetric product computes the tiles on and below the diagonal, and stores them twice.
 #include <type_traits>
 
 #include "newton_schulz.h"
@@ -23,7 +38,7 @@ struct alignas(16) Pack {
 };
 
 template <class T>
-constexpr int kDepth = 512 / static_cast<int>(sizeof(T));  // of a panel
+constexpr int kDepth = 512 / static_cast<int>(sizeof(T));  // columns of a panel
 
 template <class T>
 constexpr int kPitch = kDepth<T> + Pack<T>::N;  // rows of a panel lie in different banks
@@ -53,18 +68,18 @@ __global__ void __launch_bounds__(kNormThreads) normalize_kernel(const NewtonSch
 
 template <class T>
 struct Product {
-  const T *left, *right;  // [rows, inner]; [columns, inner], or [inner, columns] if not flipped
+  const T *left, *right;  // [rows, inner]; [inner, columns], or its transpose
   const T* D;             // [rows, columns] or null
   T* out;                 // [rows, columns], or its transpose
   int rows, inner, columns;
-  bool flipped;     // the right operand is given by its columns
-  bool symmetric;   // so is the product: half of the tiles are copies
-  bool transposed;  // the output
+  bool flipped;     // right is stored as [columns, inner]
+  bool symmetric;   // the product is symmetric: half of the tiles are copies
+  bool transposed;  // out is stored as [columns, rows]
   T alpha, beta;
 };
 
-// Rows [first, first + kTile) and columns [from, from + kDepth) of a matrix, zeros beyond its end;
-// `across` is the distance between rows, `along` that between columns.
+// Loads rows [first, first + kTile) and columns [from, from + kDepth) of a matrix; zeros beyond its
+// end. across: distance between rows; along: distance between columns.
 template <class T>
 __device__ void load_panel(const T* matrix, int first, int rows, int from, int columns, int across,
                            int along, T* panel) {

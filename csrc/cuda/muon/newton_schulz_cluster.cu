@@ -1,14 +1,30 @@
-// The whole Newton-Schulz iteration in one launch, float32, sides up to 128: a thread-block cluster
-// for each matrix, 16 rows of it for each block.
+// The whole Newton-Schulz iteration in one launch, float32, sides up to 128:
 //
-// Every block keeps X whole in shared memory, since X X^T and P X need it, and the rows of A and
-// P = b A + c A^2 that it makes. New rows of A and X go through the second-level cache, which hands
-// a block more bytes per cycle than the shared memory of its neighbours does. Of X X^T, symmetric,
-// a block makes the tiles from the diagonal halfway round and stores them twice.
+//   A = X X^T,   P = b A + c A^2,   X <- a X + P X,   from X = G / |G|_F, five times
 //
-// A product, 16 x 128 outputs: the four warps share the terms of the sums, each lane 8 x 8 outputs
-// of its warp, so that 64 multiplications go with four reads of 16 bytes; then the warps' sums are
-// added in order. A warp waits only for the values of its own terms, which it fetches itself.
+// A thread-block cluster computes a matrix, each of its 2, 4 or 8 blocks 16 rows of A, P and X.
+//
+//   A = X X^T, 8 blocks      column tile  0  1  2  3  4  5  6  7
+//                            block 0      D  x  x  x  o  .  .  .    D  diagonal tile, 16 x 16
+//                            block 1      .  D  x  x  x  o  .  .    x  computed, stored twice
+//                            block 2      .  .  D  x  x  x  o  .    o  computed by both blocks
+//                             ...                                   .  stored by another block
+//                            block 7      x  x  x  o  .  .  .  D
+//
+//   name  shape               where                 contents
+//   X     [128][kPitch]       shared, every block   whole X: X X^T and P X need it
+//   A     [16][kPitch]        shared                own rows of A
+//   ring  [4 warps][3][4][.]  shared                tiles of A that are fetched ahead
+//   P     [16][kPitch]        shared                own rows of P
+//   sums  [4 warps][64][32]   shared, in A's place  sums of the warps, see add_warps
+//   X, A  [16 blocks][128]    global scratch (L2)   new rows, for the other blocks
+//
+// New rows of A and X go through the second-level cache: it gives a block more bytes per cycle than
+// the shared memory of its neighbours.
+//
+// A product has 16 x 128 outputs for a block. The four warps share the terms of the sums, and each
+// lane has 8 x 8 of the outputs: four reads of 16 bytes feed 64 multiplications. Then add_warps
+// adds the warps' sums in order. A warp fetches the values of its terms, and waits for these alone.
 #include <cooperative_groups.h>
 
 #include "cluster_terms.cuh"
@@ -20,16 +36,16 @@ namespace {
 
 using namespace cluster;
 
-// All writes of the cluster's blocks before it are seen after it.
+// After this barrier, a block sees all earlier writes of the cluster's blocks.
 __device__ void cluster_barrier() {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
   cooperative_groups::this_cluster().sync();
 #else
-  __trap();  // newton_schulz_has_clusters says that this kernel is not for such a GPU
+  __trap();  // never launched on such a GPU: newton_schulz_has_clusters
 #endif
 }
 
-// X = G / |G|, padded with zeros, transposed if tall; every block does all of it.
+// X = G / |G|_F, padded with zeros, transposed if tall. Every block computes all of X.
 __device__ void normalize(const Place& at, const NewtonSchulz<float>& a, const float* G,
                           Memory& s) {
   const bool tall = a.m > a.n;
@@ -37,7 +53,7 @@ __device__ void normalize(const Place& at, const NewtonSchulz<float>& a, const f
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   const int count = !tall ? rows : thread < rows ? kSide : 0;
   const int first = tall ? thread * kPitch : thread, apart = tall ? 1 : kPitch;
-  // a thread waits for its own values, all on their way at once
+  // a thread starts the copies of all its values, then waits for these alone
 #pragma unroll 8
   for (int i = 0; i < count; ++i) {
     const bool inside = i < m && thread < n;
@@ -62,7 +78,8 @@ __device__ void normalize(const Place& at, const NewtonSchulz<float>& a, const f
   __syncthreads();
 }
 
-// Asks for X; warp w for columns [32 w, 32 w + 32), first those that its terms of X X^T need next.
+// Starts the copies of X. Warp w fetches columns [32 w, 32 w + 32), in the order in which its terms
+// of X X^T need them.
 __device__ void fetch_X(const Place& at, const float* from, Memory& s) {
   for (int q = 0; q < 4; ++q) {
     const int k = 32 * at.warp + 8 * q + at.lane % 2 * 4;
@@ -80,7 +97,8 @@ __device__ void fetch_X(const Place& at, const float* from, Memory& s) {
   commit();
 }
 
-// The block's tiles of A = X X^T to global memory, after fetch_X or with nothing under way.
+// Stores the block's tiles of A = X X^T to global memory. To be called after fetch_X, or when no
+// copy is under way.
 __device__ void gram(const Place& at, Memory& s, float* A) {
   float sum[8][kTiles] = {};
   GramTerms even, odd;
@@ -112,7 +130,7 @@ __device__ void gram(const Place& at, Memory& s, float* A) {
   }
 }
 
-// Rows 4 w .. 4 w + 3 of tile t of A, which are the warp's terms of A^2.
+// Starts the copy of rows 4 w .. 4 w + 3 of tile t of A: the terms of A^2 for warp w.
 __device__ void fetch_terms(const Place& at, const float* A, int t, Memory& s) {
   if (t < at.blocks && at.fetches())
     for (int e = 0; e < 4; ++e)
@@ -121,8 +139,9 @@ __device__ void fetch_terms(const Place& at, const float* A, int t, Memory& s) {
   commit();
 }
 
-// P = b A + c A^2, the block's rows, from A in global memory. Columns beyond those of a small A are
-// neither written nor fetched: in shared memory they hold anything, and no term of P X uses them.
+// The block's rows of P = b A + c A^2, from A in global memory. Columns beyond those of a small A
+// are neither written nor fetched. Their values in shared memory are undefined, and no term of P X
+// uses them.
 __device__ void polynomial(const Place& at, const float* A, Memory& s, float b, float c) {
   if (at.fetches())
     for (int e = at.warp; e < kRows; e += kWarps)
@@ -133,7 +152,7 @@ __device__ void polynomial(const Place& at, const float* A, Memory& s, float b, 
   Terms even, odd;
   const float* left = s.A.own + at.row * kPitch + 4 * at.warp;
   const auto load = [&](Terms& terms, int t) {
-    wait_for<kAhead - 1>();  // of the tiles asked for, the two after t may be under way
+    wait_for<kAhead - 1>();  // the two tiles after t may be under way
     terms.load(left + at.tile(t), s.A.ring[at.warp][t % kAhead] + 4 * at.column);
     __syncwarp();
     fetch_terms(at, A, t + kAhead, s);
@@ -158,7 +177,7 @@ __device__ void polynomial(const Place& at, const float* A, Memory& s, float b, 
   __syncthreads();
 }
 
-// a X + P X, the block's rows.
+// The block's rows of a X + P X.
 __device__ void advance(const Place& at, Memory& s, float a, float (&made)[2][8]) {
   float sum[8][8] = {};
   Terms even, odd;
@@ -223,7 +242,7 @@ __global__ void __launch_bounds__(kThreads, 2)
 
 bool newton_schulz_has_clusters() {
   cudaFuncAttributes f{};
-  // code for older GPUs has no clusters, also where it runs on a newer one
+  // code compiled for an older GPU has no clusters, even on a newer GPU
   return cudaFuncGetAttributes(&f, cluster_kernel) == cudaSuccess && f.ptxVersion >= 90;
 }
 
@@ -233,7 +252,7 @@ cudaError_t newton_schulz_in_clusters(const NewtonSchulz<float>& a, cudaStream_t
   cudaError_t error = cudaFuncSetAttribute(
       cluster_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes));
   if (error != cudaSuccess) return error;
-  // two blocks fit into a multiprocessor if nearly all its fast memory is shared memory
+  // two blocks fit on a multiprocessor if nearly all its fast memory is shared memory
   error = cudaFuncSetAttribute(cluster_kernel, cudaFuncAttributePreferredSharedMemoryCarveout,
                                cudaSharedmemCarveoutMaxShared);
   if (error != cudaSuccess) return error;

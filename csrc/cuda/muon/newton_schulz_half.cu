@@ -1,10 +1,24 @@
-// The whole Newton-Schulz iteration of a matrix in one block, sides up to 128, on tensor cores.
+// The whole Newton-Schulz iteration of a matrix in one block, sides up to 128, on tensor cores:
 //
-// Operands of products are rounded to half precision, which has the eleven significant bits of TF32
-// and range enough: |X|_F = 1 at first, and no singular value ever exceeds 1.3. X itself stays in
-// float32 registers: a rounding error of it grows by a in every step, as small singular values do.
-// Three squares in shared memory are X, A = X X^T and P = b A + c A^2; the new X, which is
-// a X + P X, takes the place of A.
+//   A = X X^T,   P = b A + c A^2,   X <- a X + P X,   from X = G / |G|_F, five times
+//
+//   X in registers, 128 x 128               A and P: half_polynomial.cuh
+//           +--------------+--------------+
+//     32    | warp 0       | warp 1       |
+//           +--------------+--------------+
+//     32    | warp 2       | warp 3       |   each warp 32 x 64: 2 x 8 tiles of m16n8k16
+//           +--------------+--------------+
+//            ...              64 columns
+//
+//   name     shape             where      layout
+//   A, P, X  128 x 128 halves  shared     squares of half_square.cuh, 32 KiB each
+//   exact    128 x 128 float   shared     `place`; G / |G| at first, U at last, where A and P are
+//   Part::X  32 x 64 float     registers  [2][8][4] of a lane
+//
+// Operands of products are rounded to half precision. It has the eleven significant bits of TF32,
+// and its range suffices: |X|_F = 1 at first, and no singular value exceeds 1.3 later. X itself
+// stays in float32 registers: its rounding errors grow by the factor a in every step, as small
+// singular values do. The rounded new X takes the place of A, and the next A that of the old X.
 #include <type_traits>
 
 #include "../launch_after.cuh"
@@ -20,10 +34,10 @@ using namespace half_square;
 
 constexpr float kA = 3.4445f, kB = -4.7750f, kC = 2.0315f;
 constexpr int kWarps = 8, kThreads = 32 * kWarps;
-constexpr int kApart = kThreads / kSide, kCount = kSide / kApart;  // rows of G for a thread
+constexpr int kApart = kThreads / kSide, kCount = kSide / kApart;  // a thread's rows of G
 
-// Where a float32 square in shared memory has a number; eight columns of four rows lie in different
-// banks.
+// Position of a number in a float32 square in shared memory. Eight columns of four rows lie in
+// different banks.
 __device__ int place(int row, int column) { return row * kSide + (column ^ row % 4 * 8); }
 
 __device__ double sum_of(double value, double* sums) {
@@ -36,7 +50,8 @@ __device__ double sum_of(double value, double* sums) {
   return value;
 }
 
-// X = G / |G|, padded with zeros, transposed if tall, rounded and not; a thread has half a column.
+// X = G / |G|_F, padded with zeros, transposed if tall: halves in X, float32 in exact. A thread has
+// half a column of G.
 __device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned X, float* exact) {
   auto* sums = reinterpret_cast<double*>(exact);
   const int column = threadIdx.x % kSide, first = threadIdx.x / kSide;
@@ -72,7 +87,8 @@ __device__ void normalize(const NewtonSchulz<float>& a, const float* G, unsigned
   __syncthreads();
 }
 
-// A <- X X^T and P <- b A + c A A^T, by the warps near the diagonal and the others.
+// A <- X X^T, then P <- c (b/c A + A A^T). The first A stays in the accumulators, in float32. Warps
+// 0 .. 3 are `near` the diagonal, see half_polynomial.cuh.
 __device__ void polynomial(int warp, int lane, unsigned X, int columns, unsigned A, int rows,
                            unsigned P) {
   Band sums{warp % 4, lane, {}, {}};
@@ -93,7 +109,7 @@ __device__ void polynomial(int warp, int lane, unsigned X, int columns, unsigned
   add(A, rows, kC, P);
 }
 
-// A warp's part of X, 32 x 64.
+// A warp's 32 x 64 of X.
 struct Part {
   int warp, lane;
   Sum X[2][8];
@@ -110,7 +126,7 @@ struct Part {
 #pragma unroll
     for (int j = 0; j < 4; ++j) t.right[j] = load_flipped(down ^ ((warp % 2 * 4 + j) * 32));
   }
-  // a X + P X
+  // X <- a X + P X
   __device__ void advance(unsigned P, unsigned rounded, int steps) {
 #pragma unroll
     for (int v = 0; v < 64; ++v) X[v / 32][v / 4 % 8][v % 4] *= kA;
@@ -127,7 +143,7 @@ struct Part {
   __device__ void store(unsigned to) const {
     store_tile<2, 8, false>(to, warp / 2 * 2, warp % 2 * 8, lane, X);
   }
-  // f(X, where two numbers of it are)
+  // Calls f(x, at) for each pair of neighbours of X: the pair, and its place in a float32 square.
   template <class F>
   __device__ void each_pair(F f) {
 #pragma unroll
@@ -139,7 +155,7 @@ struct Part {
   }
 };
 
-// U in shared memory to its place.
+// Copies U from shared memory to a.out.
 __device__ void write(const NewtonSchulz<float>& a, std::int64_t matrix, const float* U) {
   const int m = static_cast<int>(a.m), n = static_cast<int>(a.n);
   float* out = a.out + matrix * m * n;
@@ -150,7 +166,7 @@ __device__ void write(const NewtonSchulz<float>& a, std::int64_t matrix, const f
     out[row * n + column] = U[m > n ? place(column, row) : place(row, column)];
 }
 
-// W -= rate U, and its running average.
+// W -= rate U, and the running average of W.
 __device__ void descend(const NewtonSchulz<float>& a, const DescendArguments<float>& d,
                         std::int64_t matrix, std::int64_t step, const float* U) {
   constexpr int kBatch = 32;
@@ -198,7 +214,7 @@ __global__ void __launch_bounds__(kThreads)
   const int columns = static_cast<int>(max(a.m, a.n) + 15) / 16;
   unsigned A = base, X = base + 2 * kBytes;
   const unsigned P = base + kBytes;
-  float* exact = reinterpret_cast<float*>(memory);  // where A and P are, before and after
+  float* exact = reinterpret_cast<float*>(memory);  // overlaps A and P
   normalize(a, a.G + matrix / a.count * a.group_stride + matrix % a.count * a.stride, X, exact);
   Part part{warp, lane, {}};
   part.each_pair([&](float* x, int at) {
