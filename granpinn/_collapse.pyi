@@ -1,5 +1,6 @@
 """Types of the compiled column-collapse solver (csrc/collapse/module.cpp)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,8 @@ class Parameters:
     right: Side
     bottom: Side
     top: Side
-    mu_s: float
-    mu_2: float
-    I0: float
+    law: str  # setting it clears theta
+    theta: Sequence[float]
     grain_diameter: float
     cohesion: float
     eta_min: float

@@ -1,4 +1,4 @@
-"""The command `python -m granpinn.inspect`: what data can answer, before any training.
+"""The command `python -m granpinn.inspect`: quality of data and precision of the law from it.
 
 Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
 
@@ -8,8 +8,8 @@ In Python, `granpinn.inspection.inspect(flow)` gives the same numbers.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
-import math
 import sys
 import warnings
 from collections.abc import Sequence
@@ -23,8 +23,9 @@ from granpinn.config.toml import convert
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file
-from granpinn.inspection import Inspection, Law, inspect
+from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
+from granpinn.physics.law_values import PARAMETERS
 from granpinn.uncertainty.data_verdict import verdict
 
 EXAMPLES = """examples:
@@ -33,8 +34,10 @@ EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5 --out inspection
       and inspect.json with maps of the gaps, the speed, the noise and the inertial numbers
   python -m granpinn.inspect flow.h5 --I0 0.28 --mu-s 0.3 --mu-2 0.6
-      the precision for a material that is roughly known"""
-# What converting needs beyond the files; docs/importing.md has the steps for every instrument.
+      the precision for a material that is roughly known
+  python -m granpinn.inspect flow.h5 --law coulomb
+      the precision of constant friction"""
+# Arguments of a conversion besides the files; docs/importing.md has the steps for every instrument.
 CONVERT = (
     '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
     '--grain-density "2500 kg/m^3" --solid-fraction 0.6'
@@ -42,7 +45,7 @@ CONVERT = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
+    """Runs the command and returns its exit code."""
     try:
         options = parse(sys.argv[1:] if argv is None else argv)
         _require_flow_file(options["data"])
@@ -52,7 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.simplefilter("ignore", FlowFileWarning)
             flow = read_flow(data)
         found = inspect(flow, options["law"])
-        numbers = found.numbers() | {"verdict": verdict(found)}
+        sentences = verdict(found)
+        numbers = found.numbers() | {"verdict": sentences}
         if options["out"] is not None:
             write(found, numbers, options["out"])
     except (ConfigError, DataFileError, FlowFileError) as error:
@@ -62,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0
-    print("\n".join(lines_of(found)))
+    print("\n".join(lines_of(found, sentences)))
     if options["out"] is not None:
         print(f"figures and inspect.json: {options['out']}")
     print(f"next: python -m granpinn.train {data} --out run")
@@ -70,12 +74,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
-    """data, out, json and law of a command line."""
-    default = Law()
+    """Options of a command line: data, out, json and law."""
     parser = Parser(
         prog="python -m granpinn.inspect",
         usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
-        description="Say what data can tell about the friction law, without any training.",
+        description="Inspect velocity data and estimate how precisely they fix the friction law.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -83,20 +86,17 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("data", metavar="FLOW.h5", type=Path, nargs="+", help="a flow file")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for figures and numbers")
     parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
-    for name in ("mu_s", "mu_2", "I0"):
-        text = f"assumed for the expected precision (default {getattr(default, name):g})"
-        flag = "--" + name.replace("_", "-")
-        parser.add_argument(flag, dest=name, metavar="X", default=None, help=text)
+    for field in dataclasses.fields(AssumedLaw):
+        flag = "--" + field.name.replace("_", "-")
+        text = f"{field.metadata['help']}; assumed for the expected precision"
+        default = field.default if field.name == "law" else None
+        parser.add_argument(flag, dest=field.name, metavar="X", default=default, help=text)
     values = vars(parser.parse_args(argv))
-    given = {
-        n: convert(values.pop(n), float, f"--{n}") for n in ("mu_s", "mu_2", "I0") if values[n]
-    }
-    law = Law(**given)
-    if not all(math.isfinite(x) and x > 0 for x in vars(law).values()) or law.mu_2 <= law.mu_s:
-        raise ConfigError(
-            f"the friction law must have 0 < mu_s < mu_2 and I0 > 0, got mu_s = {law.mu_s:g}, "
-            f"mu_2 = {law.mu_2:g}, I0 = {law.I0:g}: correct --mu-s, --mu-2 or --I0"
-        )
+    given = {n: convert(values[n], float, f"--{n}") for n in PARAMETERS if values[n] is not None}
+    try:
+        law = AssumedLaw(law=values["law"], **given)
+    except ValueError as error:
+        raise ConfigError(f"the friction law is impossible: {error}") from None
     out = values["out"]
     if out is not None and out.exists() and not out.is_dir():
         raise ConfigError(f"--out must be a folder, got {out}: name another")
@@ -104,7 +104,7 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
 
 
 def _require_flow_file(paths: list[Path]) -> None:
-    """Refuses files of an instrument with the command that converts them."""
+    """Raises an error for the files of an instrument, with the command that converts them."""
     first = paths[0]
     if not first.exists():
         raise ConfigError(f"{first} does not exist: name a flow file")
@@ -121,7 +121,7 @@ def _require_flow_file(paths: list[Path]) -> None:
 
 
 def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
-    """inspect.json and the figures, to a folder that is made."""
+    """Writes inspect.json and the figures to a folder, which is made if necessary."""
     from granpinn.figures.inspection import save_figures  # matplotlib is slow to import
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,7 @@ Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by
 with the frames so far in the flow file.
 
 In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
-has the same name in the package, so it can be called like that function.
+replaces that attribute of the package when it is imported, so it can be called like the function.
 """
 
 from __future__ import annotations
@@ -23,12 +23,16 @@ from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.config.toml import convert
 from granpinn.data.flow import Flow
+from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate
+from granpinn.simulation.parameters import law_settings
 from granpinn.simulation.progress import automatic
 
 EXAMPLES = """examples:
   python -m granpinn.simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5
       the paper's column, 512 cells across the box
+  python -m granpinn.simulate --law coulomb --mu-s 0.4 --out coulomb.h5
+      the same column with constant friction
   python -m granpinn.simulate --cells 128 --out quick.h5 --figures figures --animation quick.gif
       a coarse one in a second, with figures and an animation
   python -m granpinn.simulate --paper-cases cases
@@ -42,7 +46,7 @@ OWN = ("out", "paper_cases", "figures", "animation")
 
 
 class _CallableModule(types.ModuleType):
-    """`import granpinn.simulate` puts this module where the function of that name was."""
+    """A module that can be called like the function `simulate`."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Flow:
         return simulate(*args, **kwargs)
@@ -53,7 +57,7 @@ class _Terminated(KeyboardInterrupt):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
+    """Runs the command and returns its exit code."""
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
         _run(parse(sys.argv[1:] if argv is None else argv))
@@ -71,11 +75,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
-    """The values that are given on the command line, converted to the types of their fields."""
+    """The outputs and settings of a command line, converted to the types of their fields."""
     parser = Parser(
         prog="python -m granpinn.simulate",
         usage="%(prog)s --out FLOW.h5 [settings]",
-        description="Simulate the collapse of a column of grains that obey the friction law mu(I).",
+        description="Simulate the collapse of a column of grains with a known friction law.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         argument_default=argparse.SUPPRESS,
@@ -100,11 +104,11 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
 
 
 def _check(values: dict[str, Any]) -> None:
-    """Refuses outputs that could not be written before anything is computed."""
+    """Raises ConfigError if the outputs are impossible, before anything is computed."""
     if ("out" in values) == ("paper_cases" in values):
         raise ConfigError("give either --out FLOW.h5 or --paper-cases DIR")
-    if "paper_cases" in values and {"mu_s", "mu_2", "animation"} & set(values):
-        raise ConfigError("--paper-cases has its own mu_s and mu_2 and makes no animation")
+    if "paper_cases" in values and {"law", "mu_s", "mu_2", "animation"} & set(values):
+        raise ConfigError("--paper-cases has its own law, mu_s and mu_2 and makes no animation")
     if "animation" in values and values["animation"].suffix != ".gif":
         raise ConfigError(f"--animation must end in .gif, got {values['animation']}")
     for name in ("out", "animation"):
@@ -142,13 +146,14 @@ def _one(collapse: Collapse, out: Path, figures: Path | None) -> Flow:
 
 
 def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None:
-    """The paper's six regimes and the figure of their final states."""
+    """Simulates the paper's six regimes of mu(I) and draws their final states."""
     from granpinn.figures.simulation import save_final_states
 
     folder.mkdir(parents=True, exist_ok=True)
     flows = []
     for mu_s, mu_2 in PAPER_CASES:
-        collapse = dataclasses.replace(settings, mu_s=mu_s, mu_2=mu_2)
+        law = law_settings(mu_of_i.LAW, (mu_s, mu_2, settings.I0))
+        collapse = dataclasses.replace(settings, **law)
         flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5", figures))
     print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
 

@@ -13,13 +13,14 @@
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
-inline double grain_viscosity(double gamma_dot_squared, double p, const Parameters& s) {
+template <class Law>
+double grain_viscosity(double gamma_dot_squared, double p, const Friction<Law>& friction,
+                       const Parameters& s) {
   if (s.newtonian) return s.eta_max;
   const double positive = std::max(p, 0.0);
   const double gamma_dot = std::sqrt(gamma_dot_squared) + 1e-300;
-  const FrictionLaw<double> law{s.mu_s, s.mu_2, s.I0};
-  const double I = inertial_number(gamma_dot, positive, s);
-  const double stress = s.cohesion + friction(I, law) * positive;
+  const double stress =
+      s.cohesion + friction.mu(inertial_number(gamma_dot, positive, s)) * positive;
   return std::min(std::max(stress / gamma_dot, s.eta_min), s.eta_max);
 }
 
@@ -53,16 +54,17 @@ inline void drain_floor(Field<double>& c, const Grid& grid) {
 }
 
 // All fields with their ghost values. cell = eta at centers, corner = eta at corners.
-inline void mixture_viscosity(const StrainRate& strain, const Field<double>& p,
-                              const Field<double>& c, Field<double>& cell, Field<double>& corner,
-                              const Grid& grid, const Parameters& s, Team& team) {
+template <class Law>
+void mixture_viscosity(const Friction<Law>& friction, const StrainRate& strain,
+                       const Field<double>& p, const Field<double>& c, Field<double>& cell,
+                       Field<double>& corner, const Grid& grid, const Parameters& s, Team& team) {
   team.rows(0, grid.ny + 1, grid.nx * 4, [&](int j0, int j1) {
     for (int j = j0; j < j1; ++j) {
       for (int i = 0; i < grid.nx && j < grid.ny; ++i) {
         double eta = s.air_viscosity;
         if (c(i, j) > 0) {
-          const double squared = strain.squared_at_center(i, j, p(i, j), c, s);
-          eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), s), eta);
+          const double squared = strain.squared_at_center(i, j, p(i, j), c, friction, s);
+          eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), friction, s), eta);
         }
         cell(i, j) = eta;
       }
@@ -71,8 +73,8 @@ inline void mixture_viscosity(const StrainRate& strain, const Field<double>& p,
         double eta = s.air_viscosity;
         if (fraction > 0) {
           const double here = 0.25 * (p(i, j) + p(i - 1, j) + p(i, j - 1) + p(i - 1, j - 1));
-          const double squared = strain.squared_at_corner(i, j, here, c, s);
-          eta = mixture_viscosity(fraction, grain_viscosity(squared, here, s), eta);
+          const double squared = strain.squared_at_corner(i, j, here, c, friction, s);
+          eta = mixture_viscosity(fraction, grain_viscosity(squared, here, friction, s), eta);
         }
         corner(i, j) = eta;
       }

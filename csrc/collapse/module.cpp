@@ -1,6 +1,7 @@
 // The Python module granpinn._collapse: NumPy arrays in and out (granpinn/simulation/engine.py).
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
 #include "solver.h"
 
@@ -34,6 +35,30 @@ void check_shape(const Array& array, const char* name, int rows, int columns) {
   if (array.ndim() == 2 && array.shape(0) == rows && array.shape(1) == columns) return;
   throw py::value_error(std::string(name) + " must have shape [" + std::to_string(rows) + ", " +
                         std::to_string(columns) + "]");
+}
+
+int law_parameters(const Parameters& s) {
+  return visit_law(s.law, [](auto law) { return law.parameters; });
+}
+
+std::string law_name(const Parameters& s) {
+  return visit_law(s.law, [](auto law) { return std::string(law.name); });
+}
+
+void set_law(Parameters& s, const std::string& name) {
+  if (!law_named(name, &s.law)) throw py::value_error("law must be a friction law, got " + name);
+  std::fill_n(s.theta, kMaxLawParameters, 0.0);
+}
+
+std::vector<double> theta(const Parameters& s) { return {s.theta, s.theta + law_parameters(s)}; }
+
+void set_theta(Parameters& s, const std::vector<double>& values) {
+  const int count = law_parameters(s);
+  if (static_cast<int>(values.size()) != count) {
+    throw py::value_error("theta must have " + std::to_string(count) + " parameters of the law " +
+                          law_name(s) + ", got " + std::to_string(values.size()));
+  }
+  std::copy(values.begin(), values.end(), s.theta);
 }
 
 class PySolver {
@@ -102,9 +127,8 @@ PYBIND11_MODULE(_collapse, m) {
       .def_readwrite("right", &Parameters::right)
       .def_readwrite("bottom", &Parameters::bottom)
       .def_readwrite("top", &Parameters::top)
-      .def_readwrite("mu_s", &Parameters::mu_s)
-      .def_readwrite("mu_2", &Parameters::mu_2)
-      .def_readwrite("I0", &Parameters::I0)
+      .def_property("law", &law_name, &set_law)
+      .def_property("theta", &theta, &set_theta)
       .def_readwrite("grain_diameter", &Parameters::grain_diameter)
       .def_readwrite("cohesion", &Parameters::cohesion)
       .def_readwrite("eta_min", &Parameters::eta_min)

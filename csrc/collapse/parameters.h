@@ -1,6 +1,8 @@
 // The problem that the solver solves, in any consistent units.
 #pragma once
 
+#include "../math/laws/laws.h"
+
 namespace granpinn::collapse {
 
 // What happens on one side of the box, or on an open side of the window.
@@ -16,9 +18,11 @@ struct Parameters {
   double spacing = 0;
   Side left = Side::free_slip, right = Side::no_slip, bottom = Side::no_slip, top = Side::open;
 
-  // The friction law: I = d gamma_dot / sqrt(p / rho), mu(I) = mu_s + (mu_2 - mu_s)/(1 + I0/I),
+  // The friction law mu(I; theta) with I = d gamma_dot / sqrt(p / rho), and
   // eta = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max].
-  double mu_s = 0, mu_2 = 0, I0 = 0, grain_diameter = 0, cohesion = 0;
+  LawName law = LawName::mu_of_i;
+  double theta[kMaxLawParameters] = {};  // the parameters of the law come first
+  double grain_diameter = 0, cohesion = 0;
   double eta_min = 0, eta_max = 0;
   double density = 1, air_density = 0, air_viscosity = 0;
   double gravity_x = 0, gravity_y = 0;

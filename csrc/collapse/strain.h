@@ -1,16 +1,15 @@
 // The strain rate that friction sees, at cell centers and corners.
 //
-// mu(I) is ill-posed where
+// The equations are ill-posed where
 //   C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2 > 0,   a = I mu'(I) / mu(I)
-// (Barker, Schaeffer, Bohorquez, Gray 2015): short waves grow fastest there, and shear bands as
-// thin as the grid allows follow. Inside the grains, gamma_dot^2 is therefore blended with that of
+// (Barker, Schaeffer, Bohorquez, Gray 2015). Short waves grow fastest there, and shear bands get
+// as thin as the grid allows. Inside the grains, gamma_dot^2 is therefore blended with that of
 // a mean D over the nine cells around, weights (1 2 1) x (1 2 1) / 16, by the share min(1, 4 C):
-// none where the law is well-posed, all of it at mu_s = 0.6. The difference is of second order.
+// none where the law is well-posed, all of it where C >= 1/4. The difference is of second order.
 #pragma once
 
 #include <cmath>
 
-#include "../math/rheology.h"
 #include "field.h"
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
@@ -19,13 +18,21 @@ inline double inertial_number(double gamma_dot, double p, const Parameters& s) {
   return s.grain_diameter * gamma_dot / std::sqrt(std::max(p / s.density, 1e-30));
 }
 
-// C of the header; 0 for grains without friction.
-inline double ill_posedness(double I, const Parameters& s) {
-  const double mu = friction(I, FrictionLaw<double>{s.mu_s, s.mu_2, s.I0});
-  if (mu <= 0) return 0;
-  const double a = (s.mu_2 - s.mu_s) * s.I0 * I / ((I + s.I0) * (I + s.I0) * mu);
-  return 4 * a * a - 4 * a + mu * mu * (1 - a / 2) * (1 - a / 2);
-}
+// A friction law (csrc/math/laws/) with the values of its parameters.
+template <class Law>
+struct Friction {
+  double theta[Law::parameters];
+
+  explicit Friction(const Parameters& s) { std::copy_n(s.theta, Law::parameters, theta); }
+  double mu(double I) const { return typename Law::template Jet<double>(I, theta).mu; }
+  // C of the header; 0 for grains without friction.
+  double ill_posedness(double I) const {
+    const typename Law::template Jet<double> jet(I, theta);
+    if (jet.mu <= 0) return 0;
+    const double a = jet.I_dmu / jet.mu;
+    return 4 * a * a - 4 * a + jet.mu * jet.mu * (1 - a / 2) * (1 - a / 2);
+  }
+};
 
 class StrainRate {
  public:
@@ -63,17 +70,20 @@ class StrainRate {
   }
 
   // gamma_dot^2 for the friction law, where the pressure is p. c has ghost values.
+  template <class Law>
   double squared_at_center(int i, int j, double p, const Field<double>& c,
-                           const Parameters& s) const {
+                           const Friction<Law>& friction, const Parameters& s) const {
     const double here = squared(normal_(i, j), shear_(i, j));
     if (!grains_only(c, i - 1, i + 1, j - 1, j + 1)) return here;
-    return blend(here, squared(mean_normal_(i, j), mean_shear_(i, j)), p, s);
+    return blend(here, squared(mean_normal_(i, j), mean_shear_(i, j)), p, friction, s);
   }
+  template <class Law>
   double squared_at_corner(int i, int j, double p, const Field<double>& c,
-                           const Parameters& s) const {
+                           const Friction<Law>& friction, const Parameters& s) const {
     const double here = squared(four(normal_, i, j), corner_shear(i, j));
     if (!grains_only(c, i - 1, i, j - 1, j)) return here;
-    return blend(here, squared(four(mean_normal_, i, j), four(mean_shear_, i, j)), p, s);
+    const double mean = squared(four(mean_normal_, i, j), four(mean_shear_, i, j));
+    return blend(here, mean, p, friction, s);
   }
 
  private:
@@ -95,8 +105,10 @@ class StrainRate {
     }
     return least >= 1;
   }
-  static double blend(double here, double mean, double p, const Parameters& s) {
-    const double C = ill_posedness(inertial_number(std::sqrt(here), p, s), s);
+  template <class Law>
+  static double blend(double here, double mean, double p, const Friction<Law>& friction,
+                      const Parameters& s) {
+    const double C = friction.ill_posedness(inertial_number(std::sqrt(here), p, s));
     const double share = std::min(1.0, std::max(0.0, 4 * C));
     return here + share * (mean - here);
   }

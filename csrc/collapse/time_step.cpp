@@ -87,14 +87,17 @@ void CollapseSolver::extrapolate(double share) {
 void CollapseSolver::fill_coefficients(double step) {
   fill_velocity_ghosts(velocity_[0], velocity_[1], grid_);
   fill_pressure_ghosts(p_[0], grid_);
-  // Grains that are released are not rigid: with the viscosity of rest in the first step, it would
-  // take a column many steps to find out that it cannot stand.
+  // Grains that are released are not rigid: with the viscosity of rest in the first step, a column
+  // that cannot stand would stand for many steps.
   const Field<double> no_pressure(grid_.nx, grid_.ny);
   const Field<double>& pressure = step_count_ == 0 ? no_pressure : p_[0];
   drained_ = c_;
   if (grid_.bottom == Side::no_slip) drain_floor(drained_, grid_);
   strain_.update(velocity_[0], velocity_[1], s_.spacing, team_);
-  mixture_viscosity(strain_, pressure, drained_, eta_center_, eta_corner_, grid_, s_, team_);
+  visit_law(s_.law, [&](auto law) {
+    mixture_viscosity(Friction<decltype(law)>(s_), strain_, pressure, drained_, eta_center_,
+                      eta_corner_, grid_, s_, team_);
+  });
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
   const double area = s_.spacing * s_.spacing;
   team_.rows(0, grid_.ny + 1, grid_.nx, [&](int j0, int j1) {

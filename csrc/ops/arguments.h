@@ -119,12 +119,14 @@ Physics<T> physics_of(Doubles values) {
 
 inline LawName law_of(c10::string_view name) {
   std::string known;
-#define GRANPINN_ROW(row, Law)                \
-  if (name == Law::name) return LawName::row; \
+#define GRANPINN_ROW(row, Law) \
   known += (known.empty() ? "'" : ", '") + std::string(Law::name) + "'";
   GRANPINN_LAWS(GRANPINN_ROW)
 #undef GRANPINN_ROW
-  GRANPINN_CHECK_VALUE(false, "law must be one of ", known, ", got '", name, "'");
+  LawName found{};
+  GRANPINN_CHECK_VALUE(law_named(std::string_view(name.data(), name.size()), &found),
+                       "law must be one of ", known, ", got '", name, "'");
+  return found;
 }
 
 inline Form form_of(c10::string_view name) {

@@ -1,4 +1,4 @@
-"""Flow files and what is made of them: reading, writing, rules, noise, points."""
+"""Flows: files, rules, synthetic noise, and the points of training and scoring."""
 
 from granpinn.data.collocation import with_collocation
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth

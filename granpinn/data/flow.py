@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.physics.law_values import LawValues
+
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 VelocityArray = npt.NDArray[np.floating[Any]]  # float32 or float64
@@ -21,7 +23,7 @@ class FlowFileError(ValueError):
 
 
 class FlowFileWarning(UserWarning):
-    """A flow keeps every rule of the format but looks wrong."""
+    """A flow keeps every rule of the format, but is likely to be wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,39 +60,34 @@ class Particles:
     sigma_v: Float32Array | None = None
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Parameters of the friction law that made the data: for scoring, never for training."""
-
-    mu_s: float | None = None
-    mu_2: float | None = None
-    I0: float | None = None
+class Truth(LawValues):
+    """The friction law that made the data: for scoring, never for training."""
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
     """Velocity of the grains on a grid in space and time, or at scattered points.
 
-    A flow with `particles` is one of scattered vectors: they are what is measured, and t, y, x,
-    u, v, c are only a view of them on a grid for figures (make it with `particle_flow`).
+    In a flow with `particles` the scattered vectors are the measurement. Then t, y, x, u, v, c are
+    only a view of them on a grid, for figures (`particle_flow` makes it).
 
     Attributes:
         t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
         u, v: velocity [T, Y, X], float32 or float64; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1.
         gravity: (g_x, g_y).
-        density: bulk density of the grains, which the momentum equation has.
+        density: bulk density of the grains, that of the momentum equation.
         grain_diameter: mean diameter d of the grains.
         length_unit, time_unit: names of the units, "1" = dimensionless.
-        density_unit: name of the unit of density, None where the file does not say.
-        grain_density: density of a grain, which the inertial number has; None = `density`.
+        density_unit: name of the unit of density, None if unknown.
+        grain_density: density of a grain, that of the inertial number; None = `density`.
         p: reference pressure [T, Y, X]: for scoring, never for training.
         surface: observed points of the free surface.
         sigma_u, sigma_v: standard deviation of u and v, one number or [T, Y, X].
         particles: scattered vectors.
         eta_max, eta_min: bounds of the viscosity in the solver that made the data.
-        truth: parameters that made the data.
-        attributes: further facts about the file, such as its source.
+        truth: friction law of the material, None if unknown.
+        attributes: further attributes of the file, such as its source.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -122,13 +119,13 @@ class Flow:
 
     @property
     def material(self) -> BoolArray:
-        """Where the cell holds nothing but grains, c = 1: [T, Y, X]."""
+        """Cells that hold nothing but grains, c = 1: [T, Y, X]."""
         material: BoolArray = self.c == 1
         return material
 
     @property
     def valid(self) -> BoolArray:
-        """Where grains with a finite velocity vector are: [T, Y, X]."""
+        """Cells of `material` with a finite velocity vector: [T, Y, X]."""
         return self.material & np.isfinite(self.u) & np.isfinite(self.v)
 
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64Array:
@@ -138,7 +135,7 @@ class Flow:
         return np.asarray(-along / math.hypot(g_x, g_y))
 
     def stated(self, name: str) -> float | None:
-        """A positive number among the further attributes; None where there is none."""
+        """A positive number among `attributes`; None if there is none of that name."""
         value = self.attributes.get(name)
         if isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0:
             return float(value)

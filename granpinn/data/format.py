@@ -1,6 +1,6 @@
-"""The flow file, version 1, as a table: which datasets it has, of which shape and type.
+"""The flow file, version 1, as a table of datasets with their shapes and types.
 
-The reader, the writer and the rules all go by this table. Axes: T times, Y rows, X columns,
+The reader, the writer and the rules all use this table. Axes: T times, Y rows, X columns,
 N scattered vectors, n points of the free surface. A file has either the grid or the particles.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data.flow import Flow, Particles
+from granpinn.physics.law_values import PARAMETERS
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
@@ -21,7 +22,7 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True)
 class DatasetRule:
-    """What the format says about one dataset, which may have one of `dtypes`."""
+    """Shape and types that one dataset may have."""
 
     name: str
     axes: tuple[str, ...]
@@ -41,7 +42,7 @@ class Layout:
 
 
 _GRID = ("T", "Y", "X")
-# A velocity keeps the type that it has: in other units, float32 is not the same number.
+# A velocity keeps its type: rounded to float32 in other units, it would be another number.
 FLOATS = ("float32", "float64")
 
 GRID_DATASETS = (
@@ -75,23 +76,24 @@ NUMBERS = ("density", "grain_diameter")
 TEXTS = ("length_unit", "time_unit")
 OPTIONAL_TEXTS = ("density_unit",)
 OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
-TRUTH = {"true_mu_s": "mu_s", "true_mu_2": "mu_2", "true_I0": "I0"}
+TRUE_LAW = "true_law"  # absent: mu_of_i
+TRUTH = {f"true_{name}": name for name in PARAMETERS}
 KNOWN_ATTRIBUTES = frozenset(
     (
-        *("format_name", "format_version", "gravity"),
+        *("format_name", "format_version", "gravity", TRUE_LAW),
         *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *TRUTH),
     )
 )
 
 
 def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
-    """The arrays that a flow is made of, by the name of their dataset."""
+    """The arrays of a flow by the names of their datasets."""
     own = grid_arrays_of(flow) if flow.particles is None else _particle_arrays_of(flow.particles)
     return own | _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
 
 
 def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
-    """The arrays on the grid, also where it is but a view of particles."""
+    """The arrays on the grid, also if it is only a view of particles."""
     names = ("t", "y", "x", "c", "u", "v", "p", "sigma_u", "sigma_v")
     return _arrays(names, "", flow)
 

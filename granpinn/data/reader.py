@@ -1,4 +1,4 @@
-"""Reads a flow file, version 1; whatever is wrong with it becomes a FlowFileError."""
+"""Reads a flow file, version 1; every fault of the file is a FlowFileError."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from granpinn.data.format import (
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
     PARTICLES,
+    TRUE_LAW,
     TRUTH,
 )
 from granpinn.data.hdf5 import SafeFile, read_regular_file, too_large
 from granpinn.data.particles import grid_view
 from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
+from granpinn.physics.laws import DEFAULT
 
 DEFAULT_MAX_BYTES = 2**30
-# What is held in memory: coordinates in float64, velocities as they are, all else in float32.
+# Types in memory: coordinates float64, velocities as in the file, all else float32.
 _FLOAT64 = tuple(
     prefix + name for prefix in ("", f"{PARTICLES}/", "surface_") for name in ("t", "y", "x")
 )
@@ -36,7 +38,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
     Args:
         path: the file; nothing else is opened.
-        max_bytes: refuse a file that is larger than this, or declares more data than this.
+        max_bytes: largest size of the file, and of the data that it declares.
 
     Raises:
         FlowFileError: the file breaks a rule; the message is one sentence.
@@ -63,7 +65,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
         }
         optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
         optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
-        truth = {field: _number(file, name) for name, field in TRUTH.items()}
+        truth = _truth(file)
         others = file.attributes.scalars(KNOWN_ATTRIBUTES)
         arrays = _read_arrays(file, max_bytes)
     for name in ("sigma_u", "sigma_v"):
@@ -83,15 +85,27 @@ def _read(path: Path, max_bytes: int) -> Flow:
         **constants,
         **optional,
         surface=None if surface["t"] is None else Surface(**surface),
-        truth=Truth(**truth) if any(value is not None for value in truth.values()) else None,
+        truth=truth,
         attributes=others,
         sha256=hashlib.sha256(image).hexdigest(),
         path=path,
     )
 
 
+def _truth(file: SafeFile) -> Truth | None:
+    """The law that made the data; None if the file states neither the law nor a parameter."""
+    law = file.attributes.text(TRUE_LAW)
+    values = {field: _number(file, name) for name, field in TRUTH.items()}
+    if law is None and all(value is None for value in values.values()):
+        return None
+    try:
+        return Truth(law=law or DEFAULT.name, **values)
+    except ValueError as error:
+        raise FlowFileError(f"the true friction law: {error}") from None
+
+
 def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
-    """All datasets of the format, once their layout and their total size are known."""
+    """Reads all datasets of the format, after checks of their layout and total size."""
     opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
     datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
     check_layout({name: dataset.layout for name, dataset in datasets.items()})
@@ -145,7 +159,7 @@ def _require_text(file: SafeFile, name: str) -> str:
 
 
 def _number(file: SafeFile, name: str, *, required: bool = False) -> Any:
-    """One number; None if it is not there and not required."""
+    """An attribute that is one number; None if it is absent and not required."""
     values = _require(file, name) if required else file.attributes.numbers(name)
     if values is None:
         return None

@@ -1,6 +1,6 @@
-"""The rules of a flow file: each has one error, which names the dataset and says what to do.
+"""The rules of a flow file, each with one error that names the dataset and the remedy.
 
-`check_layout` needs shapes and types alone, so that a file is judged before its data is read;
+`check_layout` needs only shapes and types, so that it can run before the data is read.
 `check_values` needs the numbers.
 """
 
@@ -18,6 +18,7 @@ from granpinn.data.format import (
     GRID_DATASETS,
     PARTICLE_DATASETS,
     SURFACE_DATASETS,
+    TRUTH,
     DatasetRule,
     Layout,
     arrays_of,
@@ -25,11 +26,11 @@ from granpinn.data.format import (
 )
 from granpinn.data.particles import check_particles
 
-# Volume fractions of a solver stray from 0..1 by rounding; anything more is a mistake.
+# Volume fractions of a solver leave 0..1 by rounding; anything more is a mistake.
 FRACTION_TOLERANCE = 1e-6
-# Share of exact zeros among the vectors above which they are likely to be gaps.
+# If the share of exact zeros among the vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
-# How far outside the grid the surface may be seen, in units of the grid's extent.
+# Largest distance of surface points from the grid, in units of the grid's extent.
 SURFACE_MARGIN = 0.1
 WRITE_HINT = "write it with granpinn.data.write_flow"
 
@@ -42,10 +43,10 @@ def check_flow(flow: Flow) -> None:
 
 
 def check_layout(found: Mapping[str, Layout]) -> None:
-    """Checks which datasets there are, their types and shapes.
+    """Checks the presence, types and shapes of the datasets.
 
     Args:
-        found: shape and type of every dataset of the format that is there.
+        found: shape and type of every dataset of the format that the file has.
     """
     sizes: dict[str, int] = {}
     scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
@@ -112,7 +113,7 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
 
 
 def check_values(flow: Flow) -> None:
-    """Checks the numbers of a flow whose layout is right."""
+    """Checks the numbers of a flow that has passed `check_layout`."""
     _check_attributes(flow)
     _check_material_constants(flow)
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
@@ -147,9 +148,7 @@ def _check_material_constants(flow: Flow) -> None:
         "grain_diameter": flow.grain_diameter,
         "grain_density": flow.grain_density,
         "eta_max": flow.eta_max,
-        "true_mu_s": truth.mu_s,
-        "true_mu_2": truth.mu_2,
-        "true_I0": truth.I0,
+        **{name: getattr(truth, field) for name, field in TRUTH.items()},
     }
     for name, value in positive.items():
         if value is not None and not (math.isfinite(value) and value > 0):
@@ -211,7 +210,7 @@ def _check_fraction(flow: Flow) -> None:
 
 
 def _in_any_cell(mask: BoolArray) -> BoolArray:
-    """Whether [T, Y, X] is true anywhere in each frame: [T]."""
+    """Whether `mask` [T, Y, X] is true anywhere in each frame: [T]."""
     return np.asarray(mask.any(axis=(1, 2)))
 
 
@@ -282,7 +281,7 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
 
 
 def warn_of_zeros(flow: Flow) -> None:
-    """Warns if suspiciously many vectors among the grains are exactly zero after the start."""
+    """Warns if too many vectors among the grains are exactly zero after t = 0."""
     valid = flow.valid[flow.t > 0]
     zero = valid & (flow.u[flow.t > 0] == 0) & (flow.v[flow.t > 0] == 0)
     n_valid, n_zero = int(valid.sum()), int(zero.sum())

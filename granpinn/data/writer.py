@@ -1,4 +1,4 @@
-"""Writes a flow file, version 1, that xarray opens as netCDF-4 too."""
+"""Writes a flow file, version 1, which xarray can open as netCDF-4."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from granpinn.data.format import (
     OPTIONAL_TEXTS,
     PARTICLES,
     TEXTS,
+    TRUE_LAW,
     TRUTH,
     arrays_of,
 )
@@ -33,7 +34,7 @@ _SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t"
 
 
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
-    """Checks a flow and writes it; the file is there completely or not at all.
+    """Checks a flow and writes it; the file appears only once it is complete.
 
     Raises:
         FlowFileError: the flow breaks a rule of the format.
@@ -54,6 +55,7 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
         "gravity": np.asarray(flow.gravity, dtype=np.float64),
         **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS)},
         **{name: getattr(flow, name) for name in (*OPTIONAL_NUMBERS, *OPTIONAL_TEXTS)},
+        TRUE_LAW: None if flow.truth is None else flow.truth.law,
         **{name: getattr(truth, field) for name, field in TRUTH.items()},
     }
     for name, value in sorted(values.items()):  # equal flows make equal files
@@ -89,7 +91,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
 
 
 def _units(flow: Flow) -> dict[str, str]:
-    """The unit of every dataset; that of pressure is known only without dimensions."""
+    """The unit of every dataset; that of pressure only for a dimensionless flow."""
     length, time = flow.length_unit, flow.time_unit
     dimensionless = length == time == "1"
     velocity = "1" if dimensionless else f"{length}/{time}"
@@ -103,7 +105,7 @@ def _units(flow: Flow) -> dict[str, str]:
 
 
 def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
-    """A fixed-length string: variable-length ones are what damaged files hang in."""
+    """Writes a fixed-length string; readers hang on damaged variable-length ones."""
     encoded = text.encode()
     kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
     place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)

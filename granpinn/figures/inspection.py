@@ -1,4 +1,4 @@
-"""Figures of an inspection: where vectors are missing, speed, inertial numbers, noise."""
+"""Figures of an inspection: valid vectors, speed, inertial numbers, noise."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.inspection.inspection import Inspection
-from granpinn.inspection.precision import sensitivities
 from granpinn.inspection.view import Float64
 
 I_EDGES = np.logspace(-4, 1, 51)
@@ -31,7 +30,7 @@ I_EDGES = np.logspace(-4, 1, 51)
 
 @styled
 def validity(found: Inspection) -> Drawing:
-    """Share of the frames with grains in a cell in which it has a vector."""
+    """Share of valid vectors in every cell, among the frames in which it is full of grains."""
     view = found.view
     grains = view.grains.sum(axis=0)
     there = (view.there & view.grains).sum(axis=0)
@@ -41,7 +40,7 @@ def validity(found: Inspection) -> Drawing:
 
 @styled
 def speed(found: Inspection) -> Drawing:
-    """The speed in the frame in which the grains are fastest on average."""
+    """The speed in the frame with the largest mean speed."""
     view = found.view
     size = np.where(view.there, np.hypot(view.u, view.v), np.nan) * found.scales.velocity
     n = view.there.sum(axis=(1, 2))
@@ -61,16 +60,20 @@ def noise(found: Inspection) -> Drawing:
 
 @styled
 def inertia(found: Inspection) -> Drawing:
-    """Inertial numbers of the flowing vectors, and what they weigh on the law at each I."""
+    """The assumed friction law, and the inertial numbers of the flowing vectors."""
     figure = new_figure(4.6)
     law_axes, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1))
     law = found.law
     I = np.geomspace(I_EDGES[0], I_EDGES[-1], 300)  # noqa: E741
-    mu = sensitivities(I, law)[:, :2] @ np.array([law.mu_s, law.mu_2])
+    mu = law.friction_law.friction(I, *law.theta)
     law_axes.plot(I, mu, color=BLUE, label=r"$\mu(I)$ assumed")
     if found.inertia is not None:
         law_axes.axvspan(found.inertia.q05, found.inertia.q95, color=SKY, alpha=0.3, lw=0)
-    law_axes.axvline(law.I0, color=BLACK, ls=(0, (4, 3)), lw=1.2, label=f"$I_0$ = {law.I0:g}")
+    scale = law.inertial_scale
+    if scale is not None:
+        law_axes.axvline(scale, color=BLACK, ls=(0, (4, 3)), lw=1.2, label=f"$I_0$ = {scale:g}")
+        axes.axvline(scale / 3, color=ORANGE, lw=1.2, label="$I_0/3$")
+        axes.legend()
     law_axes.set_ylabel(r"$\mu(I)$")
     law_axes.legend(loc="upper left")
     law_axes.set_title("(a) covered by 5 to 95 % of the flowing vectors")
@@ -78,12 +81,10 @@ def inertia(found: Inspection) -> Drawing:
     if weights.size:
         share = weights / weights.sum()
         axes.hist(found.I[found.flows], I_EDGES.tolist(), weights=share, color=SKY)
-    axes.axvline(law.I0 / 3, color=ORANGE, lw=1.2, label="$I_0/3$")
     axes.set_xscale("log")
     axes.set_xlabel("inertial number $I$, hydrostatic pressure below the surface")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.set_title("(b) share of the flowing vectors")
-    axes.legend()
     return Drawing(figure, "Inertial numbers that the data cover.")
 
 

@@ -25,7 +25,7 @@ PROFILE_COUNT = 10
 
 
 class Quantity(NamedTuple):
-    """Something to draw: its symbol, and its values at one frame [Y, X]."""
+    """A quantity to draw: its symbol, and its values at one frame [Y, X]."""
 
     symbol: str
     values: Array
@@ -58,9 +58,9 @@ def save_final_states(flows: Sequence[Flow], path: Path) -> Path:
 
 @styled
 def final_states(flows: Sequence[Flow]) -> Drawing:
-    """The last frames of several collapses, one row per mu_s, coloured by D2."""
-    rows = sorted({_truth(flow).mu_s or 0.0 for flow in flows})
-    members = [[f for f in flows if (_truth(f).mu_s or 0.0) == mu_s] for mu_s in rows]
+    """Last frames of several collapses, coloured by D2; one row per first parameter of the law."""
+    rows = sorted({_first_parameter(flow) for flow in flows})
+    members = [[f for f in flows if _first_parameter(f) == value] for value in rows]
     width = max(float(flow.x[-1]) for flow in flows)
     height = max(_top(flow, len(flow.t) - 1) for flow in flows)
     columns = max(map(len, members))
@@ -77,8 +77,7 @@ def final_states(flows: Sequence[Flow]) -> Drawing:
             _map(axes, flow, len(flow.t) - 1, strain_rate(flow, len(flow.t) - 1), norm)
             axes.set_xlim(0, width)
             axes.set_ylim(0, 1.1 * height)
-            truth = _truth(flow)
-            axes.set_title(rf"$\mu_s = {truth.mu_s:g}$, $\mu_2 = {truth.mu_2:g}$")
+            axes.set_title(_law_text(flow))
             _name_axes(axes, flow)
             axes.label_outer()
     mappable = ScalarMappable(norm, colormaps[VALUE_MAP])
@@ -136,8 +135,17 @@ def _quantity(flow: Flow, k: int, which: int) -> Quantity:
     return Quantity("$D_2$", strain_rate(flow, k))
 
 
-def _truth(flow: Flow) -> Truth:
-    return flow.truth or Truth()
+def _first_parameter(flow: Flow) -> float:
+    """First parameter of the friction law of the flow, such as mu_s; 0 if unknown."""
+    return (flow.truth.theta[0] if flow.truth else None) or 0.0
+
+
+def _law_text(flow: Flow) -> str:
+    """The free parameters of the friction law of the flow, such as mu_s and mu_2."""
+    truth = flow.truth or Truth()
+    law = truth.friction_law
+    pairs = ((law.parameter(name).symbol, getattr(truth, name)) for name in law.free)
+    return ", ".join(f"${symbol} = {value:g}$" for symbol, value in pairs if value is not None)
 
 
 def _top(flow: Flow, k: int) -> float:

@@ -1,6 +1,6 @@
-"""What velocity data can tell about the friction law, before any training."""
+"""Quality of velocity data and expected precision of the friction law, without training."""
 
 from granpinn.inspection.inspection import Inspection, inspect
-from granpinn.inspection.precision import Law
+from granpinn.inspection.precision import AssumedLaw
 
-__all__ = ["Inspection", "Law", "inspect"]
+__all__ = ["AssumedLaw", "Inspection", "inspect"]

@@ -1,4 +1,4 @@
-"""Facts about the vectors that need no model: how many, which are missing, when, how fast."""
+"""Facts about the vectors without any model: numbers, gaps, motion between frames, gravity."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from granpinn.inspection.view import Bool, Float64, View
 # layers of a collapse are about ten times thicker.
 LARGEST_MOVE = 0.05
 FASTEST = 0.99  # quantile
-# Accelerations are averaged over blocks of so many frames, rows and columns; those with a larger
-# error, in units of |g|, do not judge gravity.
+# Accelerations are averaged over blocks of so many frames, rows and columns. Blocks with a larger
+# error, in units of |g|, are left out.
 BLOCK = (12, 8, 8)
 FEWEST_BLOCKS = 10
 LARGEST_ERROR = 0.1
-FREE_FALL = 0.8  # of the largest acceleration
+FALLING = 0.8  # of the largest acceleration
+# Largest acceleration of a flow in which grains fall freely, in units of |g|.
+FREE_FALL = (0.85, 1.2)
+NEGLIGIBLE_NOISE = 1e-4  # of the largest speed
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,11 @@ class Counts:
     """Vectors and gaps.
 
     Attributes:
-        frames, rows, columns: of the grid (that of the figures for particles).
-        vectors: valid ones.
-        invalid_share: of the cells full of grains, those without a vector; None for particles.
-        zero_share: of the vectors after t = 0, those that are exactly zero.
-        repeated: frames that repeat the one before.
+        frames, rows, columns: of the grid; for particles, of their view on a grid.
+        vectors: number of valid vectors.
+        invalid_share: share of the cells full of grains that have no vector; None for particles.
+        zero_share: share of the vectors after t = 0 that are exactly zero.
+        repeated: frames that are equal to the frame before.
         poor_frames: frames without vectors in half of the grains.
     """
 
@@ -49,14 +52,14 @@ class Counts:
 
 @dataclass(frozen=True)
 class Motion:
-    """Whether the frames follow the flow, and whether gravity fits; in units of H0 and |g|.
+    """Motion between frames, and acceleration against gravity; in units of H0 and |g|.
 
     Attributes:
         speed: largest speed, in the units of the file.
-        cells_per_frame: moved by the fastest grains from one frame to the next, in cells.
-        largest_move: the same in units of H0, over the worst pair of frames.
-        sparse: (start, end) of the longest run of pairs that are too far apart, in file units.
-        acceleration: largest (98 %) along gravity, in units of |g|; None if noise hides it.
+        cells_per_frame: distance of the fastest grains from one frame to the next, in cells.
+        largest_move: the same distance in units of H0, for the worst pair of frames.
+        sparse: (start, end) of the longest run of frames too far apart, in the units of the file.
+        acceleration: largest (98 %) along gravity; None if noise hides it.
         tilt: degrees from gravity to the acceleration of falling grains, counter-clockwise.
     """
 
@@ -96,7 +99,7 @@ def counts(flow: Flow, view: View) -> Counts:
 
 
 def _repeated(view: View) -> tuple[int, ...]:
-    """Frames whose vectors are those of the frame before, and not all zero."""
+    """Frames with the same vectors as the frame before, unless all are zero."""
     found = []
     for k in range(1, view.t.size):
         there = view.there[k]
@@ -107,12 +110,12 @@ def _repeated(view: View) -> tuple[int, ...]:
 
 
 def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
-    """How far grains move from frame to frame, and how they accelerate.
+    """Distance of grains from frame to frame, and their acceleration.
 
     Args:
         speed: largest speed in the units of the file.
     """
-    # Smoothed, so that noise is not taken for motion.
+    # Of the smoothed velocity: that of single vectors contains noise.
     size = np.hypot(found.u, found.v)
     frame = found.index[0]
     fastest = np.zeros(view.t.size)
@@ -164,7 +167,7 @@ def _falling(view: View, found: Gradients) -> tuple[float | None, float | None]:
     g_x, g_y = view.gravity
     along = a @ np.array([g_x, g_y])
     largest = float(np.quantile(along, 0.98))
-    falls = along > FREE_FALL * largest
+    falls = along > FALLING * largest
     if largest < 0.1:
         return largest, None
     x, y = np.median(a[falls], axis=0)

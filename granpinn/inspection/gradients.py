@@ -1,11 +1,10 @@
-r"""Derivatives of noisy velocities with known errors: local linear least squares.
+r"""Derivatives of noisy velocities with known errors, by local linear least squares.
 
 In a window of cells around every cell, $u \approx u_0 + u_t\,\delta t + u_y\,\delta y +
-u_x\,\delta x$, each cell weighing as many vectors as it holds. All windows are solved at once from
-moments, which are convolutions over cells of even spacing; cells without vectors simply weigh
-nothing, and an axis of two cells has no slope and an infinite error. With white noise of
-standard deviation $\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, $M$ the matrix
-of second moments.
+u_x\,\delta x$. The weight of a cell is its number of vectors. All windows are solved at once from
+moments, which are convolutions over cells of even spacing. An axis of two cells has no slope and an
+infinite error. With white noise of standard deviation $\sigma$ the coefficients have the covariance
+$\sigma^2 M^{-1}$, with the matrix $M$ of second moments.
 """
 
 from __future__ import annotations
@@ -53,12 +52,12 @@ class Gradients:
 
     @property
     def bias(self) -> Float64:
-        """What noise adds to the square of the shear rate on average [K]."""
+        """Mean contribution of noise to the square of the shear rate [K]."""
         return np.asarray(2 * (self.sd[:, 1] ** 2 + self.sd[:, 2] ** 2))
 
     @property
     def gamma_dot(self) -> Float64:
-        r"""Shear rate [K], $\dot\gamma^2 = (u_x - v_y)^2 + (u_y + v_x)^2$ less its noise."""
+        r"""Shear rate [K], $\dot\gamma^2 = (u_x - v_y)^2 + (u_y + v_x)^2$ less its bias."""
         square = (self.du[:, 2] - self.dv[:, 1]) ** 2 + (self.du[:, 1] + self.dv[:, 2]) ** 2
         return np.sqrt(np.maximum(square - self.bias, 0.0))
 
@@ -69,13 +68,13 @@ class Gradients:
 
     @property
     def acceleration(self) -> Float64:
-        """Dv/Dt [K, 2] in units of |g|, from the window's own velocity and slopes."""
+        """Dv/Dt [K, 2] in units of |g|, from the velocity and slopes of the window."""
         a = [d[:, 0] + self.u * d[:, 2] + self.v * d[:, 1] for d in (self.du, self.dv)]
         return np.stack(a, axis=-1)
 
 
 def gradients(view: View, sigma: float) -> Gradients:
-    """Derivatives in windows that are large enough for the noise, as far as windows go.
+    """Derivatives in windows that grow with the noise, up to LARGEST_HALF_WIDTH.
 
     In d = 3 dimensions the error of a slope falls with the half-width m as m^(-1 - d/2).
 

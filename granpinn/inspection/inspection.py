@@ -1,4 +1,4 @@
-"""Everything that is found out about data before training, and the numbers of it."""
+"""The inspection of a flow before training: all its parts, and their numbers."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from granpinn.data.scaling import scales_of
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.gradients import Gradients, gradients
 from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
-from granpinn.inspection.precision import Law, Precision, expected_precision
+from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.view import Bool, Float64, View, view_of
 from granpinn.physics.scales import Scales
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
-# granpinn/identification/scoring.py), and this many times what noise makes of rest.
+# granpinn/identification/scoring.py), and this many times the shear rate that noise simulates.
 RATE_AT_REST = 0.05 * np.sqrt(2)
 RATE_OVER_NOISE = 2.5
-# Below this share of flowing vectors, or this number, nothing is said of the friction law.
+# With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING = 0.01
 FEWEST_FLOWING = 200
 
@@ -35,9 +35,9 @@ class Kinematics:
 
     Attributes:
         window: cells across the windows in which velocities were differentiated.
-        flowing: share of the vectors where the grains shear measurably.
-        shear_rate: median where they do, in units of sqrt(|g| / H0).
-        shear_rate_error: median standard deviation of it.
+        flowing: share of the vectors in cells that flow.
+        shear_rate: its median in these cells, in units of sqrt(|g| / H0).
+        shear_rate_error: median of its standard deviation.
         divergence: rms of div v over rms of the shear rate, both where it flows, less noise.
     """
 
@@ -54,21 +54,21 @@ class Inertia:
 
     Attributes:
         q05, q50, q95, q99: quantiles.
-        reach: q95 / I0.
-        above: share with I > I0 / 3, where mu_2 begins to be seen apart from the slope.
+        reach: q95 / I0 with the inertial scale I0 of the law; None for a law without one.
+        above: share with I > I0 / 3, where mu(I) bends enough to show mu_2; or None.
     """
 
     q05: float
     q50: float
     q95: float
     q99: float
-    reach: float
-    above: float
+    reach: float | None
+    above: float | None
 
 
 @dataclass(frozen=True)
 class SurfaceFacts:
-    """The free surface: points, and the share of the frames that have some."""
+    """The free surface: number of points, and share of the frames with points."""
 
     points: int
     frames: float
@@ -76,19 +76,21 @@ class SurfaceFacts:
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """What data can answer.
+    """Quality of a flow, and expected precision of its friction law.
 
     Attributes:
+        law: the friction law for which `inertia` and `precision` hold.
         noise: dimensionless; times `scales.velocity` in the units of the file.
         stated_sigma: median of the standard deviation in the file, dimensionless, or None.
-        precision: None where nothing can be said, for the `reason`.
-        I: inertial number at the cells of `gradients` [K], `flows` where they flow [K].
+        precision: None if it cannot be estimated, for the `reason`.
+        I: inertial number at the cells of `gradients` [K].
+        flows: whether these cells flow [K].
         noise_cells: noise of every cell [Y, X], dimensionless.
     """
 
     flow: Flow
     scales: Scales
-    law: Law
+    law: AssumedLaw
     counts: Counts
     noise: Noise
     stated_sigma: float | None
@@ -106,12 +108,15 @@ class Inspection:
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
-        plain = ("counts", "motion", "kinematics", "inertia", "surface", "precision", "law")
+        plain = ("counts", "motion", "kinematics", "inertia", "surface")
         found: dict[str, Any] = {}
         for name in plain:
             part = getattr(self, name)
             found[name] = None if part is None else dataclasses.asdict(part)
+        found["precision"] = None if self.precision is None else vars(self.precision)
         found["precision_refused_because"] = self.reason
+        law = self.law.friction_law
+        found["law"] = {"name": law.name, **dict(zip(law.names, self.law.theta, strict=True))}
         found["noise"] = {
             name: self._in_file_units(value) if name != "vectors_per_independent" else value
             for name, value in dataclasses.asdict(self.noise).items()
@@ -131,19 +136,19 @@ class Inspection:
 
     @property
     def relative_noise(self) -> float | None:
-        """Standard deviation of a component over the largest speed, both less noise."""
+        """Standard deviation of a component over the largest speed; None if either is unknown."""
         if self.noise.sigma is None or not self.motion.speed > 0:
             return None
         return self.noise.sigma * self.scales.velocity / self.motion.speed
 
 
-def inspect(flow: Flow, law: Law | None = None) -> Inspection:
-    """Looks at a flow; nothing is trained.
+def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
+    """Inspects a flow without any training.
 
     Args:
-        law: the friction law that the precision is estimated for, by default (0.4, 0.64, 0.3).
+        law: for which the precision is estimated; by default mu(I) with typical parameters.
     """
-    law = law or Law()
+    law = law or AssumedLaw()
     scales = scales_of(flow)
     view = view_of(flow, scales)
     noise, cells = _noise(flow, scales, view)
@@ -194,9 +199,9 @@ def _noise(flow: Flow, scales: Scales, view: View) -> tuple[Noise, Float64]:
 
 
 def _largest_speed(flow: Flow, scales: Scales, found: Gradients) -> float:
-    """The largest speed in the units of the file, from the smoothed velocity where there is one.
+    """The largest speed in the units of the file, of the smoothed velocity where there is one.
 
-    The largest of many noisy speeds is mostly noise.
+    The largest of many noisy speeds consists mostly of noise.
     """
     largest = max_speed(flow)
     if found.u.size == 0:
@@ -234,7 +239,7 @@ def _kinematics(found: Gradients, gamma_dot: Float64, flows: Bool) -> Kinematics
     )
 
 
-def _inertia(I: Float64, vectors: Float64, law: Law) -> Inertia | None:  # noqa: E741
+def _inertia(I: Float64, vectors: Float64, law: AssumedLaw) -> Inertia | None:  # noqa: E741
     if I.size == 0:
         return None
     order = np.argsort(I)
@@ -242,8 +247,11 @@ def _inertia(I: Float64, vectors: Float64, law: Law) -> Inertia | None:  # noqa:
     q05, q50, q95, q99 = (
         float(I[order][np.searchsorted(share, level)]) for level in (0.05, 0.5, 0.95, 0.99)
     )
-    above = float(vectors[I > law.I0 / 3].sum() / vectors.sum())
-    return Inertia(q05, q50, q95, q99, reach=q95 / law.I0, above=above)
+    scale = law.inertial_scale
+    if scale is None:
+        return Inertia(q05, q50, q95, q99, reach=None, above=None)
+    above = float(vectors[scale / 3 < I].sum() / vectors.sum())
+    return Inertia(q05, q50, q95, q99, reach=q95 / scale, above=above)
 
 
 def _surface(flow: Flow) -> SurfaceFacts | None:
@@ -259,9 +267,9 @@ def _precision(
     I: Float64,  # noqa: E741
     flows: Bool,
     noise: Noise,
-    law: Law,
+    law: AssumedLaw,
 ) -> tuple[Precision | None, str | None]:
-    """The expected precision, or why there is none."""
+    """The expected precision, or the reason why there is none."""
     vectors = found.vectors / noise.vectors_per_independent
     moving, total = float(found.vectors[flows].sum()), float(found.vectors.sum())
     if noise.sigma is None:

@@ -1,20 +1,20 @@
 r"""The noise of the vectors, from the vectors alone.
 
-On a grid: third differences of one cell in time. Whatever is a parabola over four frames cancels,
-the acceleration of the flow included, and white noise of standard deviation $\sigma$ becomes
-$\sqrt{20}\,\sigma$. The median of their size does not see the few places where the flow itself
-changes within four frames, such as fronts and shear bands. Third differences in x and y (a factor
-20) are the second opinion: they see less noise where the vectors of neighboring cells share
-pixels, and more where cells are wider than the shear layers. Differences in time are also what
-says how far noise is correlated in space, and hence how many vectors are independent.
+On a grid: third differences of one cell in time. A parabola over four frames cancels, and so does
+the acceleration of the flow. White noise of standard deviation $\sigma$ becomes
+$\sqrt{20}\,\sigma$. The estimate is a median, so that fronts and shear bands, where the flow
+changes within four frames, do not matter. Third differences in x and y (a factor 20) are a second
+estimate. It is smaller where the vectors of neighboring cells share pixels, and larger where cells
+are wider than the shear layers. The correlation of differences in time between neighboring cells
+gives the number of independent vectors.
 
-This is the noise of a typical vector. A few bad ones hardly move the median: where the worst
+This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
-large (docs/inspect.md). Errors that stay from frame to frame, such as means over windows, are not
-seen.
+large (docs/inspect.md). Errors that are the same in every frame, such as means over windows,
+cancel.
 
-At particles: residuals of local parabolas in x and y among the neighbors of one frame. Grains that
-move at random about the mean flow count as noise here, which they are for the mean flow.
+For particles: residuals of local parabolas in x and y among the neighbors of one frame. The random
+motion of grains about the mean flow counts as noise.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ CHI2_MEDIAN = 2 / 9  # the median of chi^2/n is (1 - CHI2_MEDIAN/n)^3 to 1 % fro
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of one component of one vector, dimensionless; None where not known.
+    """Standard deviations of one component of one vector, dimensionless; None if unknown.
 
     Attributes:
-        sigma: the estimate that everything else uses.
+        sigma: the estimate for the inspection.
         u, v: for each component alone.
         in_time, in_space: from differences in time, and in x and y.
-        vectors_per_independent: correlated vectors that carry the information of one.
+        vectors_per_independent: number of vectors over number of independent ones.
     """
 
     sigma: float | None
@@ -76,7 +76,7 @@ def grid_noise(view: View) -> Noise:
 
 
 def noise_map(view: View) -> Float64:
-    """Noise of every cell [Y, X] from its own differences in time, NaN where there are few."""
+    """Noise of every cell [Y, X] from its differences in time, NaN where they are few."""
     factor = math.sqrt(math.comb(2 * ORDER, ORDER))
     squares = np.zeros(view.count.shape[1:])
     enough = np.ones(squares.shape, bool)
@@ -133,7 +133,7 @@ def particle_noise(
 
 
 def _residual_variance(offset: Float64, velocity: Float64) -> Float64:
-    """Variance about local parabolas [S, 2], scaled so that its median is that of the noise.
+    """Variance about local parabolas [S, 2], scaled so that its median is the noise variance.
 
     Args:
         offset: of the neighbors [S, k, 2], in units of the farthest.

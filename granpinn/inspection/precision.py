@@ -1,77 +1,85 @@
-r"""Expected standard deviations of mu_s, mu_2 and I0: the information in the vectors.
+r"""Expected standard deviations of the parameters of a friction law.
 
-A change of friction by $\delta\mu$ changes the velocity of a vector by about
-$\kappa H_0 \dot\gamma\,\delta\mu$: friction acts where the material shears. N independent vectors
-with noise $\sigma$ then carry the Fisher information
+Friction acts where the material shears: a change by $\delta\mu$ changes the velocity of a vector by
+about $\kappa H_0 \dot\gamma\,\delta\mu$. N independent vectors with noise $\sigma$ then carry the
+Fisher information
 
 $$ F_{ij} = \frac{\kappa^2 H_0^2}{\sigma^2} \sum_{n=1}^{N} \min(\dot\gamma_n, \dot\gamma_{max})^2\,
    \partial_i\mu(I_n)\,\partial_j\mu(I_n), $$
 
 which is that of the residual $\dot\gamma\,s - 2\mu D$ with a strain-rate error of
-$\sigma / (\kappa H_0)$, and $F^{-1}$ bounds the covariance. The cap $\dot\gamma_{max}$ stands for
-layers that are thinner than what a change of friction moves. Both constants are calibrated on the
-bounds of a forward model for two column collapses, (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84),
-whose standard deviations come out within a factor 1.25, with the noise of 2 and of 20 %; for other
-flows nothing has measured them. A training stays above the bound and adds a scatter of its own, by
-the constants below, which are measured (docs/method.md). Systematic errors are not in it.
+$\sigma / (\kappa H_0)$. $F^{-1}$ bounds the covariance. The cap $\dot\gamma_{max}$ stands for
+layers that are thinner than the region in which a change of friction moves the grains.
+
+$\kappa$ and the cap are calibrated on the bounds of a forward model for two column collapses of
+mu(I), (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84), with noise of 2 and of 20 %. They reproduce its
+standard deviations within a factor 1.25. They are not measured for other flows and laws. The error
+of a training is larger than the bound and has a scatter of its own. The constants of both, below,
+are measured (docs/method.md). Systematic errors are not included.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
+import torch
 
 from granpinn.inspection.view import Float64
+from granpinn.physics.law_values import CompleteLaw
 
 KAPPA = 0.097
 LARGEST_RATE = 15.0  # sqrt(|g| / H0)
-NAMES = ("mu_s", "mu_2", "I0")
-# Scatter over seeds of the default training without noise, relative (docs/method.md, section 2).
+# Scatter over seeds of the default training of mu(I) without noise, relative (docs/method.md,
+# section 2). A parameter of another law is taken for the worse one.
 TRAINING_SCATTER = {"mu_s": 0.003, "mu_2": 0.015}
 # Its rms error with noise of 20 % over the bound (section 5, three materials).
 TRAINING_EXCESS = {"mu_s": 1.5, "mu_2": 5.0}
 LARGEST_CONDITION = 1e12
 
 
-@dataclass(frozen=True)
-class Law:
-    """The friction law that the precision is estimated for."""
+class AssumedLaw(CompleteLaw):
+    """The friction law for which the precision is estimated.
 
-    mu_s: float = 0.4
-    mu_2: float = 0.64
-    I0: float = 0.3
+    Raises:
+        ValueError: as `CompleteLaw`, or a value is at the end of its range; one sentence.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        own = self.friction_law.parameters
+        for p, value, before in zip(own, self.theta, (0.0, *self.theta), strict=False):
+            least = before if p.variable == "log_above" else 0.0
+            if value <= least:
+                raise ValueError(f"{p.name} must be larger than {least:g}, got {value:g}")
+
+    @property
+    def inertial_scale(self) -> float | None:
+        """The inertial number at which the law bends, None if it has none."""
+        name = self.friction_law.inertial_scale
+        return None if name is None else float(getattr(self, name))
 
 
-@dataclass(frozen=True)
-class Precision:
-    """Relative standard deviations from random errors.
+class Precision(SimpleNamespace):
+    """Relative standard deviations from random errors, for every parameter of a law by its name.
 
     Attributes:
-        mu_s, mu_2: with I0 known: the bound from noise.
-        mu_s_trained, mu_2_trained: what the default training reaches.
-        mu_s_free, mu_2_free, I0_free: with I0 unknown too, bounds.
-        correlation: of mu_2 and I0 when both are unknown.
+        mu_s, ...: bound from noise, with the parameters known that the law has fixed.
+        mu_s_trained, ...: what the default training reaches.
+        mu_s_free, ..., I0_free: bounds with all parameters unknown.
+        correlation: of the last free and the first fixed parameter (mu_2 and I0) when all are
+            unknown; None if the law fixes none.
         independent_vectors: that flow.
     """
 
-    mu_s: float
-    mu_2: float
-    mu_s_trained: float
-    mu_2_trained: float
-    mu_s_free: float
-    mu_2_free: float
-    I0_free: float
-    correlation: float
-    independent_vectors: float
 
-
-def sensitivities(I: Float64, law: Law) -> Float64:  # noqa: E741
-    """Derivatives of mu(I) with respect to mu_s, mu_2 and I0: [K, 3]."""
-    phi = I / (I + law.I0)
-    slope = -(law.mu_2 - law.mu_s) * phi / (law.I0 + I)
-    return np.stack([1 - phi, phi, slope], axis=-1)
+def sensitivities(I: Float64, law: AssumedLaw) -> Float64:  # noqa: E741
+    """Derivatives of mu(I) with respect to all N parameters of the law: [K, N]."""
+    theta = torch.tensor(law.theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
+    mu = law.friction_law.friction(torch.as_tensor(I), *theta.unbind(1))
+    (derivatives,) = torch.autograd.grad(mu.sum(), theta)  # mu_k depends on row k alone
+    return np.asarray(derivatives.numpy())
 
 
 def expected_precision(
@@ -79,9 +87,9 @@ def expected_precision(
     I: Float64,  # noqa: E741
     vectors: Float64,
     sigma: float,
-    law: Law,
+    law: AssumedLaw,
 ) -> Precision | None:
-    """Standard deviations for data of K cells that flow; None where they do not fix a law.
+    """Standard deviations for data of K cells that flow; None if the data do not fix the law.
 
     Args:
         gamma_dot, I: shear rate and inertial number [K], dimensionless.
@@ -91,17 +99,35 @@ def expected_precision(
     J = sensitivities(I, law)
     weight = vectors * (KAPPA * np.minimum(gamma_dot, LARGEST_RATE)) ** 2
     information = np.einsum("k,ki,kj->ij", weight, J, J)
-    size = np.array([law.mu_s, law.mu_2, law.I0])
-    relative = information * np.outer(size, size)  # for logarithms of the parameters
+    relative = information * np.outer(law.theta, law.theta)  # for logarithms of the parameters
     if not np.linalg.cond(relative) < LARGEST_CONDITION:
         return None
-    fixed, free = np.linalg.inv(relative[:2, :2]), np.linalg.inv(relative)
-    known, all_free = (sigma * np.sqrt(np.diag(c)) for c in (fixed, free))
-    trained = [
-        math.hypot(TRAINING_EXCESS[name] * bound, TRAINING_SCATTER[name])
-        for name, bound in zip(NAMES[:2], known, strict=True)
-    ]
-    correlation = free[1, 2] / np.sqrt(free[1, 1] * free[2, 2])
+    parameters = law.friction_law.parameters
+    fixed = [k for k, p in enumerate(parameters) if p.fixed]
+    free = [k for k, p in enumerate(parameters) if not p.fixed]
+    covariance = np.linalg.inv(relative)
+    known = np.linalg.inv(relative[np.ix_(free, free)])
+    sd = sigma * np.sqrt(np.diag(covariance))
+    bounds = dict(zip(law.friction_law.free, sigma * np.sqrt(np.diag(known)), strict=True))
+    correlation = None
+    if fixed:
+        i, j = free[-1], fixed[0]
+        correlation = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
     return Precision(
-        *map(float, [*known, *trained, *all_free, correlation, vectors.sum()]),
+        **{name: float(bound) for name, bound in bounds.items()},
+        **{f"{name}_trained": trained_sd(name, bound) for name, bound in bounds.items()},
+        **{f"{p.name}_free": float(s) for p, s in zip(parameters, sd, strict=True)},
+        correlation=correlation,
+        independent_vectors=float(vectors.sum()),
     )
+
+
+def training_excess(name: str) -> float:
+    """Error of the default training over the bound, for the parameter of that name."""
+    return TRAINING_EXCESS.get(name, max(TRAINING_EXCESS.values()))
+
+
+def trained_sd(name: str, bound: float) -> float:
+    """Relative standard deviation that the default training reaches, from the bound."""
+    scatter = TRAINING_SCATTER.get(name, max(TRAINING_SCATTER.values()))
+    return math.hypot(training_excess(name) * bound, scatter)

@@ -1,13 +1,14 @@
-r"""A pressure to know the order of the inertial number by, before any is identified.
+r"""An estimate of the pressure, for the order of magnitude of the inertial number.
 
-From the momentum balance along the camera's axis that is closest to gravity, without the stress
-deviator,
+It follows from the momentum balance along the coordinate closest to gravity, without the stress
+deviator:
 
 $$ p(h) = \int_h^{h_s} \big(g_{eff}\big)\,\mathrm{d}h', \qquad
    g_{eff} = \max\big(-(g - \mathrm{D}v/\mathrm{D}t) \cdot e_h,\ 0\big): $$
 
-hydrostatic below the free surface, with the weight that acceleration leaves. Grains in free fall
-have none, and a purely hydrostatic pressure would make I there several times too small.
+The pressure is hydrostatic below the free surface, with a weight reduced by the acceleration.
+Grains in free fall have no weight: without this reduction, I there would be several times too
+small.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from granpinn.inspection.gradients import Gradients
 from granpinn.inspection.view import Float64, View
 from granpinn.physics.axes import vertical_coordinate
 
-# The weight below which p is not taken to fall, as a part of half a cell or half a grain of it.
+# Least pressure, as a part of the weight of half a cell or half a grain.
 FLOOR = 0.1
 
 

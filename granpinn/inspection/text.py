@@ -1,18 +1,19 @@
-"""An inspection as lines for the terminal."""
+"""An inspection as text for the terminal."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
+from granpinn.inspection.checks import FREE_FALL, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
-from granpinn.uncertainty.data_verdict import FREE_FALL, NEGLIGIBLE_NOISE, verdict
 
 WIDTH = 100
 MOST_LINES = 28  # the command adds one or two
 
 
-def lines_of(found: Inspection) -> list[str]:
-    """At most `MOST_LINES` lines: the numbers, then the verdict."""
+def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
+    """At most `MOST_LINES` lines: the numbers, then the sentences of a verdict."""
     c, k, m = found.counts, found.kinematics, found.motion
     unit = "" if found.flow.length_unit == "1" else f" {found.flow.length_unit}/"
     unit += found.flow.time_unit if unit else ""
@@ -31,7 +32,7 @@ def lines_of(found: Inspection) -> list[str]:
     ]
     lines = [f"{name:<16} {text}" for name, text in rows]
     lines.append("")
-    for sentence in verdict(found):
+    for sentence in verdict:
         lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
     if len(lines) > MOST_LINES:
         lines = [*lines[: MOST_LINES - 1], "- ... more in inspect.json"]
@@ -84,9 +85,10 @@ def _inertia(found: Inspection) -> str:
     i = found.inertia
     if i is None:
         return "unknown: nothing flows"
+    scale = "" if i.above is None else f"; {i.above:.0%} above I0/3"
     return (
         f"{i.q05:.2g} to {i.q95:.2g} (5..95 %), median {i.q50:.2g}, with hydrostatic pressure "
-        f"below the surface; {i.above:.0%} above I0/3"
+        f"below the surface{scale}"
     )
 
 
@@ -95,8 +97,12 @@ def _precision(found: Inspection) -> str:
     if p is None:
         return "none"
     if relative is None or relative < NEGLIGIBLE_NOISE:
-        return "noise limits nothing: what is left is the scatter of a training"
-    return (
-        f"noise alone: mu_s {p.mu_s:.2%}, mu_2 {p.mu_2:.2%}; I0 free: {p.mu_s_free:.2%}, "
-        f"{p.mu_2_free:.2%}, I0 {p.I0_free:.2%}"
-    )
+        return "noise is negligible: only the scatter of a training limits the precision"
+    law = found.law.friction_law
+    text = "noise alone: " + ", ".join(f"{name} {getattr(p, name):.2%}" for name in law.free)
+    fixed = [name for name in law.names if name not in law.free]
+    if fixed:
+        free = [f"{getattr(p, f'{name}_free'):.2%}" for name in law.free]
+        free += [f"{name} {getattr(p, f'{name}_free'):.2%}" for name in fixed]
+        text += f"; {' and '.join(fixed)} free: {', '.join(free)}"
+    return text

@@ -1,4 +1,4 @@
-"""The data as one dimensionless grid, whatever their layout: means of the vectors in every cell."""
+"""A flow of either layout on one dimensionless grid: means of the vectors in every cell."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class View:
         count: vectors per cell [T, Y, X]: 0 or 1 on a grid, any number for particles.
         grains: cells full of grains [T, Y, X].
         gravity: unit vector.
-        d: grain diameter as the inertial number has it.
+        d: grain diameter of the inertial number (`granpinn.physics.scales.Material`).
     """
 
     t: Float64
@@ -52,7 +52,7 @@ class View:
 
 
 def view_of(flow: Flow, scales: Scales) -> View:
-    """The flow as a View; the vectors of particles count in the cell that they are in."""
+    """The flow as a View; a cell has the mean of the particles in it."""
     material = material_of(flow, scales)
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0

@@ -1,10 +1,10 @@
-"""The compiled solver behind NumPy arrays: one object that is stepped through time.
+"""The compiled solver as a Python object: NumPy arrays in and out, one step at a time.
 
     engine = Engine(Collapse(mu_s=0.4, mu_2=0.64, cells=128))
     while engine.time < 1:
         engine.step(1 - engine.time)
 
-The numerical method is described where it is written: csrc/collapse/.
+csrc/collapse/ describes the numerical method.
 """
 
 from __future__ import annotations
@@ -24,15 +24,20 @@ Array = npt.NDArray[np.float64]
 
 
 class SimulationError(RuntimeError):
-    """A solve did not converge; the message has its numbers."""
+    """A solve did not converge; the message has its iterations and its error."""
 
 
 @dataclass(frozen=True)
 class StepReport:
-    """What one time step did: time reached, its length, iterations and errors of both solves.
+    """Report of one time step.
 
-    The errors are energy norms relative to what gravity does in one step; `largest_divergence` is
-    the largest volume error of a cell, and `window` the cells that were computed, (x, y).
+    Attributes:
+        time, step: time at the end of the step, and its length.
+        viscous_iterations, pressure_iterations: of the two solves.
+        viscous_error, pressure_error: energy norms relative to that of gravity in one step.
+        largest_divergence: largest volume error of a cell, relative.
+        largest_speed: of any face.
+        window: cells that were computed, (x, y).
     """
 
     time: float
@@ -48,7 +53,7 @@ class StepReport:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Fields on the window [ny, nx], from the lower left corner of the box.
+    """Fields on the window of ny x nx cells, from the lower left corner of the box.
 
     Attributes:
         c, p: fraction of grains and pressure at cell centers [ny, nx].
@@ -75,7 +80,7 @@ class State:
 
 
 class Start(NamedTuple):
-    """What the solver starts from, on the whole box: `c`, `u` and `v` as those of a `State`."""
+    """Fields of a `State` at the start, on the whole box."""
 
     c: Array
     u: Array
@@ -83,12 +88,14 @@ class Start(NamedTuple):
 
 
 class Engine:
-    """Grains in air and their time."""
+    """A simulation in progress: grains in air at a time."""
 
     def __init__(self, collapse: Collapse, start: Start | None = None, **overrides: Any) -> None:
-        """`start` is by default the column at rest.
+        """Makes a simulation at t = 0.
 
-        `overrides` are fields of the solver's own parameters, for tests (csrc/collapse).
+        Args:
+            start: by default the column at rest.
+            overrides: fields of `_collapse.Parameters`, for tests.
         """
         self.collapse = collapse.resolved()
         self.spacing = self.collapse.spacing
@@ -108,7 +115,7 @@ class Engine:
         return float(self._solver.time)
 
     def step(self, largest: float) -> StepReport:
-        """One time step of at most `largest`; the last ones before it is used up are equal."""
+        """One time step: the longest stable one that divides the time `largest`."""
         with _named_errors():
             return StepReport(**self._solver.step(largest))
 
@@ -128,6 +135,8 @@ def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
     """The parameters of the compiled solver for a resolved collapse."""
     parameters = _collapse.Parameters()
     values = {
+        "law": collapse.law,
+        "theta": collapse.theta,
         "cells_x": collapse.cells,
         "cells_y": collapse.cells_y,
         "spacing": collapse.spacing,
@@ -138,8 +147,8 @@ def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
         "margin": MARGIN,
         "largest_step": collapse.largest_step,
     }
-    same = ("mu_s", "mu_2", "I0", "cohesion", "eta_min", "eta_max", "density", "air_density")
-    for name in (*same, "air_viscosity", "cfl", "threads"):
+    same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
+    for name in (*same, "cfl", "threads"):
         values[name] = getattr(collapse, name)
     for name, value in values.items():
         setattr(parameters, name, value)

@@ -1,7 +1,7 @@
-"""What is simulated: the grains, the column, the box and the grid, in one set of units.
+"""The settings of a simulation: grains, column, box and grid, in one set of units.
 
-The fields are also the command line of ``python -m granpinn.simulate``. Everything that is ``None``
-has the value of the paper's collapse, scaled to the units of this one.
+The fields are also the command line of ``python -m granpinn.simulate``. A field that is ``None``
+takes the value of the paper's collapse, scaled to the units of this one.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from granpinn.config import ConfigError, setting
+from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.laws import Law
 
 # The paper's column: 10 high and 1 wide under g = 1, with eta_max = 1e4 and air of 1e-4.
@@ -21,7 +22,7 @@ PAPER_ETA_MAX = 1e4
 PAPER_AIR_DENSITY = 1e-4
 PAPER_AIR_VISCOSITY = 1e-4
 PAPER_LARGEST_STEP = 1e-2
-# (mu_s, mu_2) of the six regimes of its figure 3.
+# (mu_s, mu_2) of mu(I) in the six regimes of its figure 3.
 PAPER_CASES = ((0.2, 0.32), (0.2, 0.44), (0.4, 0.52), (0.4, 0.64), (0.6, 0.72), (0.6, 0.84))
 
 FEWEST_CELLS = 32
@@ -32,14 +33,17 @@ MOST_THREADS = 4
 
 
 @dataclass(frozen=True)
-class Collapse:
-    """A column of grains that is released at t = 0, against a wall on its left."""
+class Collapse(CompleteLaw):
+    """A column of grains that is released at t = 0, against a wall on its left.
 
-    mu_s: float = setting(0.4, "static friction mu_s")
-    mu_2: float = setting(0.64, "dynamic friction mu_2, at least mu_s")
-    I0: float = setting(0.3, "inertial number I0 of the friction law")
+    The first fields are the parameters of the friction law, such as mu_s, mu_2, I0, then `law`.
+
+    Raises:
+        ConfigError: the collapse cannot be simulated; one sentence.
+    """
+
     d: float = setting(0.025, "grain diameter")
-    cohesion: float = setting(0.0, "cohesive stress, added to the friction mu(I) p")
+    cohesion: float = setting(0.0, "cohesive stress, added to the friction mu p")
     height: float = setting(10.0, "height of the column")
     aspect: float = setting(10.0, "height / width of the column")
     density: float = setting(1.0, "bulk density of the grains")
@@ -58,11 +62,17 @@ class Collapse:
     length_unit: str = setting("1", "name of the unit of length, for the flow file")
     time_unit: str = setting("1", "name of the unit of time")
     threads: int | None = setting(None, "threads; none: the processors at hand, at most 4")
-    law: str = setting("mu_of_i", "friction law: mu_of_i, or coulomb (constant friction mu_s)")
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *theta: float | None, law: str = "", **settings: Any) -> None: ...
 
     def __post_init__(self) -> None:
-        """Refuses what cannot be simulated, in one sentence."""
-        positive = ("I0", "d", "height", "aspect", "density", "cfl", "cells", "frames", "stride")
+        try:
+            super().__post_init__()
+        except ValueError as error:
+            raise ConfigError(str(error)) from None
+        positive = ("d", "height", "aspect", "density", "cfl", "cells", "frames", "stride")
         optional = ("box_width", "box_height", "t_end", "eta_min", "eta_max", "threads")
         for name in (*positive, *optional, "air_density", "air_viscosity"):
             value = getattr(self, name)
@@ -70,12 +80,8 @@ class Collapse:
                 continue
             if not (math.isfinite(value) and value > 0):
                 raise ConfigError(f"{name} must be a positive number, got {value}")
-        for name in ("mu_s", "mu_2", "cohesion"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ConfigError(f"{name} must not be negative, got {value}")
-        if self.mu_2 < self.mu_s:
-            raise ConfigError(f"mu_2 must be at least mu_s = {self.mu_s}, got {self.mu_2}")
+        if not (math.isfinite(self.cohesion) and self.cohesion >= 0):
+            raise ConfigError(f"cohesion must not be negative, got {self.cohesion}")
         if len(self.gravity) != 2 or not all(map(math.isfinite, self.gravity)):
             raise ConfigError(f"gravity must be two numbers, got {self.gravity}")
         if self.gravity[1] >= 0:
@@ -161,5 +167,5 @@ class Collapse:
 
 
 def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:
-    """The settings of `Collapse` that give it this friction law, as keyword arguments."""
+    """Keyword arguments of `Collapse` for this friction law with the parameters theta [N]."""
     return {"law": law.name, **dict(zip(law.names, theta, strict=True))}

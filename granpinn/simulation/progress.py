@@ -1,4 +1,4 @@
-"""What a simulation shows while it goes on: a bar in a terminal, plain lines elsewhere."""
+"""Progress of a simulation: a bar in a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINE_EVERY = 10.0  # seconds between plain lines
 
 
 class Silent:
-    """A listener that shows nothing; the others show more."""
+    """A listener that shows nothing, and the base of those that show something."""
 
     def start(self, t_end: float) -> None:
         self.t_end = t_end
@@ -27,7 +27,7 @@ class Silent:
     def stop(self) -> None: ...
 
     def due(self, seconds: float) -> bool:
-        """Whether so much time has passed since this was last true."""
+        """Whether `seconds` have passed since the last call that returned true."""
         now = time.monotonic()
         if now - self.last < seconds:
             return False
@@ -82,12 +82,12 @@ class Bar(Silent):
 
 
 def automatic() -> Silent:
-    """A bar where a person looks on, lines otherwise."""
+    """A bar if the error output is a terminal, else lines."""
     return Bar() if sys.stderr.isatty() else Lines()
 
 
 def describe(report: StepReport) -> str:
-    """The state of a run in a few words."""
+    """Time step, iterations and window of a report, as text."""
     return (
         f"dt {report.step:.2g}  iterations {report.viscous_iterations}+"
         f"{report.pressure_iterations}  window {report.window[0]}x{report.window[1]}"

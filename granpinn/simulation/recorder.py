@@ -1,7 +1,7 @@
-"""Frames of a simulation, and the flow file that they make.
+"""Collects the frames of a simulation and makes a flow of them.
 
-Velocities and pressure are given at every `stride`-th cell center, where the cell holds nothing but
-grains, and NaN elsewhere. The surface consists of all cells of the full grid with |c - 0.5| < 0.1,
+Velocity and pressure are recorded at every `stride`-th cell center. They are NaN unless the cell
+holds nothing but grains. The surface consists of all cells of the full grid with |c - 0.5| < 0.1,
 as in the paper.
 """
 
@@ -29,7 +29,7 @@ class Recorder:
         self.surface: list[Array] = []  # [n, 4]: t, x, y, p
 
     def add(self, time: float, state: State) -> None:
-        """Keeps what a flow file needs of this state."""
+        """Adds a frame: fields at the strided cell centers, and all surface points."""
         step, h = self.collapse.stride, self.collapse.spacing
         fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
         self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
@@ -66,12 +66,12 @@ class Recorder:
             time_unit=s.time_unit,
             eta_max=s.eta_max,
             eta_min=s.eta_min,
-            truth=Truth(s.mu_s, s.mu_2, s.I0),
+            truth=Truth(law=s.law, **dict(zip(s.friction_law.names, s.theta, strict=True))),
             attributes=self._settings(),
         )
 
     def _stack(self, name: str, ny: int, nx: int) -> npt.NDArray[np.float32]:
-        """One quantity of all frames [T, ny, nx]; the window has no grains where it ended."""
+        """One quantity of all frames [T, ny, nx]; 0 beyond the window of a frame."""
         out = np.zeros((len(self.frames), ny, nx), np.float32)
         for k, frame in enumerate(self.frames):
             part = frame[name][:ny, :nx]
@@ -79,7 +79,7 @@ class Recorder:
         return out
 
     def _settings(self) -> dict[str, float | str | None]:
-        """How the flow was made, beyond what the format has places for."""
+        """Settings of the simulation for which the format has no attribute of its own."""
         s = self.collapse
         return {
             "source": f"granpinn {granpinn.__version__} simulation",

@@ -19,7 +19,7 @@ DEMO = "collapse_0.40_0.64.h5"
 
 
 class Taker(Protocol):
-    """Who takes the frames of a run: a Recorder, or one that keeps less of them."""
+    """Receiver of the frames of a run, such as a Recorder."""
 
     collapse: Collapse
 
@@ -38,7 +38,7 @@ def simulate(
     Args:
         collapse: what to simulate; or give its fields as keywords, such as mu_s=0.4, cells=128.
         out: flow file to write.
-        listener: is told about every step (simulation/progress.py).
+        listener: its `show` gets the report of every step (simulation/progress.py).
 
     Returns:
         The flow, with the true parameters. Interrupted by Ctrl-C, the frames so far are written to
@@ -63,7 +63,11 @@ def simulate(
 
 
 def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None) -> None:
-    """Runs the taker's collapse and gives it every frame, or those at increasing `times`."""
+    """Simulates `taker.collapse` and calls `taker.add` for every frame.
+
+    Args:
+        times: of the frames, increasing; by default those of the collapse.
+    """
     collapse = taker.collapse
     assert collapse.t_end is not None  # resolved
     engine = Engine(collapse)
@@ -80,5 +84,5 @@ def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None)
 
 
 def demo_path() -> Path:
-    """The collapse that is shipped with the package, a flow file made by this simulator."""
+    """The flow file of the package, a collapse made by this simulator."""
     return Path(str(files("granpinn") / "demo" / DEMO))

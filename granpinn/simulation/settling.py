@@ -1,14 +1,12 @@
-"""The pressure that belongs to a velocity: the solver is started there, for next to no time.
+"""The pressure of a given velocity field, from a very short simulation that starts with it.
 
-Momentum balance, the law (clamped at eta_max), the floor and the plane of symmetry decide the
-pressure of a velocity, but only together with the velocity that follows from it. So the solver
-takes a few steps, so short that the grains stay where they are. First the velocity is made free of
-divergence on the grid, whatever impulse that takes: three steps of almost no length, each from the
-velocity of the one before and none from its pressure. Then the rotational form of the pressure
-update (csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
+The solver takes steps so short that the grains stay in place. First three steps of almost no length
+make the velocity free of divergence on the grid: each starts with the velocity of the step before
+and without its pressure. Then the rotational form of the pressure update
+(csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
 
-The pressure changes by up to 1 % in that time, so the start has to be as much earlier.  STEPS and
-STEP were measured on six collapses (docs/method.md, section 9).
+The pressure changes by up to 1 % in that time, so a caller starts earlier by `settled_after`.
+STEPS and STEP were measured on six collapses (docs/method.md, section 9).
 """
 
 from __future__ import annotations
@@ -27,16 +25,16 @@ PROJECTION_STEP = 3e-7  # of sqrt(height / |g|)
 
 
 def settled_after(collapse: Collapse, steps: int = STEPS, step: float = STEP) -> float:
-    """How much later than `start` the state of `settle` is."""
+    """Time from the `start` of `settle` to the state that it returns."""
     return steps * step * math.sqrt(collapse.height / math.hypot(*collapse.gravity))
 
 
 def settle(collapse: Collapse, start: Start, steps: int = STEPS, step: float = STEP) -> State:
-    """The state whose pressure belongs to the velocity of `start`.
+    """The state a moment after `start`, with the pressure of its velocity.
 
     Args:
-        collapse: the box and the material; its height is the unit of time, sqrt(height / |g|).
-        steps, step: how many, and how long in that unit.
+        collapse: the box and the material; sqrt(height / |g|) is the unit of time.
+        steps, step: number of steps, and length of one in that unit.
 
     Raises:
         SimulationError: a solve did not converge.

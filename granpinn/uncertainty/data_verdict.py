@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 
 from granpinn.data.rules import MAX_ZERO_SHARE
-from granpinn.inspection.checks import LARGEST_MOVE
+from granpinn.inspection.checks import FREE_FALL, LARGEST_MOVE, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
-from granpinn.inspection.precision import TRAINING_EXCESS
+from granpinn.inspection.precision import training_excess
+from granpinn.physics.laws import mu_of_i
 
-NEGLIGIBLE_NOISE, MUCH_NOISE = 1e-4, 0.1  # of the largest speed
+MUCH_NOISE = 0.1  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
-GOOD, FAIR = 0.03, 0.10  # standard deviation of mu_2
+GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
 MANY_INVALID = 0.1
 # Of the shear rate. PIV of an incompressible flow left 8 % (docs/experiment.md).
 PIV_DIVERGENCE, LARGE_DIVERGENCE = 0.08, 0.12
-FREE_FALL = (0.85, 1.2)  # of |g|: what falling grains show
 TILT = 2.0  # degrees
 
 
@@ -28,17 +28,22 @@ def _answer(found: Inspection) -> str:
     p = found.precision
     if p is None:
         return f"No precision can be given: {found.reason}."
-    level = "V1" if found.surface else "V0"
+    level, law = "V1" if found.surface else "V0", found.law.friction_law
+    sd = {name: getattr(p, f"{name}_trained") for name in law.free}
+    lost = [name for name, value in sd.items() if value > FAIR]
+    rough = [f"a rough {name}" for name, value in sd.items() if GOOD < value <= FAIR]
+    sure = [name for name, value in sd.items() if value <= GOOD]
     text = "These data can answer the question"
-    if p.mu_2_trained > FAIR:
-        text = "These data give mu_s" if p.mu_s_trained <= FAIR else "These data give no usable law"
-        text += "; mu_2 stays uncertain" if p.mu_s_trained <= FAIR else ""
-    elif p.mu_2_trained > GOOD:
-        text = "These data give mu_s and a rough mu_2"
+    if len(lost) == len(sd):
+        text = "These data give no usable law"
+    elif lost or rough:
+        text = f"These data give {' and '.join(sure + rough)}"
+        text += f"; {' and '.join(lost)} stays uncertain" if lost else ""
+    known = "".join(f", {name} known" for name in law.names if name not in law.free)
+    about = " and ".join(f"{value:.1%} in {name}" for name, value in sd.items())
     return (
-        f"{text} at level {level}: about {p.mu_s_trained:.1%} in mu_s and {p.mu_2_trained:.1%} "
-        "in mu_2 (one standard deviation, I0 known). That is noise and training; systematic errors "
-        "come on top."
+        f"{text} at level {level}: about {about} (one standard deviation{known}). That is noise "
+        "and training; systematic errors come on top."
     )
 
 
@@ -108,11 +113,12 @@ def _noise(found: Inspection) -> list[str]:
             f"Noise is {relative:.0%} of the largest speed: --recipe noisy errs half as much then, "
             "but has no error bars."
         )
-    p = found.precision
-    excess = 0.0 if p is None else TRAINING_EXCESS["mu_2"] * p.mu_2 / GOOD
+    p, free = found.precision, found.law.friction_law.free
+    excesses = {n: training_excess(n) * getattr(p, n) / GOOD for n in free} if p else {"": 0.0}
+    name, excess = max(excesses.items(), key=lambda item: item[1])
     if excess > 1:
         lines.append(
-            f"Noise limits mu_2: {excess**2:.1f} times as many independent vectors, or noise "
+            f"Noise limits {name}: {excess**2:.1f} times as many independent vectors, or noise "
             f"{excess:.1f} times lower, would give about {GOOD:.0%}."
         )
     return lines
@@ -120,8 +126,9 @@ def _noise(found: Inspection) -> list[str]:
 
 def _physics(found: Inspection) -> list[str]:
     lines, m, inertia = [], found.motion, found.inertia
-    if inertia is not None and found.precision is not None:
-        if inertia.reach < POOR_REACH:
+    of_mu_of_i = found.law.law == mu_of_i.LAW.name  # the only law with an I0
+    if of_mu_of_i and inertia is not None and found.precision is not None:
+        if inertia.reach is not None and inertia.reach < POOR_REACH:
             lines.append(
                 f"I reaches only {inertia.q95:.2g} (95 %) of I0 = {found.law.I0:g}: mu_2 cannot be "
                 "separated from I0; only the slope (mu_2 - mu_s) / I0 is measured. Larger grains, "

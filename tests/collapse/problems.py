@@ -23,7 +23,7 @@ def one(x: Array, y: Array) -> Array:
 
 
 def parameters(cells_x: int, cells_y: int, spacing: float, **values: Any) -> Parameters:
-    """The whole box as the window, no gravity, no air, Newtonian of viscosity 1 unless told."""
+    """The whole box as the window, no gravity, no air, Newtonian of viscosity 1 by default."""
     s = Parameters()
     defaults: dict[str, Any] = {
         "cells_x": cells_x,
@@ -36,9 +36,8 @@ def parameters(cells_x: int, cells_y: int, spacing: float, **values: Any) -> Par
         "eta_min": 0.0,
         "air_viscosity": 1e-4,
         "air_density": 1e-4,
-        "mu_s": 0.4,
-        "mu_2": 0.64,
-        "I0": 0.3,
+        "law": "mu_of_i",
+        "theta": (0.4, 0.64, 0.3),
         "grain_diameter": 0.025,
         "viscous_tolerance": 1e-10,
         "pressure_tolerance": 1e-10,

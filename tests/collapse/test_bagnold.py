@@ -32,7 +32,8 @@ def bagnold_error(cells: int) -> tuple[float, float]:
         largest_step=1.0,
         cfl=1e3,  # nothing is advected: the flow is uniform along the incline
     )
-    i_theta = s.I0 * (TAN - s.mu_s) / (s.mu_2 - TAN)
+    mu_s, mu_2, I0 = s.theta
+    i_theta = I0 * (TAN - mu_s) / (mu_2 - TAN)
 
     def exact(y: p.Array) -> p.Array:
         return 2 / 3 * i_theta / D * np.sqrt(cosine) * (1 - np.abs(1 - y) ** 1.5)

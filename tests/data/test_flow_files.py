@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +41,8 @@ FLOWS = {
     "sigma as a number": make_flow(sigma_u=0.01, sigma_v=1 / 3),
     "sigma as a field": with_field_of_sigma(make_flow()),
     "a part of the truth": make_flow(truth=Truth(mu_s=1 / 3)),
+    "another law": make_flow(truth=Truth(1 / 3, law="coulomb")),
+    "a law without parameters": make_flow(truth=Truth(law="coulomb")),
     "tilted": make_flow(gravity=(0.1, -9.0)),
     "attributes": make_flow(
         attributes={"source": "Grenoble, essai n°3 – 25 µm", "run": 7, "slope": 0.1, "note": ""}
@@ -64,6 +67,33 @@ def test_round_trip_is_exact(flow: Flow, tmp_path: Path) -> None:
     assert again.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     write_flow(again, tmp_path / "again.h5")
     assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+
+
+def test_file_without_a_law_is_of_mu_of_i(tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(make_flow(truth=Truth(0.4, 0.64, 0.3)), path)
+    with h5py.File(path, "r+") as file:
+        assert file.attrs["true_law"] == b"mu_of_i"
+        del file.attrs["true_law"]
+    truth = read_flow(path).truth
+    assert truth is not None
+    assert (truth.law, truth.theta) == ("mu_of_i", (0.4, 0.64, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (b"coulomb", "the law coulomb has the parameters mu_s, got mu_2: leave it out"),
+        (b"sand", "law must be one of mu_of_i, coulomb, got 'sand'"),
+    ],
+)
+def test_law_that_does_not_fit_is_refused(law: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(make_flow(truth=Truth(0.4, 0.64, 0.3)), path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["true_law"] = np.bytes_(law)
+    with pytest.raises(FlowFileError, match=re.escape(f"the true friction law: {message}")):
+        read_flow(path)
 
 
 def test_nan_never_becomes_zero(tmp_path: Path) -> None:

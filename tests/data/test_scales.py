@@ -98,11 +98,11 @@ def test_round_trip_of_points(points: list[tuple[float, float, float]]) -> None:
 
 
 def test_material() -> None:
-    material = SCALES.material(replace(FLOW, gravity=(3.0, -4.0)))
+    material = material_of(replace(FLOW, gravity=(3.0, -4.0)), SCALES)
     assert material.grain_diameter == pytest.approx(FLOW.grain_diameter / SCALES.length)
     assert material.gravity == pytest.approx((0.6, -0.8))
     assert material.eta_max == pytest.approx(1e4 / (SCALES.pressure * SCALES.time))
-    assert SCALES.material(replace(FLOW, eta_min=None)).eta_min is None
+    assert material_of(replace(FLOW, eta_min=None), SCALES).eta_min is None
 
 
 def test_units_of_the_file_do_not_matter() -> None:
@@ -126,7 +126,7 @@ def test_units_of_the_file_do_not_matter() -> None:
         rtol=1e-12,
     )
     assert material_of(small, scales).grain_diameter == pytest.approx(
-        SCALES.material(FLOW).grain_diameter, rel=1e-12
+        material_of(FLOW, SCALES).grain_diameter, rel=1e-12
     )
     assert scales.velocity == pytest.approx(SCALES.velocity, rel=1e-12)
 

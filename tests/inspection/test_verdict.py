@@ -7,15 +7,16 @@ import pytest
 
 from granpinn.data import Flow, add_noise
 from granpinn.data.noise import max_speed
-from granpinn.inspection import Inspection, Law, inspect
+from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
 from granpinn.uncertainty.data_verdict import LARGE_DIVERGENCE, PIV_DIVERGENCE, verdict
 
 
 def said(found: Inspection) -> str:
-    assert len(lines_of(found)) <= MOST_LINES
-    return " ".join(verdict(found))
+    sentences = verdict(found)
+    assert len(lines_of(found, sentences)) <= MOST_LINES
+    return " ".join(sentences)
 
 
 def every(flow: Flow, stride: int) -> Flow:
@@ -68,9 +69,9 @@ def test_bound_of_two_points() -> None:
     gamma_dot, I = np.array([2.0, 2.0]), np.array([1e-9, 1e9])  # noqa: E741
     n = np.array([100.0, 400.0])
     # Where I = 0 only mu_s shows, where I is infinite only mu_2; a third parameter shows nowhere.
-    assert expected_precision(gamma_dot, I, n, 0.1, Law()) is None
+    assert expected_precision(gamma_dot, I, n, 0.1, AssumedLaw()) is None
     rates, numbers, vectors = np.append(gamma_dot, 2), np.append(I, 0.3), np.append(n, 1e-3)
-    found = expected_precision(rates, numbers, vectors, 0.1, Law())
+    found = expected_precision(rates, numbers, vectors, 0.1, AssumedLaw())
     assert found is not None
     assert found.mu_s == pytest.approx(0.1 / (0.097 * 2 * 10) / 0.4, rel=1e-3)
     assert found.mu_2 == pytest.approx(0.1 / (0.097 * 2 * 20) / 0.64, rel=1e-3)

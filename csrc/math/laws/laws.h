@@ -2,6 +2,8 @@
 // (granpinn/physics/laws).
 #pragma once
 
+#include <string_view>
+
 #include "coulomb.h"
 #include "mu_of_i.h"
 
@@ -34,6 +36,15 @@ GRANPINN_HD auto visit_law(LawName name, const Work& work) {
   GRANPINN_LAWS(GRANPINN_ROW)
 #undef GRANPINN_ROW
   return work(MuOfI{});  // not reached: every name has a row
+}
+
+// The law called `name`, on the host; false where there is none.
+inline bool law_named(std::string_view name, LawName* found) {
+#define GRANPINN_ROW(row, Law) \
+  if (name == Law::name) return *found = LawName::row, true;
+  GRANPINN_LAWS(GRANPINN_ROW)
+#undef GRANPINN_ROW
+  return false;
 }
 
 GRANPINN_HD int parameters_of(LawName name) {

@@ -6,6 +6,7 @@ names, the bounds, the start and the number of its parameters, and for its curve
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -29,6 +30,9 @@ class LawParameter:
             "logistic": theta_k = 1 / (1 + exp(-q)).
         bounds: of exp(q) for "log" and "log_above", so that a wild early step is not final.
         fixed: held at a given value unless the user asks for more.
+        typical: of the paper's collapse; simulations and inspections use it by default.
+        may_vanish: whether a material can have the value 0.
+        help: what it is, in words.
     """
 
     name: str
@@ -38,6 +42,9 @@ class LawParameter:
     variable: Variable = "log"
     bounds: tuple[float, float] = (0.01, 3.0)
     fixed: bool = False
+    typical: float = 0.4
+    may_vanish: bool = False
+    help: str = ""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class Law:
         parameters: theta, in the order of the C++ header.
         friction: mu at (I, *theta).
         slope: I dmu/dI at (I, *theta).
+        inertial_scale: name of the parameter that is the I at which the curve bends, if any.
     """
 
     name: str
@@ -59,6 +67,7 @@ class Law:
     parameters: tuple[LawParameter, ...]
     friction: Curve
     slope: Curve
+    inertial_scale: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,6 +85,23 @@ class Law:
             if p.name == name:
                 return p
         raise KeyError(f"the law {self.name} has the parameters {', '.join(self.names)}: {name}?")
+
+    def complete(self, given: Sequence[float | None]) -> tuple[float, ...]:
+        """theta with typical values in the place of None.
+
+        Raises:
+            ValueError: a value is impossible; one sentence.
+        """
+        theta: list[float] = []
+        for p, value in zip(self.parameters, given, strict=True):
+            theta.append(p.typical if value is None else value)
+            if not math.isfinite(theta[-1]) or theta[-1] < 0 or not (theta[-1] or p.may_vanish):
+                wanted = "not be negative" if p.may_vanish else "be a positive number"
+                raise ValueError(f"{p.name} must {wanted}, got {theta[-1]}")
+            if p.variable == "log_above" and theta[-1] < theta[-2]:
+                least = f"{self.names[len(theta) - 2]} = {theta[-2]}"
+                raise ValueError(f"{p.name} must be at least {least}, got {theta[-1]}")
+        return tuple(theta)
 
     def ill_posedness(self, I: Values, theta: Sequence[Values]) -> Values:  # noqa: E741
         """C(I), positive where the equations of the law are ill-posed, of the shape of I.

@@ -23,10 +23,30 @@ LAW = Law(
     title="mu(I)",
     formula=r"\mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",
     parameters=(
-        LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3),
-        LawParameter("mu_2", r"\mu_2", "μ₂", start=0.6, variable="log_above"),
-        LawParameter("I0", "I_0", "I₀", start=0.3, fixed=True),
+        LawParameter(
+            "mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction at I = 0, static"
+        ),
+        LawParameter(
+            "mu_2",
+            r"\mu_2",
+            "μ₂",
+            start=0.6,
+            variable="log_above",
+            typical=0.64,
+            may_vanish=True,
+            help="friction at large I, dynamic, at least mu_s",
+        ),
+        LawParameter(
+            "I0",
+            "I_0",
+            "I₀",
+            start=0.3,
+            fixed=True,
+            typical=0.3,
+            help="inertial number I at which friction is half way from mu_s to mu_2",
+        ),
     ),
     friction=friction,
     slope=slope,
+    inertial_scale="I0",
 )

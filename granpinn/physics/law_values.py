@@ -1,0 +1,84 @@
+"""A friction law by name, with values of its parameters as attributes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, make_dataclass
+from typing import TYPE_CHECKING, Any
+
+from granpinn.physics.laws import DEFAULT, LAWS, Law
+
+
+def _help_of(name: str) -> str:
+    """The help of a setting that is a parameter: its meaning and default in every law with it."""
+    having = [(law.name, law.parameter(name)) for law in LAWS.values() if name in law.names]
+    values = "; ".join(f"{p.help} (law {law}; none: {p.typical:g})" for law, p in having)
+    return f"{name}: {values}"
+
+
+# One field for every parameter of any law, in the order of the laws: mu_s, mu_2, I0.
+PARAMETERS: tuple[str, ...] = tuple(
+    dict.fromkeys(name for law in LAWS.values() for name in law.names)
+)
+
+if TYPE_CHECKING:
+
+    class _Parameters:
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _fields = [
+        (name, float | None, field(default=None, metadata={"help": _help_of(name)}))
+        for name in PARAMETERS
+    ]
+    _Parameters = make_dataclass("_Parameters", _fields, frozen=True)
+
+
+@dataclass(frozen=True)
+class LawValues(_Parameters):
+    """A friction law and values of its parameters: `LawValues(0.4, law="coulomb").mu_s`.
+
+    Every parameter of any law is a field; None: unknown, or no parameter of this law.
+
+    Raises:
+        ValueError: there is no such law, or it lacks a parameter that is given; one sentence.
+    """
+
+    law: str = field(default=DEFAULT.name, metadata={"help": f"friction law: {', '.join(LAWS)}"})
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *theta: float | None, law: str = "", **values: float | None) -> None: ...
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ValueError(f"law must be one of {', '.join(LAWS)}, got {self.law!r}")
+        own = self.friction_law.names
+        for name in PARAMETERS:
+            if name not in own and getattr(self, name) is not None:
+                raise ValueError(
+                    f"the law {self.law} has the parameters {', '.join(own)}, got {name}: "
+                    "leave it out"
+                )
+
+    @property
+    def friction_law(self) -> Law:
+        return LAWS[self.law]
+
+    @property
+    def theta(self) -> tuple[Any, ...]:
+        """The values in the order of the law; None where unknown."""
+        return tuple(getattr(self, name) for name in self.friction_law.names)
+
+
+class CompleteLaw(LawValues):
+    """A friction law in which a parameter that is not given has its typical value.
+
+    Raises:
+        ValueError: as `LawValues`, or a value is impossible; one sentence.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        theta = self.friction_law.complete(self.theta)
+        for name, value in zip(self.friction_law.names, theta, strict=True):
+            object.__setattr__(self, name, value)
