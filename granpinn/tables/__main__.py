@@ -17,7 +17,6 @@ from typing import Any
 from granpinn.command.exit_codes import exit_code
 from granpinn.command.parser import Parser
 from granpinn.config import Config, ConfigError
-from granpinn.config.recipes import build
 from granpinn.config.toml import read_toml
 from granpinn.data import Flow
 from granpinn.identification.case import choose_device
@@ -118,7 +117,7 @@ def _request(given: argparse.Namespace) -> Request:
     values |= {"resume": given.resume, "noise": 0.0}
     if given.level is not None:
         values["level"] = given.level[0]
-    config = build(values)
+    config = Config(**values)
     levels = [dataclasses.replace(config, level=name).level for name in given.level or ()]
     if len(set(levels)) < len(levels):
         raise ConfigError(f"--level must be levels that differ, got {' '.join(levels)}")
