@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0
-    print("\n".join(lines_of(found)))
+    print("\n".join(lines_of(found, numbers["verdict"])))
     if options["out"] is not None:
         print(f"figures and inspect.json: {options['out']}")
     print(f"next: python -m granpinn.train {data} --out run")

@@ -98,8 +98,11 @@ def section(kind: type, *, free: bool = False) -> Any:
 def sections_of(cls: type) -> dict[str, type]:
     """{"network": Network, ...}: the fields of a dataclass that are groups of settings."""
     kinds = get_type_hints(cls)
-    named = {f.name: kinds[f.name] for f in dataclasses.fields(cls)}
-    return {name: kind for name, kind in named.items() if dataclasses.is_dataclass(kind)}
+    return {
+        f.name: kind
+        for f in dataclasses.fields(cls)
+        if isinstance(kind := kinds[f.name], type) and dataclasses.is_dataclass(kind)
+    }
 
 
 @functools.cache

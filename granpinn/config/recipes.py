@@ -6,7 +6,7 @@ from typing import Any
 
 from granpinn.physics import terms
 
-# For much noise: fewer unknowns and larger batches, at half the cost (docs/method.md, section 5).
+# For much noise: fewer unknowns and larger batches, at half the cost (bench/studies/noise).
 NOISY: dict[str, Any] = {
     "network.widths": (64, 64, 64, 64),
     "batch.interior": 4096,

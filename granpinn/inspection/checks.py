@@ -21,6 +21,8 @@ BLOCK = (12, 8, 8)
 FEWEST_BLOCKS = 10
 LARGEST_ERROR = 0.1
 FREE_FALL = 0.8  # of the largest acceleration
+FALLING = (0.85, 1.2)  # acceleration of falling grains, of |g|
+NEGLIGIBLE_NOISE = 1e-4  # of the largest speed
 
 
 @dataclass(frozen=True)

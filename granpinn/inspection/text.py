@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
+from granpinn.inspection.checks import FALLING, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
-from granpinn.uncertainty.data_verdict import FREE_FALL, NEGLIGIBLE_NOISE, verdict
 
 WIDTH = 100
 MOST_LINES = 28  # the command adds one or two
 
 
-def lines_of(found: Inspection) -> list[str]:
-    """At most `MOST_LINES` lines: the numbers, then the verdict."""
+def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
+    """At most `MOST_LINES` lines: the numbers, then the sentences of the verdict."""
     c, k, m = found.counts, found.kinematics, found.motion
     unit = "" if found.flow.length_unit == "1" else f" {found.flow.length_unit}/"
     unit += found.flow.time_unit if unit else ""
@@ -31,7 +32,7 @@ def lines_of(found: Inspection) -> list[str]:
     ]
     lines = [f"{name:<16} {text}" for name, text in rows]
     lines.append("")
-    for sentence in verdict(found):
+    for sentence in verdict:
         lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
     if len(lines) > MOST_LINES:
         lines = [*lines[: MOST_LINES - 1], "- ... more in inspect.json"]
@@ -59,7 +60,7 @@ def _gravity(found: Inspection) -> str:
     a = found.motion.acceleration
     if a is None:
         return "not checked: noise hides the acceleration, or there are too few vectors"
-    if a < FREE_FALL[0]:
+    if a < FALLING[0]:
         return f"not checked: nothing falls freely (largest acceleration {a:.2f} g)"
     return f"the fastest falling grains have {a:.2f} g, {found.motion.tilt:+.1f} degrees from it"
 

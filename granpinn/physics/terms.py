@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from granpinn.physics.scales import Quantity
 
-Form = Literal["mixed", "strong"]  # of the residual: docs/method.md, section 3
+Form = Literal["mixed", "strong"]  # residual: stress as an unknown, or the paper's
 FORMS: tuple[Form, ...] = get_args(Form)
 
 

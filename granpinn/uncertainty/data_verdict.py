@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 from granpinn.data.rules import MAX_ZERO_SHARE
-from granpinn.inspection.checks import LARGEST_MOVE
+from granpinn.inspection.checks import FALLING, LARGEST_MOVE, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import TRAINING_EXCESS
 
-NEGLIGIBLE_NOISE, MUCH_NOISE = 1e-4, 0.1  # of the largest speed
+MUCH_NOISE = 0.1  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of mu_2
 MANY_INVALID = 0.1
 # Of the shear rate. PIV of an incompressible flow left 8 % (docs/experiment.md).
 PIV_DIVERGENCE, LARGE_DIVERGENCE = 0.08, 0.12
-FREE_FALL = (0.85, 1.2)  # of |g|: what falling grains show
 TILT = 2.0  # degrees
 
 
@@ -142,12 +141,12 @@ def _physics(found: Inspection) -> list[str]:
             f"{PIV_DIVERGENCE:.0%}: vectors at edges are wrong, grains leave the plane, their "
             "density changes, or x and y have different scales."
         )
-    if m.acceleration is not None and m.acceleration > FREE_FALL[1]:
+    if m.acceleration is not None and m.acceleration > FALLING[1]:
         lines.append(
             f"Grains accelerate at {m.acceleration:.2f} times the gravity of the file: check the "
             "scale, the frame rate and the gravity."
         )
-    falls = m.acceleration is not None and FREE_FALL[0] <= m.acceleration <= FREE_FALL[1]
+    falls = m.acceleration is not None and FALLING[0] <= m.acceleration <= FALLING[1]
     if falls and m.tilt is not None and abs(m.tilt) > TILT:
         lines.append(
             f"Falling grains accelerate {abs(m.tilt):.1f} degrees "

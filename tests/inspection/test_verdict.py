@@ -14,7 +14,7 @@ from granpinn.uncertainty.data_verdict import LARGE_DIVERGENCE, PIV_DIVERGENCE, 
 
 
 def said(found: Inspection) -> str:
-    assert len(lines_of(found)) <= MOST_LINES
+    assert len(lines_of(found, verdict(found))) <= MOST_LINES
     return " ".join(verdict(found))
 
 
