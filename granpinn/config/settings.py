@@ -196,6 +196,8 @@ def _check_together(config: Config) -> None:
         )
     if config.rheology.start is not None:
         _check_start(config.law, config.rheology.start, config.rheology.variables)
+    if config.free_I0 and "I0" not in LAWS[config.law].names:
+        raise ConfigError(f"--free-I0 needs a friction law with I0, got the law {config.law}")
     if config.optimizer.decay == "exponential" and config.optimizer.final_fraction == 0:
         raise ConfigError("--optimizer.final_fraction must be positive for exponential decay")
     if config.steps is None and config.epochs is None and config.max_time is None:

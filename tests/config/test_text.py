@@ -102,6 +102,8 @@ def test_I0_is_a_flag_of_the_laws_that_have_it() -> None:
     assert parse([*REQUIRED, "--law", "coulomb"]).law == "coulomb"
     with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave --I0 out"):
         parse([*REQUIRED, "--law", "coulomb", "--I0", "0.2"])
+    with pytest.raises(ConfigError, match="--free-I0 needs a friction law with I0"):
+        parse([*REQUIRED, "--law", "coulomb", "--free-I0"])
 
 
 BAD = {
