@@ -101,10 +101,11 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
             group.add_argument(flag, dest=key, action="store_true", help=text)
         else:
             text += f" (default {_shown(stated.default)})"
-            group.add_argument(flag, dest=key, metavar=_metavar(stated), help=text)
+            group.add_argument(flag, dest=key, metavar=metavar_of(stated), help=text)
 
 
-def _metavar(stated: Setting) -> str:
+def metavar_of(stated: Setting) -> str:
+    """What stands for the value of a setting in the help, such as {V0,V1,V2} or N."""
     if stated.choices:
         return "{" + ",".join(stated.choices) + "}"
     kind, _ = without_none(stated.kind)

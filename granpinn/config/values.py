@@ -36,11 +36,16 @@ def typed(value: Any, kind: Any, name: str) -> Any:
     return value
 
 
-def convert(text: str, kind: Any, name: str) -> Any:
-    """The value of type `kind` that `text` stands for; `name` is for the message of ConfigError."""
+def convert(text: str | bool, kind: Any, name: str) -> Any:
+    """The value of type `kind` that `text` stands for; `name` is for the message of ConfigError.
+
+    A flag without a value comes as True, and stays so.
+    """
     inner, optional = without_none(kind)
     if optional and text == NONE:
         return None
+    if isinstance(text, bool):
+        return typed(text, inner, name)
     if get_origin(inner) is tuple:
         item = get_args(inner)[0]
         return tuple(convert(word, item, name) for word in text.strip("[]() ").split(","))
