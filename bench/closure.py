@@ -33,7 +33,7 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from bench.machine import describe
-from granpinn.config import ConfigError, recipes
+from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import scoring, simulated_fields
@@ -99,7 +99,7 @@ def study(
     rows: list[dict[str, Any]] = []
     variants: list[dict[str, Any]] = []
     for i, path in enumerate(flows):
-        case = pose(path, recipes.make())
+        case = pose(path, Config())
         flow, usable = case.flow, simulated_pressure.usable_frames(case.flow)
         if isinstance(usable, str):
             raise ConfigError(f"{path}: {usable}")

@@ -32,8 +32,8 @@ import numpy as np
 
 from bench.machine import describe
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError, kinds_of, recipes
-from granpinn.config.toml import convert
+from granpinn.config import Config, ConfigError, fields
+from granpinn.config.values import convert
 from granpinn.data import Flow, read_flow
 from granpinn.results import Result
 from granpinn.simulation import Collapse, simulate
@@ -147,15 +147,15 @@ def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> 
 
 def settings_of(words: Sequence[str]) -> dict[str, Any]:
     """`--steps 200 --network.widths 64,64` as settings of the identification."""
-    kinds = kinds_of(Config)
+    stated = fields.settings_of(Config)
+    known = {fields.flag_of(key): key for key in stated}
     values = {}
     padded = [*words, ""][: len(words) + len(words) % 2]
     for flag, text in zip(padded[::2], padded[1::2], strict=True):
-        key = flag.removeprefix("--")
-        key = key if key in kinds else key.replace("-", "_")
-        if key not in kinds or not text:
+        if flag not in known or not text:
             raise ConfigError(f"{flag} must be a setting of granpinn.train and have a value")
-        values[key] = convert(text, kinds[key], flag)
+        key = known[flag]
+        values[key] = convert(text, stated[key].kind, flag)
     return values
 
 
@@ -174,7 +174,7 @@ def main() -> int:
     own, words = parser.parse_known_args()
     try:
         usual = {"simulated_pressure.frames": 0}
-        config = recipes.build(usual | settings_of(words) | {"members": own.members})
+        config = Config(**(usual | settings_of(words) | {"members": own.members}))
     except ConfigError as error:
         parser.error(str(error))
     grid = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}

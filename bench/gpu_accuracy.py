@@ -25,7 +25,7 @@ from torch import Tensor
 
 from bench.steps import HIDDEN, PHYSICS, make_task
 from granpinn import reference
-from granpinn.config import ConfigError, recipes
+from granpinn.config import Config, ConfigError, Network
 from granpinn.config.toml import read_toml
 from granpinn.identification.case import Case, pose
 from granpinn.identification.identify import start
@@ -87,7 +87,8 @@ def random_network(form: str) -> Weighed:
 
 def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
     """The paper's network after some steps of the default recipe on the demonstration flow."""
-    config = recipes.make(form=form, steps=steps, device=device.type, network__widths=tuple(HIDDEN))
+    changes: dict[str, Any] = {"form": form, "steps": steps, "device": device.type}
+    config = Config(network=Network(widths=tuple(HIDDEN)), **changes)
     case = pose(demo_path(), config)
     run = start([case], config, None, None, time.monotonic())
     run.train()
@@ -96,7 +97,7 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
 
 def network_of_run(folder: Path) -> Weighed:
     """The network in the newest checkpoint of a run folder, with the data it was trained on."""
-    config = recipes.build(read_toml(folder / "config.toml") | {"device": "cpu"})
+    config = Config(**(read_toml(folder / "config.toml") | {"device": "cpu"}))
     found = checkpoint.newest(folder / "checkpoint")
     if found is None or config.flow is None:
         raise ConfigError(f"{folder} must be the folder of a run with a checkpoint and its flow")

@@ -17,7 +17,7 @@ import torch
 from bench.device import graphed, milliseconds
 from bench.rivals import STEPS_PER_GRAPH
 from bench.steps import Task, fused_step, make_task
-from granpinn.config import Config, recipes
+from granpinn.config import Config
 from granpinn.identification.case import pose
 from granpinn.identification.identify import start
 from granpinn.simulation import demo_path
@@ -88,7 +88,7 @@ class Marks(Silent):
 
 def training_rate(device: torch.device, members: int, **changes: Any) -> dict[str, Any]:
     """Steps per second of members on the demonstration flow that differ in their seeds."""
-    config = recipes.make(device=device.type, **changes)
+    config = Config(**{"device": device.type} | changes)
     first = pose(demo_path(), config)
     cases = [
         replace(first, config=replace(config, seed=seed), member=replace(first.member, seed=seed))

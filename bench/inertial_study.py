@@ -29,7 +29,7 @@ from bench.coverage import settings_of
 from bench.machine import describe
 from bench.noise_study import read_bounds, read_study, statistics, thinned, where_bounded
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError, flatten, recipes
+from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
 from granpinn.identification.inertial_profile import (
     LEAST_AVERAGE,
@@ -52,9 +52,10 @@ def settings(words: Sequence[str], values: int, reach: float) -> Config:
         "profile.reach": reach,
         "simulated_pressure.frames": 0,
     }
-    config = recipes.build(given | settings_of(words))
+    config = Config(**(given | settings_of(words)))
     average = max(LEAST_AVERAGE, config.optimizer.average)
-    return recipes.replace(config, optimizer__average=average)
+    optimizer = dataclasses.replace(config.optimizer, average=average)
+    return dataclasses.replace(config, optimizer=optimizer)
 
 
 def study(flows: Sequence[Flow], config: Config, noise: float, draws: int) -> dict[str, Any]:

@@ -35,7 +35,7 @@ import numpy as np
 from bench.coverage import settings_of
 from bench.machine import describe
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError, flatten, recipes
+from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, read_flow
 from granpinn.results import Result, plain
 from granpinn.training.progress import Lines
@@ -245,7 +245,7 @@ def main() -> int:
         if options.read:
             found = read_study(options.read)
         else:
-            config = recipes.build({"simulated_pressure.frames": 0} | settings_of(words))
+            config = Config(**({"simulated_pressure.frames": 0} | settings_of(words)))
             flows = [read_flow(path) for path in options.flows]
             tasks = list(tasks_of(flows, options.noise, options.points))
             found = {"date": time.strftime("%Y-%m-%d"), "machine": describe()}

@@ -24,19 +24,19 @@ from bench.gpu_training import Marks
 from bench.machine import describe
 from bench.processes import run_lines
 from granpinn import identify, identify_many
-from granpinn.config import recipes
+from granpinn.config import Config
 from granpinn.identification.case import choose_device
 from granpinn.simulation import demo_path
 from granpinn.training import parallel
 
 GOAL = 1.9
-WHOLE_RUN = recipes.make().steps or 0  # steps of the default recipe
+WHOLE_RUN = Config().steps or 0  # steps of the default recipe
 
 
 def worker(settings: dict[str, Any]) -> dict[str, Any]:
     """What one process of a group does; the finding of the first one."""
     changes, members = settings["changes"], settings["members"]
-    config = recipes.make(**{"simulated_pressure__frames": 0} | changes)
+    config = Config(**{"simulated_pressure__frames": 0} | changes)
     marks = Marks()
     begin = time.monotonic()
     if members:

@@ -5,8 +5,8 @@
     flow = granpinn.read_flow("collapse.h5")
     result = granpinn.identify(flow, granpinn.Config())
 
-Names are loaded when they are first used, so that ``python -m granpinn.doctor`` can still speak
-when torch or the compiled kernels cannot be imported.
+Names are loaded when they are first used, so that `python -m granpinn.doctor` also runs where
+torch or the compiled kernels cannot be imported.
 """
 
 from importlib import import_module
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Config",
     "Result",

@@ -1,7 +1,7 @@
 """``python -m granpinn.doctor``: what is installed, which kernels run here and why.
 
 Nothing is imported before it is needed, so that a broken torch or a module that was not built is
-reported like any other finding. Exit code 0 if the kernels work, 1 otherwise, with what to do.
+reported like every other result. Exit code 0 if the kernels work, 1 otherwise, with what to do.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EXTRAS = {"tensorboard": ("tensorboard",), "test": ("pytest", "hypothesis", "sym
 
 
 class Trouble(Exception):
-    """Something that keeps the kernels from working; the message says what to do."""
+    """The kernels do not work; the message says why and what to do."""
 
 
 def versions() -> Section:
@@ -63,7 +63,7 @@ def extras() -> Section:
 
 
 def load(name: str, hint: str) -> Any:
-    """The module `name`, or the Trouble that keeps it from being imported."""
+    """The module `name`; Trouble where it cannot be imported."""
     try:
         return import_module(name)
     except Exception as error:  # a damaged binary package raises OSError, RuntimeError, ...
@@ -72,7 +72,7 @@ def load(name: str, hint: str) -> Any:
 
 
 def build() -> Section:
-    """What the module was built with, and that it fits the torch that is running."""
+    """What the module was built with; Trouble where the torch that runs is another one."""
     torch = load("torch", "pip install 'torch>=2.11'")
     info: Section = dict(load("granpinn._C", BUILD_HINT).build_info())
     running, built = torch.__version__.split(".")[:2], info["torch_version"].split(".")[:2]
@@ -85,7 +85,7 @@ def build() -> Section:
 
 
 def processor() -> tuple[str, set[str]]:
-    """Name and instruction sets of the CPU (no sets where the system does not tell)."""
+    """Name of the CPU and its instruction sets, which are empty where the system lists none."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text().splitlines() if path.exists() else []
     facts = dict(line.split(":", 1) for line in lines if ":" in line)
@@ -158,7 +158,11 @@ def self_check() -> Section:
 
 
 def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> str:
-    """How well the kernel of a device agrees with nested autograd; Trouble where it does not."""
+    """How well the kernel of a device agrees with nested autograd.
+
+    Raises:
+        Trouble: they differ by more than LARGEST_ERROR.
+    """
     torch = import_module("torch")
     ops, reference = (
         load("granpinn.kernels.ops", BUILD_HINT),
@@ -174,7 +178,7 @@ def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> s
         float((f - t).norm() / t.norm().clamp_min(1e-300))
         for f, t in zip(fused, truth, strict=True)
     )
-    if not error < LARGEST_ERROR[dtype]:  # so that nan is trouble too
+    if not error < LARGEST_ERROR[dtype]:  # not `>=`: nan is Trouble as well
         raise Trouble(
             f"the {form} residual kernel ({device}, {dtype}) differs from nested autograd by "
             f"{error:.1e} (expected < {LARGEST_ERROR[dtype]:.0e}): {BUILD_HINT}; if it persists, "
@@ -185,6 +189,8 @@ def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> s
 
 def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
     """Arguments of residual_loss for a random network, five points and four surface points."""
+    from granpinn.physics import constants, laws, terms
+
     torch = import_module("torch")
     generator = torch.Generator().manual_seed(0)
 
@@ -192,17 +198,26 @@ def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
         return torch.randn(shape, generator=generator, dtype=torch.float64)
 
     params = draw(sum((n + 1) * m for n, m in pairwise(widths)))
-    theta = torch.tensor([0.4, 0.6, 0.3], dtype=torch.float64)
+    theta = torch.tensor([p.start for p in laws.DEFAULT.parameters], dtype=torch.float64)
     inside = (draw(5, 3), draw(5, 2), torch.ones(5, 2, dtype=torch.float64))
     surface = (draw(4, 3), draw(4))
-    term_weights = torch.ones(5, dtype=torch.float64)
-    physics = [0.01, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
+    term_weights = torch.ones(len(terms.NAMES), dtype=torch.float64)
+    physics = constants.Physics(
+        grain_diameter=0.01,
+        g_x=0.0,
+        g_y=-1.0,
+        eta_min=0.0,
+        eta_max=1e4,
+        velocity_scale=1.0,
+        pressure_scale=1.0,
+        pressure_floor=1e-4,
+    )
     scaling = ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0])
-    return params, theta, *inside, *surface, term_weights, widths, *scaling, physics, form
+    return params, theta, *inside, *surface, term_weights, widths, *scaling, list(physics), form
 
 
 def examine() -> tuple[dict[str, Section], str | None]:
-    """All sections, in the order in which they are printed, and what is wrong (None: nothing)."""
+    """All sections in the order of printing, and what is wrong (None: nothing)."""
     report = {"versions": versions(), "extras": extras()}
     steps: dict[str, Callable[[], Section]] = {
         "build": build,

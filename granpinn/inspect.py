@@ -19,7 +19,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
-from granpinn.config.toml import convert
+from granpinn.config.values import convert
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
-from granpinn.config.toml import convert
+from granpinn.config.values import convert
 from granpinn.data.flow import Flow
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate

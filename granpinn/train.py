@@ -3,8 +3,8 @@
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report;
 with --free-I0 and --resimulate between the results and the figures.
 
-`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes, each with its GPU where there
-are some, share every batch.
+`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. Each uses
+its own GPU where there are GPUs.
 
 Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
 """
@@ -37,12 +37,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     def run() -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
         with parallel.joined() as rank:
-            return _train(config, rank)
+            result = _identify(config, rank)
+            if rank == 0:
+                _conclude(config, result)
+        return 0
 
     return exit_code("train", run)
 
 
-def _train(config: Config, rank: int) -> int:
+def _identify(config: Config, rank: int) -> results.Result:
+    """The result, with the profile of I0 that --free-I0 asks for; every process takes part."""
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
@@ -50,25 +54,28 @@ def _train(config: Config, rank: int) -> int:
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     result = identify(config.flow, config, run_dir=folder, progress=listener)
-    if config.free_I0:
-        found = profile_I0(
-            config.flow,
-            config,
-            steps=result.timing.steps,
-            run_dir=folder / "profile",
-            progress=progress.automatic(),
-        )
-        result = dataclasses.replace(result, profile=found)
-    if rank > 0:
-        return 0
+    if not config.free_I0:
+        return result
+    profile = profile_I0(
+        config.flow,
+        config,
+        steps=result.timing.steps,
+        run_dir=folder / "profile",
+        progress=progress.automatic(),
+    )
+    return dataclasses.replace(result, profile=profile)
+
+
+def _conclude(config: Config, result: results.Result) -> None:
+    """The second opinion that --resimulate asks for, the results and the report."""
+    assert config.out is not None
+    folder = Path(config.out)
     if config.resimulate:
         result = dataclasses.replace(result, resimulation=_resimulate(config, result, folder))
     if config.free_I0 or config.resimulate:
         results.write_results(result, folder / "results.json")
     print(result)
-    page = report.build(folder)
-    print(f"report: {page}")
-    return 0
+    print(f"report: {report.build(folder)}")
 
 
 def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:

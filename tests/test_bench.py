@@ -24,7 +24,7 @@ from bench import (
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
-from granpinn.config import recipes
+from granpinn.config import Config
 from granpinn.data import write_flow
 from granpinn.identification.case import pose
 from granpinn.kernels.network import initial_parameters
@@ -204,7 +204,7 @@ def test_errors_of_a_mode_that_errs_more(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_rate_of_a_training_leaves_the_prefit_out() -> None:
-    config = recipes.make(steps=1000, log_every=100)
+    config = Config(steps=1000, log_every=100)
     marks = gpu_training.Marks([(100, 0.0), (200, 9.0), (500, 10.0), (700, 12.0), (1000, 15.0)])
     assert marks.rate(config) == 100
 
@@ -231,7 +231,7 @@ def test_numbers_of_the_file_are_rounded() -> None:
 
 def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
     write_flow(make_flow(), tmp_path / "heap.h5")
-    spec = pose(tmp_path / "heap.h5", recipes.make()).member.problem.spec
+    spec = pose(tmp_path / "heap.h5", Config()).member.problem.spec
     tensors = {
         "params": torch.stack([initial_parameters(spec, seed) for seed in (0, 1)]),
         "theta": torch.tensor([[0.4, 0.6, 0.3]] * 2, dtype=torch.float64),

@@ -1,23 +1,23 @@
-"""Settings as text: the command line and TOML files, both made from the fields of Config.
+"""The command line of `granpinn train`, made from the fields of Config.
 
-Layers, later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags.
-The word `none` stands for "no value", in TOML too, which has no word of its own for it.
+Later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags. The word
+`none` stands for no value.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import types
 import typing
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from granpinn.command.parser import Parser
-from granpinn.config import Config, ConfigError, flatten, kinds_of
-from granpinn.config.recipes import build
-from granpinn.config.toml import NONE, convert, read_toml
+from granpinn.config import Config, ConfigError, settings_of
+from granpinn.config.fields import Setting, flag_of, sections_of, without_none
+from granpinn.config.toml import read_toml
+from granpinn.config.values import NONE, convert
+from granpinn.physics.laws import LAWS
 from granpinn.simulation import demo_path
 
 # What a bare `python -m granpinn.train` runs: the collapse that comes with the package, in half the
@@ -25,11 +25,11 @@ from granpinn.simulation import demo_path
 DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "20000")
 EXAMPLES = """examples:
   python -m granpinn.train
-      try it: the collapse that comes with granpinn, in a few minutes, to the folder granpinn-demo
+      a demonstration: the collapse that comes with granpinn, to the folder granpinn-demo
   python -m granpinn.train collapse.h5 --out run
-      identify mu_s and mu_2 from velocities and the line of the free surface (level V1)
+      identify the friction law from velocities and the line of the free surface (level V1)
   python -m granpinn.train collapse.h5 --out run --members 8
-      the same with eight networks, for a steadier value; on a GPU little slower than one
+      the same with eight networks, for a steadier value; on a GPU nearly as fast as one
   python -m granpinn.train collapse.h5 --out run --max-time 600
       the same, planned to end within 10 minutes
   python -m granpinn.train --out run --resume
@@ -49,7 +49,7 @@ def parse(argv: Sequence[str]) -> Config:
     parser = Parser(
         prog="python -m granpinn.train",
         usage="%(prog)s FLOW.h5 --out DIR [settings]",
-        description="Identify the friction law mu(I) and the pressure of a granular flow.",
+        description="Identify the friction law and the pressure of a granular flow.",
         epilog=EXAMPLES,
         formatter_class=_Help,
         argument_default=argparse.SUPPRESS,
@@ -60,27 +60,24 @@ def parse(argv: Sequence[str]) -> Config:
     _add_settings(parser)
     given = vars(parser.parse_args(argv))
     file = given.pop("config", None)
-    kinds = kinds_of(Config)
-    flags = {k: convert(v, kinds[k], f"--{flag_of(k)}") for k, v in given.items()}
+    known = settings_of(Config)
+    flags = {key: convert(text, known[key].kind, flag_of(key)) for key, text in given.items()}
     values = read_toml(Path(file)) if file else {}
     if flags.get("recipe", values.get("recipe")) != values.get("recipe", flags.get("recipe")):
         raise ConfigError(
-            f"--recipe {flags['recipe']} contradicts {file}, which is for the recipe "
+            f"--recipe {flags['recipe']} contradicts {file}, which has the recipe "
             f"{values['recipe']}: leave one of them out"
         )
     saved = Path(flags.get("out") or values.get("out") or "") / "config.toml"
     if flags.get("resume", values.get("resume")) and saved.exists():
         values = read_toml(saved) | values
-    config = build(values | flags)
+    config = Config(**(values | flags))
+    if "I0" in flags and "I0" not in LAWS[config.law].names:
+        raise ConfigError(f"the friction law {config.law} has no I0: leave --I0 out")
     for name, text in (("flow", "FLOW, the flow file,"), ("out", "--out, the folder of the run,")):
         if getattr(config, name) is None:
             raise ConfigError(f"{text} is missing: python -m granpinn.train FLOW.h5 --out DIR")
     return config
-
-
-def flag_of(key: str) -> str:
-    """The flag of a setting: `max_time` is --max-time; names inside a section stay as they are."""
-    return key if "." in key else key.replace("_", "-")
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):
@@ -91,41 +88,32 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
 
 def _add_settings(parser: argparse.ArgumentParser) -> None:
-    """One argument per field of Config, grouped as the sections are."""
-    defaults = flatten(build({}))
-    kinds = kinds_of(Config)
+    """One argument per setting, grouped as the sections are."""
     groups: dict[str, Any] = {"": parser}
-    for f in dataclasses.fields(Config):
-        if dataclasses.is_dataclass(kinds_section := typing.get_type_hints(Config)[f.name]):
-            doc = (kinds_section.__doc__ or "").strip()
-            groups[f.name] = parser.add_argument_group(f"{f.name}", doc)
-    for key, kind in kinds.items():
+    for name, kind in sections_of(Config).items():
+        groups[name] = parser.add_argument_group(name, kind.__doc__)
+    for key, stated in settings_of(Config).items():
         if key == "flow":
             continue
-        section, _, name = key.rpartition(".")
-        text = _help_of(section, name).replace("%", "%%")
-        flag = f"--{flag_of(key)}"
-        if kind is bool:
-            groups[section].add_argument(flag, dest=key, action="store_true", help=text)
+        group, flag = groups[key.rpartition(".")[0]], flag_of(key)
+        text = stated.help.replace("%", "%%")
+        if stated.kind is bool:
+            group.add_argument(flag, dest=key, action="store_true", help=text)
         else:
-            text = f"{text} (default {_shown(defaults[key])})"
-            metavar = _metavar(kind)
-            groups[section].add_argument(flag, dest=key, metavar=metavar, help=text)
+            text += f" (default {_shown(stated.default)})"
+            group.add_argument(flag, dest=key, metavar=metavar_of(stated), help=text)
 
 
-def _help_of(section: str, name: str) -> str:
-    cls: Any = typing.get_type_hints(Config)[section] if section else Config
-    found = {f.name: f.metadata["help"] for f in dataclasses.fields(cls) if "help" in f.metadata}
-    return str(found[name])
-
-
-def _metavar(kind: Any) -> str:
-    if isinstance(kind, types.UnionType):
-        return _metavar(typing.get_args(kind)[0])
-    if typing.get_origin(kind) is typing.Literal:
-        return "{" + ",".join(typing.get_args(kind)) + "}"
+def metavar_of(stated: Setting) -> str:
+    """What stands for the value of a setting in the help, such as {V0,V1,V2} or N."""
+    if stated.choices:
+        return "{" + ",".join(stated.choices) + "}"
+    kind, _ = without_none(stated.kind)
     names = {int: "N", float: "X", str: "PATH"}
-    return names.get(kind, "N,N,...")
+    if typing.get_origin(kind) is not tuple:
+        return names[kind]
+    item = names[typing.get_args(kind)[0]]
+    return f"{item},{item},..."
 
 
 def _shown(value: Any) -> str:

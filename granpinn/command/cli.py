@@ -1,7 +1,7 @@
-"""The console command `granpinn VERB ...`: the verbs are the commands `python -m granpinn.VERB`.
+"""The console command: `granpinn VERB ...` is the same as `python -m granpinn.VERB ...`.
 
-A verb is looked up when it is used, so that `granpinn --help` loads nothing.  Exit codes are those
-of the verb; 2 where there is no such verb.
+A verb is imported when it is used, so that `granpinn --help` is quick. Exit codes are those of the
+verb; 2 where there is no such verb.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ VERBS = {
         'granpinn convert PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" ...',
     ),
     "inspect": Verb(
-        "before any training: what these data can tell, and what to measure better",
+        "check data before training: the precision to expect, and what to measure better",
         "granpinn inspect flow.h5",
     ),
     "train": Verb(
-        "identify the friction law mu(I) and the pressure; without arguments a demonstration",
+        "identify the friction law and the pressure; without arguments a demonstration",
         "granpinn train flow.h5 --out run",
     ),
     "report": Verb(
-        "draw figures and page of a finished run again, or write its fields for ParaView",
+        "draw the figures and the page of a finished run again; write its fields for ParaView",
         "granpinn report run --paraview",
     ),
     "simulate": Verb(
-        "the collapse of a column of grains with a known friction law, as a flow file",
+        "simulate the collapse of a column with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
     ),
     "tables": Verb(
-        "run the paper's tables again, beside its own figures",
+        "run the tables of the paper again and compare them with its numbers",
         "granpinn tables --out tables",
     ),
     "doctor": Verb(
-        "what is installed, which kernels run and why",
+        "show what is installed, which kernels run and why",
         "granpinn doctor",
     ),
     "completion": Verb(
@@ -59,17 +59,18 @@ VERBS = {
         'eval "$(granpinn completion bash)"',
     ),
 }
+PURPOSE = "Identifies the friction law and the pressure field of a granular flow from its velocity."
 FIRST_STEPS = """first steps:
-  granpinn doctor                       is everything there?
+  granpinn doctor                       check the installation
   granpinn train                        a demonstration, in a few minutes
   granpinn convert ... --out flow.h5    your own measurement
   granpinn train flow.h5 --out run      the result is run/report.html
 
-granpinn VERB --help explains every argument of a verb; python -m granpinn.VERB is the same."""
+granpinn VERB --help explains every argument; python -m granpinn.VERB is the same command."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a verb; its exit code."""
+    """Run a verb; returns its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     if not words or words[0] in ("-h", "--help", "help"):
         print(help_text())
@@ -103,18 +104,10 @@ def command(verb: str) -> Callable[[Sequence[str]], int]:
 
 def help_text() -> str:
     """What `granpinn --help` prints."""
-    lines = ["usage: granpinn VERB [arguments]", "", granpinn_does(), "", "verbs:"]
+    lines = ["usage: granpinn VERB [arguments]", "", PURPOSE, "", "verbs:"]
     for name in available():
         lines += [f"  {name:<12}{VERBS[name].does}", f"  {'':<12}  {VERBS[name].example}"]
     return "\n".join([*lines, "", FIRST_STEPS])
-
-
-def granpinn_does() -> str:
-    """The first sentence of the help."""
-    return (
-        "Identifies the friction law mu(I) and the pressure field of a granular flow from its "
-        "velocity."
-    )
 
 
 def _modules(verbs: Sequence[str]) -> list[str]:
@@ -131,6 +124,6 @@ def _module(verb: str) -> str | None:
 
 def _unknown(word: str, verbs: Sequence[str]) -> int:
     near = difflib.get_close_matches(word, verbs, n=1)
-    hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help explains them"
+    hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help lists them"
     print(f"granpinn: expected one of {', '.join(verbs)}, got {word!r}: {hint}", file=sys.stderr)
     return 2

@@ -1,7 +1,7 @@
 """`granpinn completion SHELL`: a script that completes verbs, flags and their choices.
 
-The words are taken from the help of every verb when the script is printed; completing itself starts
-no Python.  Everything else is completed as a file name.
+The words are taken from the help of every verb when the script is printed. Completion itself starts
+no Python. Everything else is completed as a file name.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a command returns to the shell: its exit code, and one sentence for an error."""
+"""The exit code of a command that trains, and one sentence for its error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from granpinn.training.guard import Interrupted, NonFiniteError
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:
-    """What a command that trains returns: that of `run`, or what its error stands for."""
+    """The exit code of `run`, or that of the error that it raises."""
     try:
         return run()
     except (ConfigError, FlowFileError) as error:
@@ -23,4 +23,4 @@ def exit_code(command: str, run: Callable[[], int]) -> int:
     except Interrupted as error:
         return fail(command, 128 + error.signum, str(error))
     except KeyboardInterrupt:
-        return fail(command, 130, "stopped before or after the training")
+        return fail(command, 130, "stopped outside of the training")

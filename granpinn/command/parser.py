@@ -1,4 +1,4 @@
-"""What the commands share: arguments that are refused in one sentence, and how a command ends."""
+"""Parts that the commands share: a parser that refuses in one sentence, and a failed end."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ class Parser(argparse.ArgumentParser):
 
 
 def fail(command: str, code: int, message: str) -> int:
-    """Say why a command did not do its work; the exit code."""
+    """Print why a command failed; returns the exit code."""
     print(f"granpinn.{command}: {message}", file=sys.stderr)
     return code

@@ -1,9 +1,9 @@
 """Settings: their types, defaults, ranges and help, the named recipes, and settings as TOML."""
 
-from granpinn.config.settings import (
+from granpinn.config.fields import ConfigError, flatten, setting, settings_of
+from granpinn.config.recipes import RECIPES
+from granpinn.config.sections import (
     Batch,
-    Config,
-    ConfigError,
     Network,
     Optimizer,
     Profile,
@@ -11,16 +11,16 @@ from granpinn.config.settings import (
     Rheology,
     SimulatedPressure,
     Weights,
-    flatten,
-    identity,
-    kinds_of,
-    setting,
 )
+from granpinn.config.settings import LEVELS, Config, Level, identity
 
 __all__ = [
+    "LEVELS",
+    "RECIPES",
     "Batch",
     "Config",
     "ConfigError",
+    "Level",
     "Network",
     "Optimizer",
     "Profile",
@@ -30,6 +30,6 @@ __all__ = [
     "Weights",
     "flatten",
     "identity",
-    "kinds_of",
     "setting",
+    "settings_of",
 ]

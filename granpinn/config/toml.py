@@ -1,57 +1,15 @@
-"""Settings as text: values of the command line, and TOML files.
-
-The word `none` stands for "no value", in TOML too, which has no word of its own for it.
-"""
+"""Settings as TOML files, in which the word "none" stands for no value."""
 
 from __future__ import annotations
 
 import json
-import math
 import tomllib
-import types
-import typing
 from pathlib import Path
 from typing import Any
 
-from granpinn.config.settings import Config, ConfigError, flatten, kinds_of
-
-NONE = "none"
-
-
-def convert(value: Any, kind: Any, name: str) -> Any:
-    """`value`, text or a TOML value, as `kind`; `name` is for the message."""
-    if isinstance(kind, types.UnionType):
-        (inner,) = (k for k in typing.get_args(kind) if k is not types.NoneType)
-        return None if value in (None, NONE) else convert(value, inner, name)
-    if typing.get_origin(kind) is typing.Literal:
-        choices = typing.get_args(kind)
-        if value not in choices:
-            raise _wrong(name, f"one of {', '.join(choices)}", value)
-        return value
-    if typing.get_origin(kind) is tuple:
-        items = value.strip("[]() ").split(",") if isinstance(value, str) else value
-        if not isinstance(items, list | tuple):
-            raise _wrong(name, "whole numbers separated by commas, such as 128,128", value)
-        return tuple(convert(item, typing.get_args(kind)[0], name) for item in items)
-    if kind is bool or kind is str:
-        if not isinstance(value, kind):
-            raise _wrong(name, "true or false" if kind is bool else "text", value)
-        return value
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if math.isnan(number):
-        raise _wrong(name, "a whole number" if kind is int else "a number", value)
-    if kind is float:
-        return number
-    if not number.is_integer():
-        raise _wrong(name, "a whole number", value)
-    return int(number) if abs(number) < 2**53 else int(value)
-
-
-def _wrong(name: str, expected: str, value: Any) -> ConfigError:
-    return ConfigError(f"{name} must be {expected}, got {value!r}")
+from granpinn.config.fields import ConfigError, flatten, settings_of, without_none
+from granpinn.config.settings import Config
+from granpinn.config.values import NONE, typed
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -62,7 +20,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path} does not exist: --config expects a TOML file") from None
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} could not be read as TOML: {error}") from None
-    kinds = kinds_of(Config)
+    known = settings_of(Config)
     values: dict[str, Any] = {}
     for key, value in content.items():
         if isinstance(value, dict):
@@ -70,14 +28,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         else:
             values[key] = value
     for key, value in values.items():
-        if key not in kinds:
+        if key not in known:
             raise ConfigError(f"{path} has the unknown setting {key}: --help lists them all")
-        values[key] = convert(value, kinds[key], f"{path}: {key}")
+        _, optional = without_none(known[key].kind)
+        value = None if optional and value == NONE else value
+        values[key] = typed(value, known[key].kind, f"{path}: {key}")
     return values
 
 
 def to_toml(config: Config) -> str:
-    """The TOML text that `read_toml` and `build` turn into the same Config."""
+    """The TOML text that `Config(**read_toml(path))` takes again."""
     lines = ["# Settings of this run; python -m granpinn.train --config FILE takes them again."]
     section = ""
     for key, value in flatten(config).items():

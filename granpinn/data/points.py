@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from granpinn.config import LEVELS
 from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
 from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-LEVELS = ("V0", "V1", "V2")
 # In the toe the layer is thinner than this many grains and p = 0 does not hold.
 TOE_GRAINS = 2.0
 # Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any

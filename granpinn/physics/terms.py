@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from granpinn.physics.scales import Quantity
+
+Form = Literal["mixed", "strong"]  # residual: stress as an unknown, or the paper's
+FORMS: tuple[Form, ...] = get_args(Form)
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,7 @@ class Term:
     quantity: Quantity
     sigma: float
     help: str
-    forms: tuple[str, ...] = ("mixed", "strong")
+    forms: tuple[Form, ...] = FORMS
 
 
 TERMS: tuple[Term, ...] = (

@@ -21,15 +21,15 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.atomic import atomic_path
+from granpinn.config import LEVELS
 from granpinn.data import Truth
+from granpinn.physics.terms import FORMS
 from granpinn.results.decoding import decode
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.records import ErrorBars, ErrorPercent, Members, Residuals, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 1
-LEVELS = ("V0", "V1", "V2")
-FORMS = ("mixed", "strong")
 PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
 SIMULATED = ("pressure_simulated", "pressure_simulated_flowing", "pressure_simulated_stagnant")
 FIELD_ERRORS = ("velocity", *PRESSURES, *SIMULATED)

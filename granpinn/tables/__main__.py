@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from granpinn.command.arguments import metavar_of
 from granpinn.command.exit_codes import exit_code
 from granpinn.command.parser import Parser
-from granpinn.config import Config, ConfigError
-from granpinn.config.recipes import build
+from granpinn.config import LEVELS, Config, ConfigError, settings_of
+from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml
+from granpinn.config.values import convert
 from granpinn.data import Flow
 from granpinn.identification.case import choose_device
 from granpinn.tables import flows, output, study
@@ -36,16 +38,8 @@ EXAMPLES = """examples:
       the paper's own method, with fewer steps
   python -m granpinn.tables cases --out own --noise 0 0.02 --seeds 20
       any folder of flow files"""
-# Settings of granpinn.train that are here too, and what converts them.
-PASSED = {
-    "recipe": str,
-    "device": str,
-    "steps": int,
-    "max_time": float,
-    "dtype": str,
-    "seed": int,
-    "members": int,
-}
+# Settings of granpinn.train that are flags here too.
+PASSED = ("recipe", "device", "steps", "max_time", "dtype", "seed", "members")
 
 
 @dataclass(frozen=True)
@@ -92,8 +86,8 @@ def parse(argv: Sequence[str]) -> Request:
         "largest speed (default 0 0.2 0.8 for the six regimes, 0 for flow files)")  # fmt: skip
     add("--noise-on", choices=("reference", "all"), default="reference", help="noise on the "
         "paper's case (0.6, 0.84) alone, if there, or on all (default reference)")  # fmt: skip
-    add("--level", nargs="+", metavar="LEVEL", help="V0, V1, V2: what is measured, a batch for "
-        "each (default V1; V2 with --recipe paper)")  # fmt: skip
+    add("--level", nargs="+", metavar="LEVEL", help=f"{', '.join(LEVELS)}: what is measured, a "
+        "batch for each (default V1; V2 with --recipe paper)")  # fmt: skip
     add("--seeds", type=int, default=5, metavar="N", help="trainings of each case (default 5)")
     add("--cells", type=int, default=512, metavar="N", help="cells across the box of a simulation "
         "(default 512, as in the paper)")  # fmt: skip
@@ -102,9 +96,9 @@ def parse(argv: Sequence[str]) -> Request:
     add("--I0", type=float, metavar="X", help="I0 for all (default: that of each flow file)")
     add("--config", type=Path, metavar="FILE.toml", help="settings of granpinn.train; flags win")
     add("--resume", action="store_true", help="continue the run in --out")
-    for name, kind in PASSED.items():
-        flag = f"--{name.replace('_', '-')}"
-        add(flag, dest=name, type=kind, metavar=kind.__name__.upper(), help="as in granpinn.train")
+    for name in PASSED:
+        metavar = metavar_of(settings_of(Config)[name])
+        add(flag_of(name), dest=name, metavar=metavar, help="as in granpinn.train")
     return _request(parser.parse_args(argv))
 
 
@@ -112,13 +106,14 @@ def _request(given: argparse.Namespace) -> Request:
     values = {"simulated_pressure.frames": CLOSED_FRAMES} | (
         read_toml(given.config) if given.config else {}
     )
-    passed = {name: getattr(given, name) for name in PASSED}
-    values |= {name: value for name, value in passed.items() if value is not None}
+    for name in PASSED:
+        if (text := getattr(given, name)) is not None:
+            values[name] = convert(text, settings_of(Config)[name].kind, flag_of(name))
     I0 = values.get("I0") if given.I0 is None else given.I0
     values |= {"resume": given.resume, "noise": 0.0}
     if given.level is not None:
         values["level"] = given.level[0]
-    config = build(values)
+    config = Config(**values)
     levels = [dataclasses.replace(config, level=name).level for name in given.level or ()]
     if len(set(levels)) < len(levels):
         raise ConfigError(f"--level must be levels that differ, got {' '.join(levels)}")

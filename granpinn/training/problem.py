@@ -68,7 +68,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
 
 def _term_weights(config: Config, scales: Scales) -> list[float]:
     """1/sigma^2 of every term, dimensionless."""
-    sigmas = [getattr(config.weights, f"sigma_{name}") for name in TERMS]
+    sigmas = [config.weights.sigma(name) for name in TERMS]
     if config.weights.units == "file":
         force = scales.pressure / scales.length
         units = (scales.velocity, scales.pressure, force, 1 / scales.time, 1 / scales.time)

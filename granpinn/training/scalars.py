@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Rheology
+from granpinn.physics.laws import DEFAULT
 
 _DRAW = (0.05, 0.95)  # range of a start that is drawn at random
 
@@ -38,11 +39,12 @@ class Scalars:
 
 
 def _first_q(start: Rheology, seed: int) -> list[float]:
-    mu_s, mu_2 = start.mu_s, start.mu_2
-    if mu_s is None or mu_2 is None:
+    if start.start is None and start.random_start:
         generator = torch.Generator().manual_seed(seed)
         draws = torch.rand(2, dtype=torch.float64, generator=generator)
         mu_s, mu_2 = sorted((_DRAW[0] + (_DRAW[1] - _DRAW[0]) * draws).tolist())
+    else:
+        mu_s, mu_2 = start.start or [p.start for p in DEFAULT.parameters if not p.fixed]
     if start.variables == "log":
         return [math.log(mu_s), math.log(mu_2 - mu_s)]
     return [math.log(mu / (1 - mu)) for mu in (mu_s, mu_2)]

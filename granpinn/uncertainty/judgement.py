@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from granpinn.config import Config, flatten
-from granpinn.config.recipes import build
 from granpinn.results import Covariance, Parameter
 from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
 from granpinn.uncertainty import calibration, error_bars
@@ -17,7 +16,7 @@ TOO_LITTLE = (
     "errors as large as the values"
 )
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
+STARTS = ("rheology.start", "rheology.random_start")  # they do not matter (docs/method.md)
 
 
 class Judgement(NamedTuple):
@@ -58,7 +57,7 @@ def judge(
 
 def uncalibrated(config: Config) -> list[str]:
     """The settings that are others than those which the calibration table was made with."""
-    usual = flatten(build({}))
+    usual = flatten(Config())
     fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
     changed = [key for key in fixed if flatten(config)[key] != usual[key]]
     return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])

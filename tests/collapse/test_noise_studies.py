@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench import inertial_study, noise_study
-from granpinn.config import Config, ConfigError, recipes
+from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
 from granpinn.results import Parameter, Parameters, Result, plain
 from granpinn.results.findings import Loss
@@ -36,7 +36,7 @@ NO_BOUND = {"mu_s_percent": None, "mu_2_percent": None}  # where J has no inform
 
 
 def tiny() -> Config:
-    return recipes.make(
+    return Config(
         steps=20, network__widths=(6, 5), batch__interior=16, batch__surface=4, device="cpu"
     )
 
@@ -121,7 +121,7 @@ def test_the_estimate_of_I0_is_the_vertex_of_every_draw() -> None:
 def test_the_study_of_I0_has_a_verdict_and_ratios(tmp_path: Path) -> None:
     config = inertial_study.settings(["--steps", "20", "--batch.interior", "16"], 3, 2.0)
     assert (config.profile.values, config.optimizer.average) == (3, 0.2)
-    small = recipes.replace(config, network__widths=(6, 5), batch__surface=4, device="cpu")
+    small = replace(config, network__widths=(6, 5), batch__surface=4, device="cpu")
     found = inertial_study.study([FLOW], small, 0.02, 2)
     (row,) = found["rows"]
     assert (row["draws"], found["trainings"]) == (2, 6)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from granpinn.config import recipes
+from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import simulated_fields
@@ -119,7 +119,7 @@ def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
 
 
 def test_a_time_limit_leaves_time_for_every_case() -> None:
-    config = recipes.make(max_time=1e6, members=2, simulated_pressure__frames=10)
+    config = Config(max_time=1e6, members=2, simulated_pressure__frames=10)
     one, many = (simulated_fields.kept_after_training(config, members) for members in (2, 60))
     cores = len(os.sched_getaffinity(0))
     assert one == pytest.approx(

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.config import recipes
+from granpinn.config import Config
 from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
 from granpinn.training.control import HEALTHY
@@ -153,7 +153,7 @@ def test_steps_of_a_training(method: str, cuda_ops: ModuleType) -> None:
 
 def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
     """The state of three members after steps that were called, not captured; float64."""
-    config = recipes.make(
+    config = Config(
         steps=40,
         dtype="float64",
         network__widths=(17, 17, 9),

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn import identify, report
-from granpinn.config import recipes
+from granpinn.config import Config
 from granpinn.results import Fields, Result, read_fields, read_results
 from tests.flows import make_flow
 
@@ -35,7 +35,7 @@ class Contents(NamedTuple):
 
 def make_run(folder: Path) -> Path:
     """Identify the flow of tests.flows with a tiny network, in a fraction of a second."""
-    identify(make_flow(), recipes.make(**SETTINGS), run_dir=folder)
+    identify(make_flow(), Config(**SETTINGS), run_dir=folder)
     return folder
 
 

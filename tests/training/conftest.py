@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn.config import Config, recipes
+from granpinn.config import Config
 from granpinn.data import Flow, training_set, write_flow
 from granpinn.data.scaling import scales_of
 from granpinn.training import problem
@@ -30,7 +30,7 @@ TINY = {
 
 def tiny(**changes: Any) -> Config:
     """The default recipe on a tiny network for 40 steps, 12 of them on the velocity alone."""
-    return recipes.make(**(TINY | changes))
+    return Config(**(TINY | changes))
 
 
 def make_objective(config: Config, flow: Flow) -> Objective:

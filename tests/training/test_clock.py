@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
-from granpinn.config import Config, recipes
+from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.training import clock
 from granpinn.training import run as run_module
@@ -126,7 +127,7 @@ def test_a_resumed_run_keeps_the_plan(flow: Flow, ticking: Clock, tmp_path: Path
     run._loop = stop_at_once  # type: ignore[method-assign]
     with pytest.raises(Interrupted):
         run.train()
-    again = make(recipes.replace(limited(), resume=True))
+    again = make(replace(limited(), resume=True))
     again.train()
     assert again.training.step == run.training.schedule.total
     assert again.stopped == "max_time"

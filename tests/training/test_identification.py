@@ -14,7 +14,7 @@ import torch
 
 import granpinn
 from granpinn import results
-from granpinn.config import Config, ConfigError, recipes
+from granpinn.config import Config, ConfigError
 from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.identification import case as case_module
@@ -56,7 +56,7 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
     assert results.read_results(folder / "results.json").parameters == result.parameters
     assert result.input.name == "heap.h5"
     assert len(result.input.sha256) == 64
-    assert recipes.build(read_toml(folder / "config.toml")) == config
+    assert Config(**read_toml(folder / "config.toml")) == config
 
 
 @pytest.mark.parametrize("form", ["mixed", "strong"])
@@ -119,7 +119,7 @@ def test_a_time_limit_is_one_of_the_closing_too(
 
 
 def test_the_paper_recipe_runs(flow: Flow) -> None:
-    result = identify(flow, recipes.make("paper", steps=3, network__widths=(9, 7)))
+    result = identify(flow, Config(recipe="paper", steps=3, network__widths=(9, 7)))
     assert (result.recipe, result.form, result.level) == ("paper", "strong", "V2")
 
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from granpinn import reference
-from granpinn.config import Config, Weights, recipes
+from granpinn.config import Config, Weights
 from granpinn.data import Flow, add_noise, training_set
 from granpinn.data.scaling import scales_of
 from granpinn.kernels import ops
@@ -122,7 +122,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
 
 def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
     """The paper's loss has unit weights in the units of the data."""
-    found = posed(flow, recipes.make("paper"))
+    found = posed(flow, Config(recipe="paper"))
     scales = scales_of(flow)
     assert found.spec.input_shift == (0, 0, 0)
     assert found.spec.input_scale == (scales.length, scales.length, scales.time)

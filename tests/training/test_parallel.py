@@ -16,8 +16,7 @@ import torch
 
 from granpinn import identify, identify_many, results
 from granpinn.command.arguments import parse
-from granpinn.config import ConfigError
-from granpinn.config.recipes import make
+from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
@@ -76,11 +75,11 @@ import json, sys
 from pathlib import Path
 from granpinn import identify_many
 from granpinn.training import parallel
-from granpinn.config.recipes import make
+from granpinn.config import Config
 if __name__ == "__main__":
     flow, folder, changes = sys.argv[1:]
     with parallel.joined() as rank:
-        found = identify_many([flow] * 3, make(**json.loads(changes)), [0, 1, 2], run_dir=folder)
+        found = identify_many([flow] * 3, Config(**json.loads(changes)), [0, 1, 2], run_dir=folder)
         values = [result.parameters.mu_s.value for result in found]
         Path(f"{folder}.{rank}").write_text(json.dumps(values))
 """
@@ -96,7 +95,7 @@ def test_members_are_spread_over_processes(flow_file: Path, tmp_path: Path) -> N
     before = torch.get_num_threads()
     torch.set_num_threads(1)  # as in the processes: the last-layer step adds up in their order
     try:
-        alone = identify_many([flow_file] * 3, make(**changes), [0, 1, 2])
+        alone = identify_many([flow_file] * 3, Config(**changes), [0, 1, 2])
     finally:
         torch.set_num_threads(before)
     expected = [result.parameters.mu_s.value for result in alone]

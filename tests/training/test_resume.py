@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from granpinn.config import Config, recipes
+from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.guard import Interrupted
@@ -28,7 +28,7 @@ CONFIGS: dict[str, dict[str, Any]] = {
 def config_of(name: str) -> Config:
     changes = dict(CONFIGS[name])
     if recipe := changes.pop("recipe", None):
-        return recipes.make(recipe, steps=40, log_every=5, **changes)
+        return Config(recipe=recipe, steps=40, log_every=5, **changes)
     return tiny(**changes)
 
 
@@ -69,7 +69,7 @@ def test_resuming_at_ten_random_steps_changes_no_bit(
     for step in random.Random(seed).sample(range(1, 40), 10):
         folder = tmp_path / f"at {step}"
         interrupted_at(step, make_run(config, flow, folder))
-        resumed = make_run(recipes.replace(config, resume=True), flow, folder)
+        resumed = make_run(dataclasses.replace(config, resume=True), flow, folder)
         resumed.train()
         expected = whole.training.tensors()
         for key, tensor in resumed.training.tensors().items():
@@ -90,7 +90,7 @@ def test_a_chain_of_interruptions_changes_no_bit(flow: Flow, tmp_path: Path) -> 
     whole = make_run(config, flow)
     whole.train()
     interrupted_at(6, make_run(config, flow, tmp_path / "run"))
-    again = recipes.replace(config, resume=True)
+    again = dataclasses.replace(config, resume=True)
     for step in (7, 13, 31):
         interrupted_at(step, make_run(again, flow, tmp_path / "run"))
     last = make_run(again, flow, tmp_path / "run")

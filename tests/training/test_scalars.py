@@ -37,13 +37,13 @@ def make(variables: Any, E: int = 1, **start: Any) -> Scalars:
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_they_start_where_they_should(variables: str) -> None:
     expected = torch.tensor([[0.3, 0.7, 0.25]] * 2, dtype=torch.float64)
-    torch.testing.assert_close(make(variables, 2, mu_s=0.3, mu_2=0.7).theta, expected)
+    torch.testing.assert_close(make(variables, 2, start=(0.3, 0.7)).theta, expected)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_gradients_are_pulled_back_to_them(variables: str) -> None:
     """The first moment after one step is (1 - beta_1) d loss / d q."""
-    scalars = make(variables, 2, mu_s=0.3, mu_2=0.7)
+    scalars = make(variables, 2, start=(0.3, 0.7))
     q = scalars.values.clone().requires_grad_()
     weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
     (weights * scalars.law(q)).sum().backward()
@@ -74,7 +74,7 @@ def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
 
 
 def test_a_random_start_is_a_function_of_the_seed() -> None:
-    start = Rheology(variables="sigmoid", mu_s=None, mu_2=None)
+    start = Rheology(variables="sigmoid", random_start=True)
     draws = Scalars(start, [0.3] * 3, (1, 1, 2), LIKE).theta[:, :2]
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])

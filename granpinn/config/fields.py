@@ -1,0 +1,150 @@
+"""A setting is a dataclass field that states its default, its help, its range and its choices.
+
+Command line, TOML files, checks and messages read them from there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import types
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+TINY = 1e-30  # least positive number: float32 would round a much smaller one to 0
+
+
+class ConfigError(ValueError):
+    """A setting is missing, unknown or impossible; the message is one sentence."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the field of a setting states.
+
+    Attributes:
+        kind: its type, such as `tuple[int, ...]` or `float | None`.
+        default: its value in the default recipe.
+        help: the sentence that explains it.
+        low, high: range of a number, or of each number of a tuple; high None: any finite one.
+        positive: a number must be above 0.
+        choices: the values that it may have; (): all of its type.
+        free: a resumed run may have another value, since it changes no number of the training.
+    """
+
+    kind: Any
+    default: Any
+    help: str
+    low: float
+    high: float | None
+    positive: bool
+    choices: tuple[Any, ...]
+    free: bool
+
+    def check(self, value: Any, name: str) -> None:
+        """Refuses a value outside of the choices or the range; `name` is for the message."""
+        if self.choices and value not in self.choices:
+            raise ConfigError(f"{name} must be {self.range_text}, got {value!r}")
+        numbers = value if isinstance(value, tuple) else (value,)
+        if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
+            raise ConfigError(
+                f"{name} must be {self.range_text}, got {_text(value)}: python -m granpinn.train "
+                "--help explains it"
+            )
+
+    def _holds(self, x: float) -> bool:
+        above = x >= (max(self.low, TINY) if self.positive else self.low)
+        return above and (math.isfinite(x) if self.high is None else x <= self.high)
+
+    @property
+    def range_text(self) -> str:
+        """The choices or the range in words."""
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        if self.high is None or math.isinf(self.high):
+            if self.positive:
+                return "positive"
+            return "finite" if math.isinf(self.low) else f"at least {self.low:g}"
+        if self.positive:
+            return f"positive and at most {self.high:g}"
+        return f"in [{self.low:g}, {self.high:g}]"
+
+
+def setting(
+    default: Any,
+    help: str,
+    *,
+    low: float = -math.inf,
+    high: float | None = None,
+    positive: bool = False,
+    choices: tuple[Any, ...] = (),
+    free: bool = False,
+) -> Any:
+    """A dataclass field that is a setting; `Setting` explains the arguments.
+
+    The values of a Literal type are its choices without being written again.
+    """
+    stated = {"low": low, "high": high, "positive": positive, "choices": choices, "free": free}
+    return field(default=default, metadata={"help": help, **stated})
+
+
+def section(kind: type, *, free: bool = False) -> Any:
+    """A dataclass field that is a group of settings; `free` holds for all of them."""
+    return field(default_factory=kind, metadata={"free": free})
+
+
+@functools.cache
+def sections_of(cls: type) -> dict[str, type]:
+    """{"network": Network, ...}: the fields of a dataclass that are groups of settings."""
+    kinds = get_type_hints(cls)
+    return {
+        f.name: kind
+        for f in dataclasses.fields(cls)
+        if isinstance(kind := kinds[f.name], type) and dataclasses.is_dataclass(kind)
+    }
+
+
+@functools.cache
+def settings_of(cls: type) -> dict[str, Setting]:
+    """{"network.widths": Setting(...), ...}: every setting of a dataclass by its dotted name."""
+    kinds, sections = get_type_hints(cls), sections_of(cls)
+    found: dict[str, Setting] = {}
+    for f in dataclasses.fields(cls):
+        if f.name in sections:
+            for name, stated in settings_of(sections[f.name]).items():
+                free = stated.free or f.metadata["free"]
+                found[f"{f.name}.{name}"] = dataclasses.replace(stated, free=free)
+            continue
+        kind = kinds[f.name]
+        found[f.name] = Setting(kind, f.default, **f.metadata)
+        if get_origin(kind) is Literal:
+            found[f.name] = dataclasses.replace(found[f.name], choices=get_args(kind))
+    return found
+
+
+def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
+    """{"network.widths": (128, 128, 128), ...}: the value of every setting by its dotted name."""
+    flat: dict[str, Any] = {}
+    for f in dataclasses.fields(config):
+        value = getattr(config, f.name)
+        nested = dataclasses.is_dataclass(value)
+        flat |= flatten(value, f"{prefix}{f.name}.") if nested else {prefix + f.name: value}
+    return flat
+
+
+def flag_of(key: str) -> str:
+    """The flag of a setting: `max_time` is --max-time; names inside a section stay as they are."""
+    return "--" + (key if "." in key else key.replace("_", "-"))
+
+
+def without_none(kind: Any) -> tuple[Any, bool]:
+    """(T, True) for the type `T | None`, (T, False) for the type T."""
+    if not isinstance(kind, types.UnionType):
+        return kind, False
+    (inner,) = (k for k in get_args(kind) if k is not types.NoneType)
+    return inner, True
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)

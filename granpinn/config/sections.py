@@ -1,0 +1,198 @@
+"""The groups of settings.
+
+Quantities are dimensionless (length H0, velocity sqrt(g H0), ...; granpinn/physics/scales.py)
+unless the help of a field says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, make_dataclass
+from typing import Any, Literal
+
+from granpinn.config.fields import setting
+from granpinn.physics.terms import TERMS
+
+
+@dataclass(frozen=True)
+class Network:
+    """The network (x, y, t) -> fields."""
+
+    widths: tuple[int, ...] = setting((128, 128, 128, 128), "widths of the hidden layers")
+    initialization: Literal["wide", "glorot_uniform"] = setting(
+        "wide",
+        "first parameters: wide (first layer of unit variance, hidden gain 1.4) or Glorot uniform",
+    )
+    units: Literal["scaled", "file"] = setting(
+        "scaled",
+        "units of inputs and outputs: scaled (inputs in [-1, 1], outputs of order 1), or those of "
+        "the flow file",
+    )
+    pressure_scale: float = setting(
+        0.2, "pressure of an output of 1, in scaled units", positive=True
+    )
+
+
+@dataclass(frozen=True)
+class Rheology:
+    """The parameters of the friction law as unknowns."""
+
+    variables: Literal["log", "sigmoid"] = setting(
+        "log",
+        "what is optimised in place of a parameter: its logarithm, as the law states it (log), or "
+        "the argument of a sigmoid, which keeps it between 0 and 1",
+    )
+    start: tuple[float, ...] | None = setting(
+        None,
+        "start values of the free parameters of the law, in its order; none: those of the law",
+        positive=True,
+    )
+    random_start: bool = setting(
+        False, "draw the start values at random where rheology.start gives none"
+    )
+    p_floor: float = setting(1e-6, "smallest pressure in I = d gamma_dot / sqrt(p)", positive=True)
+
+
+_Sigmas: Any = make_dataclass(
+    "_Sigmas",
+    [
+        (f"sigma_{term.name}", float, setting(term.sigma, term.help, low=1e-9, high=math.inf))
+        for term in TERMS
+    ],
+    frozen=True,
+)
+
+
+@dataclass(frozen=True)
+class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
+    """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
+
+    units: Literal["dimensionless", "file"] = setting(
+        "dimensionless", "units of the sigmas: dimensionless, or those of the flow file"
+    )
+    noise_part: float = setting(
+        0.045,
+        "sigma_velocity rises to at least this part of the misfit left by the pre-fit",
+        low=0,
+        high=1,
+    )
+    noise_rise: float = setting(
+        0.6,
+        "part of the stage after the pre-fit in which sigma_velocity rises",
+        low=1e-6,
+        high=1,
+    )
+
+    def sigma(self, term: str) -> float:
+        """The standard deviation of a term of the loss, by its name."""
+        return float(getattr(self, f"sigma_{term}"))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Points of one step, drawn with replacement as a function of (seed, step)."""
+
+    interior: int = setting(2048, "points inside the grains", low=1, high=2**31)
+    surface: int = setting(128, "points on the free surface", low=0, high=2**31)
+    collocation: float = setting(
+        1.0,
+        "random points between the vectors of a grid, for the equations alone, per vector",
+        low=0,
+        high=100,
+    )
+
+
+@dataclass(frozen=True)
+class Optimizer:
+    """How the loss is minimised."""
+
+    method: Literal["adam", "muon"] = setting(
+        "muon", "adam everywhere, or Muon on the hidden matrices and adam elsewhere"
+    )
+    learning_rate: float = setting(2e-3, "learning rate of adam", low=0, high=1e3)
+    muon_learning_rate: float = setting(2e-2, "learning rate of Muon", low=0, high=1e3)
+    scalars_learning_rate: float = setting(
+        5e-3, "learning rate of the parameters of the friction law", low=0, high=1e3
+    )
+    decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
+    final_fraction: float = setting(
+        0.0, "every learning rate at the end, relative to its peak", low=0, high=1
+    )
+    warm_up: float = setting(
+        0.017, "part of each stage in which learning rates rise from 0", low=0, high=0.5
+    )
+    prefit: float = setting(
+        0.25, "part of the run, at its start, that fits the velocity alone", low=0, high=1
+    )
+    prefit_final_fraction: float = setting(
+        0.1, "the same as final_fraction for the pre-fit", low=0, high=1
+    )
+    average: float = setting(
+        0.0, "part of the run, at its end, whose parameters are averaged", low=0, high=1
+    )
+    beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=1)
+    epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
+    momentum: float = setting(0.95, "momentum of Muon", low=0, high=1)
+    last_layer: bool = setting(
+        True, "end with a Gauss-Newton step in the last layer and the friction law (mixed form)"
+    )
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
+
+    values: int = setting(
+        7,
+        "number of values of I0, evenly spaced in log I0 around that of --I0",
+        low=3,
+        high=99,
+    )
+    reach: float = setting(
+        4.0,
+        "largest I0 is this factor above --I0, the least one this factor below",
+        low=1.01,
+        high=1e3,
+    )
+    seeds: int = setting(
+        3,
+        "trainings at each value; their scatter is the uncertainty of a loss",
+        low=2,
+        high=999,
+    )
+    law_accuracy: float = setting(
+        0.005,
+        "two laws count as equal if they differ by less over the I of the data",
+        low=0,
+        high=1,
+    )
+
+
+@dataclass(frozen=True)
+class SimulatedPressure:
+    """The pressure of a simulation, where the grains are at rest."""
+
+    frames: int = setting(
+        25,
+        "times at which a simulation gives the pressure where the grains are at rest; 0: none",
+        low=0,
+        high=10000,
+    )
+    cells: int | None = setting(
+        None,
+        "cells across its box; none: those of the solver or of the data, at most 512",
+        low=32,
+        high=8192,
+    )
+
+
+@dataclass(frozen=True)
+class Resimulation:
+    """The simulation that --resimulate compares with the data."""
+
+    cells: int | None = setting(
+        None,
+        "cells across the box; none: the grid of the data, at most",
+        low=32,
+        high=8192,
+    )

@@ -1,0 +1,81 @@
+"""Values of settings: their types, and how text becomes a value."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+from typing import Any, Literal, get_args, get_origin
+
+from granpinn.config.fields import ConfigError, without_none
+
+NONE = "none"  # "no value" in text, and in TOML, which has no word for it
+
+
+def typed(value: Any, kind: Any, name: str) -> Any:
+    """`value` as `kind`: a list becomes a tuple, an int a float.
+
+    ConfigError where it has another type; `name` is for the message.
+    """
+    kind, optional = without_none(kind)
+    if optional and value is None:
+        return None
+    if get_origin(kind) is tuple:
+        if not isinstance(value, list | tuple):
+            raise _wrong(name, kind, value)
+        return tuple(typed(item, get_args(kind)[0], name) for item in value)
+    if get_origin(kind) is Literal:
+        fits = value in get_args(kind)
+    elif kind in (int, float):
+        number = isinstance(value, Integral if kind is int else Real)
+        fits = number and not isinstance(value, bool) and not math.isnan(value)
+        value = kind(value) if fits else value
+    else:
+        fits = isinstance(value, kind)
+    if not fits:
+        raise _wrong(name, kind, value)
+    return value
+
+
+def convert(text: str | bool, kind: Any, name: str) -> Any:
+    """The value of type `kind` that `text` stands for; `name` is for the message of ConfigError.
+
+    A flag without a value comes as True, and stays so.
+    """
+    inner, optional = without_none(kind)
+    if optional and text == NONE:
+        return None
+    if isinstance(text, bool):
+        return typed(text, inner, name)
+    if get_origin(inner) is tuple:
+        item = get_args(inner)[0]
+        return tuple(convert(word, item, name) for word in text.strip("[]() ").split(","))
+    value: Any = text
+    try:
+        if inner is float:
+            value = float(text)
+        elif inner is int:
+            value = _whole(text)
+    except (ValueError, OverflowError):
+        pass  # `typed` refuses the text
+    return typed(value, inner, name)
+
+
+def _whole(text: str) -> int:
+    """The integer of "40000" or "4e4"."""
+    number = float(text)
+    if not number.is_integer():
+        raise ValueError
+    return int(number) if abs(number) < 2**53 else int(text)
+
+
+def _wrong(name: str, kind: Any, value: Any) -> ConfigError:
+    if get_origin(kind) is tuple:
+        whole = get_args(kind)[0] is int
+        expected = "whole numbers separated by commas, such as 128,128"
+        expected = expected if whole else "numbers separated by commas, such as 0.3,0.6"
+    elif get_origin(kind) is Literal:
+        expected = f"one of {', '.join(get_args(kind))}"
+    else:
+        words = {bool: "true or false", str: "text", int: "a whole number", float: "a number"}
+        expected = words[kind]
+    return ConfigError(f"{name} must be {expected}, got {value!r}")

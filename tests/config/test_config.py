@@ -1,0 +1,181 @@
+"""Config: recipes, changes of single settings, ranges, and what decides the numbers of a run."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import pickle
+import re
+from typing import Any
+
+import pytest
+
+from granpinn.config import (
+    RECIPES,
+    Batch,
+    Config,
+    ConfigError,
+    Rheology,
+    Weights,
+    flatten,
+    identity,
+    settings_of,
+)
+from granpinn.physics.laws import LAWS
+from granpinn.physics.terms import TERMS
+
+
+def test_the_noisy_recipe_costs_half_of_the_default_one() -> None:
+    """Multiplications of a step, of the hidden layers."""
+    default, noisy = (
+        len(c.network.widths[1:]) * c.network.widths[0] ** 2 * c.batch.interior
+        for c in (Config(), Config(recipe="noisy"))
+    )
+    assert 2 * noisy == default
+
+
+def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
+    paper = Config(recipe="paper")
+    assert (paper.form, paper.level, paper.epochs, paper.steps) == ("strong", "V2", 20000, None)
+    assert paper.network.widths == (250, 250, 250)
+    assert paper.batch.interior == 512
+    assert paper.optimizer.method == "adam"
+    assert paper.optimizer.learning_rate == 5e-4
+    assert paper.optimizer.learning_rate * paper.optimizer.final_fraction == pytest.approx(1e-5)
+    assert paper.rheology == Rheology(variables="sigmoid", start=None, random_start=True)
+    assert paper.optimizer.prefit == 0
+    assert {paper.weights.sigma(term.name) for term in TERMS} == {1.0}
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_config_has_the_settings_of_its_recipe(recipe: str) -> None:
+    defaults = {key: stated.default for key, stated in settings_of(Config).items()}
+    assert flatten(Config(recipe=recipe)) == defaults | {"recipe": recipe} | RECIPES[recipe]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"level": "V1"},
+        {"batch": Batch(interior=256, surface=64)},
+        {"batch.interior": 256},
+        {"batch__interior": 256},
+        {"batch": Batch(surface=64), "batch.interior": 256},
+        {"network.widths": [8, 8], "noise": 1},
+    ],
+    ids=str,
+)
+def test_what_is_given_changes_the_recipe_and_the_rest_stays(given: dict[str, Any]) -> None:
+    found = flatten(Config(recipe="paper", **given))
+    expected = flatten(Config(recipe="paper"))
+    for name, value in given.items():
+        key = name.replace("__", ".")
+        expected |= flatten(value, "batch.") if key == "batch" else {key: value}
+    expected["batch.interior"] = given.get("batch.interior", expected["batch.interior"])
+    expected["network.widths"] = tuple(expected["network.widths"])
+    assert found == expected
+
+
+def test_replace_changes_one_setting_and_keeps_the_others() -> None:
+    config = Config(recipe="paper", level="V1", batch__interior=256)
+    changed = dataclasses.replace(config, seed=3)
+    assert flatten(changed) == flatten(config) | {"seed": 3}
+    narrow = dataclasses.replace(config, **{"network.widths": (8,)})
+    assert flatten(narrow) == flatten(config) | {"network.widths": (8,)}
+
+
+def test_replace_does_not_rename_the_recipe() -> None:
+    for config in (Config(), dataclasses.replace(Config(), seed=3), copy.deepcopy(Config())):
+        with pytest.raises(ConfigError, match=re.escape("Config(recipe='paper')")):
+            dataclasses.replace(config, recipe="paper")
+
+
+def test_a_config_survives_pickling() -> None:
+    config = Config(recipe="paper", seed=3)
+    assert pickle.loads(pickle.dumps(config)) == config  # noqa: S301
+    assert dataclasses.asdict(config).keys() == {f.name for f in dataclasses.fields(Config)}
+
+
+def test_every_term_of_the_loss_has_a_sigma() -> None:
+    for term in TERMS:
+        stated = settings_of(Config)[f"weights.sigma_{term.name}"]
+        assert (stated.default, stated.help) == (term.sigma, term.help)
+        assert Weights(**{f"sigma_{term.name}": 7.0}).sigma(term.name) == 7.0
+
+
+def test_every_law_is_a_choice() -> None:
+    stated = settings_of(Config)["law"]
+    assert stated.choices == tuple(LAWS)
+    assert all(law.title in stated.help for law in LAWS.values())
+
+
+BAD = {
+    "choice": ({"form": "weak"}, "--form must be one of mixed, strong, got 'weak'"),
+    "recipe": ({"recipe": "best"}, "--recipe must be one of default, noisy, paper, got 'best'"),
+    "no recipe": ({"recipe": ["paper"]}, "--recipe must be one of"),
+    "law": ({"law": "tresca"}, "--law must be one of mu_of_i, coulomb, got 'tresca'"),
+    "unknown": ({"stepz": 3}, "unknown setting stepz"),
+    "unknown in a section": ({"network__depth": 3}, "unknown setting network.depth"),
+    "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch, got 512"),
+    "text": ({"steps": "3"}, "--steps must be a whole number, got '3'"),
+    "fraction": ({"steps": 2.5}, "--steps must be a whole number, got 2.5"),
+    "none": ({"seed": None}, "--seed must be a whole number, got None"),
+    "truth value": ({"I0": True}, "--I0 must be a number, got True"),
+    "in a section": ({"batch": Batch(interior=0)}, "--batch.interior must be in [1, "),
+    "flag": ({"max_time": 0.5}, "--max-time must be at least 1, got 0.5"),
+    "not finite": ({"I0": math.inf}, "--I0 must be positive, got inf"),
+    "underflow": ({"rheology.p_floor": 1e-40}, "--rheology.p_floor must be positive"),
+    "too few starts": ({"rheology.start": (0.3,)}, "one value for each free parameter"),
+    "start of another law": (
+        {"law": "coulomb", "rheology.start": (0.3, 0.6)},
+        "of the law coulomb, mu_s, got 0.3,0.6",
+    ),
+    "order": ({"rheology.start": (0.7, 0.6)}, "mu_2 must be larger than mu_s, got 0.7,0.6"),
+    "negative start": ({"rheology.start": (-0.1, 0.6)}, "--rheology.start must be positive"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_an_impossible_setting_is_refused_in_one_sentence(case: str) -> None:
+    given, expected = BAD[case]
+    for make in (Config, lambda **changes: dataclasses.replace(Config(), **changes)):
+        if "recipe" in given and make is not Config:
+            continue
+        with pytest.raises(ConfigError, match=re.escape(expected)) as error:
+            make(**given)
+        assert "\n" not in str(error.value)
+
+
+def test_numbers_of_other_libraries_become_plain_ones() -> None:
+    np = pytest.importorskip("numpy")
+    config = Config(seed=np.int64(3), noise=np.float32(0.5), steps=1000, I0=1)
+    assert [type(x) for x in (config.seed, config.noise, config.I0)] == [int, float, float]
+
+
+@pytest.mark.parametrize(
+    ("changes", "same"),
+    [
+        ({"out": "elsewhere", "resume": True, "checkpoint_every": 1.0}, True),
+        ({"seed": 1}, False),
+        ({"law": "coulomb"}, False),
+        ({"network__widths": (3,)}, False),
+        ({"weights__sigma_surface": float("inf")}, False),
+    ],
+)
+def test_the_identity_of_a_run_is_what_decides_its_numbers(
+    changes: dict[str, Any], same: bool
+) -> None:
+    assert (identity(Config(**changes)) == identity(Config())) is same
+
+
+def test_the_identity_has_every_setting_but_the_free_ones() -> None:
+    missing = flatten(Config()).keys() - identity(Config()).keys()
+    after_training = {
+        *("free_I0", "profile.values", "profile.reach", "profile.seeds", "profile.law_accuracy"),
+        *("resimulate", "resimulation.cells"),
+        *("simulated_pressure.frames", "simulated_pressure.cells"),
+    }
+    assert missing == after_training | {
+        *("flow", "out", "resume", "tensorboard", "checkpoint_every", "max_time")
+    }
