@@ -12,8 +12,7 @@ struct Coulomb {
   template <class R>
   struct Jet {  // mu(I) and I mu'(I)
     R mu, I_dmu;
-    GRANPINN_HD Jet(const R&, const R (&theta)[parameters])
-        : mu(theta[0]), I_dmu(scalar_t<R>(0)) {}
+    GRANPINN_HD Jet(const R&, const R (&theta)[parameters]) : mu(theta[0]), I_dmu(scalar_t<R>(0)) {}
   };
 
   template <class R>
