@@ -1,4 +1,4 @@
-"""Root attributes: numbers and fixed-length strings, with a check of their size before they are read."""
+"""Root attributes: numbers and fixed-length strings, whose size is checked before reading."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Attributes:
             return tuple(value.ravel().tolist())
 
     def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
-        """All scalar numbers and fixed-length strings besides the known ones; others are ignored."""
+        """All scalar numbers and fixed-length strings except the known ones."""
         names: list[str] = []
         with damage("the list of attributes"):
             count = h5a.get_num_attrs(self._group)
