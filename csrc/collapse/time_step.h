@@ -14,8 +14,8 @@
 // error by three per step for all of them.
 //
 // The old pressure gradient enters as the acceleration grad p_old / rho_old with the old density,
-// because with the new one it would be wrong at a face that the grains have just reached. Gravity is
-// reduced by the weight of the air: p = 0 is then exact on open sides beside air at rest.
+// because with the new one it would be wrong at a face that the grains have just reached. Gravity
+// is reduced by the weight of the air: p = 0 is then exact on open sides beside air at rest.
 #pragma once
 
 #include "advection.h"
