@@ -144,7 +144,7 @@ def _truth(flow: Flow) -> tuple[float, float, float]:
     values = (truth.mu_s, truth.mu_2, truth.I0)
     if not all(values):
         raise ConfigError(f"{flow.path} must have true_mu_s, true_mu_2 and true_I0, got none")
-    return values  # type: ignore[return-value]
+    return values
 
 
 def with_bounds(

@@ -88,7 +88,7 @@ def study(tasks: Sequence[Task], config: Config, draws: int) -> dict[str, Any]:
         [task.flow for task in many],
         config,
         [config.seed + k for _ in tasks for k in range(draws)],
-        I0=[task.flow.truth.I0 for task in many],  # type: ignore[union-attr, misc]
+        I0=[task.flow.truth.I0 for task in many],  # type: ignore[union-attr]
         noise=[task.noise for task in many],
         progress=Lines(),
     )

@@ -1,4 +1,4 @@
-"""The command `python -m granpinn.convert`: files of a PIV or PTV program to a flow file.
+"""The command `python -m granpinn.convert`: makes a flow file of the files of a PIV or PTV program.
 
 Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
 """
@@ -50,7 +50,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
+    """Runs the command and returns its exit code."""
     try:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with warnings.catch_warnings():

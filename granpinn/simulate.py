@@ -90,7 +90,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("--figures", metavar="DIR", help="profiles and snapshots as PNG, to DIR")
     parser.add_argument("--animation", metavar="FILE.gif", help="the flow as an animated GIF")
     for field in dataclasses.fields(Collapse):
-        text = f"{field.metadata['help']} (default {field.default})".replace("%", "%%")
+        default = "" if field.default is None else f" (default {field.default})"
+        text = (field.metadata["help"] + default).replace("%", "%%")
         flag = "--" + field.name.replace("_", "-")
         parser.add_argument(flag, dest=field.name, metavar="VALUE", help=text)
     given = vars(parser.parse_args(argv))

@@ -1,7 +1,7 @@
 // The momentum advection  div(v v)  on the staggered grid, and the ghost values of velocities.
 //
-// Third-order upwind-biased interpolation (kappa = 1/3); the velocity that is given is the one
-// extrapolated to the middle of the time step, so the term is of second order in time.
+// Third-order upwind-biased interpolation (kappa = 1/3). The given velocity is extrapolated to the
+// middle of the time step, so the term is of second order in time.
 #pragma once
 
 #include <utility>
@@ -43,7 +43,7 @@ inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid&
   }
 }
 
-// Value between a and b, from the side that the flow comes from.
+// Value between a and b, interpolated with the upstream neighbour.
 inline double upwind(double velocity, double before, double a, double b, double after) {
   const double from_a = (2 * b + 5 * a - before) / 6, from_b = (2 * a + 5 * b - after) / 6;
   return velocity > 0 ? from_a : from_b;

@@ -45,9 +45,9 @@ inline void fill_pressure_ghosts(Field<double>& p, const Grid& grid) {
   }
 }
 
-// The fractions that friction sees: air in the lowest row below grains counts as grains. The toe
-// rolls over pockets of air which an incompressible gas cannot leave; it would glide on them, while
-// between real grains the air drains. Only the viscosity is concerned.
+// Volume fractions for the viscosity alone: air in the lowest row below grains counts as grains.
+// The toe rolls over pockets of air, which an incompressible gas cannot leave. It would glide on
+// them, while between real grains the air drains.
 inline void drain_floor(Field<double>& c, const Grid& grid) {
   for (int i = 0; i < grid.nx; ++i) c(i, 0) = std::max(c(i, 0), c(i, 1));
   fill_fraction_ghosts(c, grid);

@@ -1,12 +1,13 @@
-// Everything from here to the time step is compiled once per instruction set; the namespace below
-// keeps the variants apart (cmake/Simd.cmake). team.h and parameters.h are common to all.
+// Headers that include this one are compiled once per instruction set, in the namespace below
+// (cmake/Simd.cmake). team.h and parameters.h are common to all instruction sets. Of csrc/math only
+// always-inline functions may be used: the linker would share others between instruction sets.
 #pragma once
 
 #if !defined(GRANPINN_SIMD_NAMESPACE)
 #define GRANPINN_SIMD_NAMESPACE generic
 #endif
 
-// Tells the compiler that the rows which a loop reads and writes do not overlap.
+// Before a loop whose input and output rows do not overlap, so that it can be vectorised.
 #if defined(__clang__)
 #define GRANPINN_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
 #else

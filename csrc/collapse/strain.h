@@ -1,4 +1,4 @@
-// The strain rate that friction sees, at cell centers and corners.
+// The strain rate for the friction law, at cell centers and corners.
 //
 // The equations are ill-posed where
 //   C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2 > 0,   a = I mu'(I) / mu(I)

@@ -1,9 +1,8 @@
 // A few threads that share loops over grid rows.
 //
 // A loop is cut into blocks that any thread may take: on a busy machine a thread that is not
-// running delays nobody. Rows do not know who works on them and every sum is formed per row first,
-// so results do not depend on the number of threads. The module must not need an OpenMP runtime:
-// torch brings its own into the same process.
+// running delays nobody. Every sum is formed per row first, so results do not depend on the number
+// of threads. The module does not use OpenMP, because torch loads an OpenMP runtime of its own.
 #pragma once
 
 #include <atomic>

@@ -8,14 +8,14 @@
 //   p = q - 4/3 eta div v*   inside plugs                                          (friction.h)
 //
 // The last line is the rotational form of the pressure update (Timmermans, Minev, van de Vosse
-// 1996). Without it the pressure in a plug, where eta dt / (rho L^2) is large, keeps the memory of
-// thousands of steps. With constant eta, grad(2 eta div v*) is what the projection adds to the
+// 1996). Without it the pressure in a plug, where eta dt / (rho L^2) is large, takes thousands of
+// steps to relax. With constant eta, grad(2 eta div v*) is what the projection adds to the
 // viscous force; the exact factor is between 1 and 2 depending on the sides, and 4/3 contracts the
 // error by three per step for all of them.
 //
-// The old pressure gradient enters as the acceleration that it caused, grad p_old / rho_old, so
-// that a face which the grains just reached is not thrown away by it. Gravity is reduced by the
-// weight of the air: p = 0 is then exact on open sides beside air at rest.
+// The old pressure gradient enters as the acceleration grad p_old / rho_old with the old density,
+// because with the new one it would be wrong at a face that the grains have just reached. Gravity
+// is reduced by the weight of the air: p = 0 is then exact on open sides beside air at rest.
 #pragma once
 
 #include "advection.h"

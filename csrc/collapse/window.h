@@ -7,7 +7,7 @@
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
 // Number of cells in one direction: room for `occupied` cells of grains and the margin, in whole
-// chunks, unless the box ends before. A window that is little too large is left as it is.
+// chunks, at most the box. A window that is slightly too large is kept.
 inline int window_size(int occupied, int present, int box, const Parameters& s) {
   if (s.margin < 0) return box;
   const int needed = occupied + s.margin;

@@ -1,12 +1,11 @@
-"""Where the equations are asked for beside the data: points between the vectors of a grid.
+"""Collocation points between the measured vectors of a grid, at random places and times.
 
-Equations that are asked for at the vectors alone are overfitted there, so the network has to follow
-them at random places and times between the vectors too; but not between the lowest two rows. The
-layer over the ground is often thinner than that, and no vector tells what it does there: asked for
-the equations there, the network bends the law to the layer that it made up (docs/method.md,
+With residuals at the vectors alone, the network overfits the equations there. There are no points
+between the lowest two rows. The shear layer over the ground is often thinner than one row, and no
+vector lies in it: residuals there would fit the law to an arbitrary layer (docs/method.md,
 section 8).
 
-Vectors of tracked particles are at random places already.
+Tracked particles need no such points, since their vectors are at random places.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from granpinn.physics.axes import Axes, vertical_coordinate
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# Philox; the same points for every seed, so that the members of an ensemble share them.
+# Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64
 
 
 def with_collocation(
     training: TrainingSet, flow: Flow, scales: Scales, share: float
 ) -> TrainingSet:
-    """The training set of a flow with points between its vectors, `share` of them for each vector.
+    """The training set with points between its vectors, `share` of them for each vector.
 
-    As it is where share is 0, for tracked particles, and where no cell of the grid above the lowest
-    row is full of grains.
+    It is unchanged if share is 0, for tracked particles, and if no cell of the grid above the
+    lowest row is full of grains.
     """
     if flow.particles is not None:
         return training
@@ -62,10 +61,10 @@ def above_ground(grains: BoolArray, gravity: tuple[float, float]) -> BoolArray:
 def points_between(
     flow: Flow, grains: BoolArray, count: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Random x, y, t [count], in the units of the file; none where no cell is complete.
+    """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
-    A cell, in space and time, is one of the grid of the vectors whose eight corners are in `grains`
-    [T, Y, X], with a vector or without. All cells are as likely, and so are all places in one.
+    A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
+    with a vector or without. The points are uniform over all complete cells.
     """
     complete = grains
     for axis in range(3):

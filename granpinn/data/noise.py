@@ -1,4 +1,4 @@
-"""Synthetic measurement noise: additive white Gaussian, a pure function of the seed.
+"""Synthetic measurement noise: additive, white, Gaussian, and a pure function of the seed.
 
 Its standard deviation is given relative to the largest speed of the grains (for the velocity)
 and to the largest |p| on the free surface (for the pressure there). The paper speaks of noise
@@ -24,7 +24,7 @@ _STREAM_U, _STREAM_V, _STREAM_P = range(3)
 def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     """The flow with noise on u, v and the surface pressure, and with sigma_u, sigma_v to match.
 
-    Every valid vector gets the same noise whatever vectors are missing elsewhere.
+    The noise of a vector does not depend on missing vectors elsewhere.
 
     Args:
         sd: standard deviation relative to the largest speed over the grains; 0 = no noise.
@@ -73,10 +73,10 @@ def _on_particles(
 
 
 def redraw(flow: Flow, sd: float, seed: int) -> Flow:
-    """The flow with as much noise as it is known to have, once more.
+    """The flow with its known noise added a second time.
 
     Args:
-        flow: its sigma_u and sigma_v say how much the velocity has; they stay as they are.
+        flow: sigma_u and sigma_v are the noise of its velocity, and stay as they are.
         sd: of the surface pressure, relative to the largest |p| there.
         seed: 0 to 2**64 - 1.
     """
@@ -101,7 +101,7 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
 
 
 def known_sd(flow: Flow) -> float:
-    """Rms standard deviation of one velocity component, in the units of the file; 0: not known."""
+    """Rms standard deviation of one velocity component, in the units of the file; 0: unknown."""
     squares = []
     for sigma in _sigmas(flow):
         values = np.asarray(sigma, dtype=np.float64)
@@ -112,7 +112,7 @@ def known_sd(flow: Flow) -> float:
 
 
 def _sigmas(flow: Flow) -> tuple[Any, Any]:
-    """sigma_u and sigma_v of the vectors that are measured, numbers or arrays; 0: not known."""
+    """sigma_u and sigma_v of the measured vectors, numbers or arrays; 0: unknown."""
     particles = flow.particles
     own = (None, None) if particles is None else (particles.sigma_u, particles.sigma_v)
     pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)

@@ -18,7 +18,7 @@ def rms(values: Array) -> float:
 def relative_l2(predicted: Array, reference: Array) -> float | None:
     """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
 
-    None where there is nothing to compare with: no points, or a reference that is zero everywhere.
+    None without points, or if the reference is zero everywhere.
     """
     predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
     size = float(np.sum(reference**2))

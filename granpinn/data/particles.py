@@ -1,7 +1,7 @@
 """Scattered velocity vectors, one per tracked grain and time: the particle layout of a flow file.
 
 Training takes the vectors as they are. Figures and maps need a grid, so a flow of particles also
-carries a view of itself on one: cells that hold grains, and the mean velocity of those in a cell.
+has a view on a grid: cells that hold grains, and the mean velocity of the grains in a cell.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SAMPLED_FRAMES = 5
 
 @dataclass(frozen=True, eq=False)
 class GridView:
-    """What a grid shows of particles: t [T], y [Y], x [X], and u, v, c [T, Y, X] as in a Flow."""
+    """View of particles on a grid: t [T], y [Y], x [X], and u, v, c [T, Y, X] as in a Flow."""
 
     t: npt.NDArray[np.float64]
     y: npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ def grid_view(particles: Particles) -> GridView:
 
 
 def check_particles(particles: Particles) -> None:
-    """Raises FlowFileError if a value cannot be that of a measured vector."""
+    """Raises FlowFileError if a value is not finite or a standard deviation not positive."""
     for name, values in vars(particles).items():
         if values is None:
             continue
@@ -100,7 +100,7 @@ def check_particles(particles: Particles) -> None:
 
 def closed(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
-    from scipy.ndimage import binary_closing  # slow to import, and a flow on a grid needs it not
+    from scipy.ndimage import binary_closing  # slow to import, and only particles need it
 
     grown = binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
     return np.asarray(grown[3:-3, 3:-3] | occupied)

@@ -1,4 +1,4 @@
-"""The points that training and scoring use, dimensionless and in a fixed order (t, y, x)."""
+"""The points of training and scoring, dimensionless and in the order (t, y, x)."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from granpinn.physics.axes import Axes, vertical_coordinate
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# In the toe the layer is thinner than this many grains and p = 0 does not hold.
+# In the toe the layer is thinner than this many grains, and p = 0 does not hold.
 TOE_GRAINS = 2.0
 # Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
-# measurement. The same data in other units are off by 1e-16 and become the same numbers, so that
-# one training does not part from the other.
+# measurement. The same data in other units differ by 1e-16 and become the same numbers, and with
+# them the same training.
 RESOLUTION = 2.0**-24
 
 Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]]
@@ -28,7 +28,7 @@ Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """What the network is fitted to; N data points, M of the free surface, B of equations alone.
+    """Points of a training: N of the data, M of the free surface, B of the equations alone.
 
     Positions and velocities are in the axes of granpinn/physics/axes.py.
 
@@ -40,7 +40,7 @@ class TrainingSet:
             the data.
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
-        between: (x, y, t) between the data, where only the equations are asked for, [B, 3]
+        between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
             (granpinn/data/collocation.py).
     """
 
@@ -54,10 +54,10 @@ class TrainingSet:
     between: torch.Tensor
 
     def pooled(self) -> TrainingSet:
-        """The same with the B points among the others, to be drawn from like them.
+        """The training set with the B points among the data points, for the draws of batches.
 
-        They have no velocity and no weight of one; that of the data is larger by as much, so that
-        the mean over all N + B points is that over the data.
+        Their velocity has the weight 0. That of the data is larger in return, so that the mean over
+        all N + B points is the mean over the data.
         """
         N, B = len(self.points), len(self.between)
         if B == 0:
@@ -96,7 +96,7 @@ def training_set(
         dtype: of all tensors.
 
     Raises:
-        FlowFileError: the flow has not what the level needs.
+        FlowFileError: the flow lacks data that the level needs.
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
@@ -158,8 +158,8 @@ def _points(flow: Flow, scales: Scales, indices: Indices) -> npt.NDArray[np.floa
 def _samples(flow: Flow) -> Particles:
     """The vectors at t > 0, in the units of the file, those of a grid in the order (t, y, x).
 
-    t = 0 holds no solution: the pressure of the initial state is a guess. A standard deviation
-    that is the same everywhere weighs nothing and is left out.
+    Vectors at t = 0 are left out, because the pressure of the initial state is a guess. A uniform
+    standard deviation does not change the weights and is left out.
     """
     particles = flow.particles
     if particles is not None:
@@ -183,13 +183,13 @@ def _samples(flow: Flow) -> Particles:
 
 
 def _sigmas_of(flow: Flow) -> tuple[str, ...]:
-    """Names of the standard deviations, none where both are the same at all points."""
+    """Names of the standard deviations; none if both are uniform."""
     varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
     return ("sigma_u", "sigma_v") if varies else ()
 
 
 def _velocity_weights(samples: Particles) -> npt.NDArray[np.float64]:
-    """1/variance of the measurement, with mean 1; 1 everywhere where it is the same."""
+    """1/variance of the measurement, with mean 1; 1 everywhere without standard deviations."""
     if samples.sigma_u is None or samples.sigma_v is None:
         return np.ones(samples.t.size)
     variance = sum(np.square(s, dtype=np.float64) for s in (samples.sigma_u, samples.sigma_v))
@@ -230,13 +230,12 @@ def _surface(
 
 
 def outline(flow: Flow) -> Surface:
-    """Where the grains end upwards: half way between the highest grains and what is above them.
+    """The upper edge of the grains, half way between the highest grain point and the one above it.
 
-    One point for every time and place along the ground, known from the points that hold grains and
-    no better than their spacing. A point that stands for a cell of a solver (the file states
-    `grid_spacing_of_solver`) holds grains only if all of the cell does, so that they end half a
-    cell higher on average. Grains at the edge of the grid are left out: what is above them was not
-    seen.
+    It has one point for every time and place along the ground, with an error up to the spacing. A
+    point that stands for a cell of a solver (the file states `grid_spacing_of_solver`) holds grains
+    only if all of the cell does, so that the edge is half a cell higher on average. Grains at the
+    upper edge of the grid are left out, because nothing is known above them.
     """
     upright, downwards = vertical_coordinate(flow.gravity)
     grains, up, along = flow.material, flow.y, flow.x

@@ -1,4 +1,4 @@
-"""The scales and the material of a flow: what the equations need to know about it."""
+"""The scales of a flow, and the constants of its material for the equations."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Readers of measurement files, and the way from their vectors to a flow.
+"""Readers of measurement files, and the conversion of their vectors to a flow.
 
-One module per family of instruments gives `VectorFields` in the units of the file; frame.py makes
-SI of them, grains.py and surface.py find where the grains are, conversion.py puts it together.
+One module per family of instruments reads `VectorFields` in the units of the file. frame.py
+converts them to SI, grains.py and surface.py locate the grains, and conversion.py calls them all.
 """
 
 from granpinn.importers.arrays import from_arrays

@@ -1,6 +1,6 @@
 """Plain NumPy arrays: an .npz file, or a mapping in Python.
 
-t, y, x and u, v [T, Y, X]; or t, x, y, u, v [n] for scattered vectors; NaN where there is none.
+t, y, x and u, v [T, Y, X]; or t, x, y, u, v [n] for scattered vectors; NaN for no vector.
 Optional: validity (see `Validity`) or mask (true = masked out), sigma_u, sigma_v, c, p; and as text
 length_unit, time_unit, velocity_unit; and y_down.
 """
@@ -21,7 +21,7 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 MAX_BYTES = 2**32
 REQUIRED = ("t", "y", "x", "u", "v")
 OPTIONAL = ("sigma_u", "sigma_v", "c", "p")
-# What zipfile and NumPy raise on damaged files.
+# Exceptions of zipfile and NumPy for damaged files.
 _DAMAGED = (
     OSError,
     ValueError,

@@ -1,7 +1,7 @@
 """Basilisk's `output_field`: text with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`, one file per time.
 
 x is the outer loop, with a blank line after every x. Values outside the domain are `nodata`, a huge
-number that prints as inf. The file holds no time: give it with --times. The numbers have the units
+number that prints as inf. The file holds no time, which --times gives. The numbers have the units
 of the simulation, mostly none.
 """
 
@@ -16,7 +16,7 @@ from granpinn.importers.tables import numbers, read_text, to_grid
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 _COLUMN = re.compile(r"\d+:(\S+)")
-# Names that the fields usually have, the first one there is taken.
+# Usual names of the fields; the reader takes the first one that the file has.
 ROLES = {"u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
 _HUGE = 1e29  # nodata of single-precision builds is 1e30
 
@@ -30,7 +30,7 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
     """One frame.
 
     Args:
-        names: of the fields u, v, c, p in the file, where they are not the usual ones.
+        names: of the fields u, v, c, p in the file, if they are not the usual ones.
     """
     first, _, rest = read_text(path).partition("\n")
     columns = _COLUMN.findall(first)

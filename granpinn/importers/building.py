@@ -15,7 +15,7 @@ from granpinn.importers.grains import FULL, Grains, below_line, grains_of
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import Bool, DataFileError, VectorFields
 
-ROUNDING = 1e-9  # of the time that the flow takes
+ROUNDING = 1e-9  # of the duration of the flow
 
 
 def grid_flow(
@@ -29,7 +29,7 @@ def grid_flow(
 
     Args:
         line: points of the free surface that were given.
-        constants: fields of Flow that are known already.
+        constants: other fields of Flow.
     """
     grains = grains_of(fields)
     if line is not None and grains.source == "vectors":
@@ -49,11 +49,11 @@ def grid_flow(
     for name in ("sigma_u", "sigma_v"):
         if isinstance(constants.get(name), np.ndarray):
             constants[name] = constants[name][kept]
-    # Nothing says the unit of a pressure, and it is for scoring only.
+    # The unit of a pressure is unknown, and a pressure is for scoring only.
     p = fields.p if settings.dimensionless else None
     if p is not None and not np.isfinite(p[kept][grains.c[kept] == 1]).all():
         p = None
-    # A vector that is not measured is NaN in both, also where there are no grains.
+    # A vector that is not measured is NaN in both components, also without grains.
     u, v = (np.where(fields.usable, a, np.nan)[kept] for a in (fields.u, fields.v))
     return Flow(
         t=fields.t[kept],
@@ -69,7 +69,7 @@ def grid_flow(
 
 
 def _within(surface: Surface | None, t: Any) -> Surface | None:
-    """The points at the times of the frames; those of left-out frames go with them."""
+    """The points at the times of the frames, without those of frames that are left out."""
     if surface is None:
         return None
     margin = ROUNDING * (t[-1] - t[0])
@@ -85,7 +85,7 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
 def _surface(
     fields: VectorFields, settings: Settings, frame: Frame, grains: Grains
 ) -> Surface | None:
-    """The free surface from the grains, as the setting says."""
+    """The free surface of the grains by the method of the settings."""
     wanted = settings.surface
     if wanted == "none" or (wanted == "auto" and grains.source in ("vectors", "line")):
         if wanted == "auto":
@@ -154,7 +154,7 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
         values = getattr(fields, name)
         if values is None or not (values[usable] > 0).any():
             return {}
-        # Where a measured vector has no standard deviation it counts as little as the worst one.
+        # A measured vector without a standard deviation has the largest one.
         good = np.isfinite(values) & (values > 0)
         worst = values[usable & good].max()
         found[name] = np.where(good, values, worst).astype(np.float32)

@@ -1,4 +1,4 @@
-"""From files to a flow: vectors, calibration, grains, free surface, material."""
+"""Conversion of files to a flow: vectors, calibration, grains, free surface, material."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def convert(
         source: files, folders or patterns; or vectors in memory: `VectorFields`, or a mapping of
             arrays as in importers/arrays.py.
         settings: calibration, material and the rest.
-        report: is told line by line what was found.
+        report: called with every line of a report.
 
     Raises:
         DataFileError: files or settings cannot be used; one sentence says what to do.
@@ -84,7 +84,7 @@ def _given_line(fields: VectorFields, settings: Settings, frame: Frame) -> Surfa
 def _attributes(
     fields: VectorFields, settings: Settings, material: Material
 ) -> dict[str, str | float]:
-    """What is kept in the file beyond its numbers."""
+    """Further attributes of the flow file: source and settings."""
     facts = {f"source_{name}": value for name, value in fields.facts.items() if value}
     found: dict[str, str | float] = {**facts, "source": fields.facts.get("format", "arrays")}
     for name in ("scale", "frame_rate", "pulse_delay", "tilt", "note"):
@@ -112,7 +112,7 @@ def _described(fields: VectorFields) -> str:
 
 
 def _summary(flow: Flow, material: Material) -> list[str]:
-    """The numbers that tell a slip of calibration at a glance."""
+    """Sizes and speeds that show an error of calibration at a glance."""
     scales = scales_of(flow)
     length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
     particles = flow.particles

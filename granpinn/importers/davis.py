@@ -1,11 +1,11 @@
 """LaVision DaVis: .vc7 through LaVision's own lvpyio, and the text export of DaVis 8.
 
-.vc7: components U0..U3 are the candidates of which ACTIVE_CHOICE picks one, ENABLED and MASK say
-where there is a vector. Choice 4 is a vector that post-processing filled in or smoothed. Reading
-U0 alone, as some readers do, gives other vectors than DaVis shows.
+.vc7: ACTIVE_CHOICE selects one of the components U0..U3; ENABLED and MASK mark the vectors. Choice
+4 is a vector that post-processing filled in or smoothed. Some readers read U0 alone, which gives
+other vectors than DaVis shows.
 
 Text: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then x, y,
-u, v separated by tabs, often with decimal commas. An exact (0, 0) is its word for "no vector".
+u, v separated by tabs, often with decimal commas. An exact (0, 0) means "no vector".
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _MAX_TEXT_UNIT = 40
 
 
 def sniff_vc7(path: Path, head: bytes) -> bool:
-    """By the name: the content has no mark."""
+    """Whether the name ends like one of DaVis; the content has no mark."""
     return path.suffix.lower() in (".vc7", ".im7", ".set")
 
 
 def sniff_text(path: Path, head: bytes) -> bool:
-    """The first line names DaVis."""
+    """Whether the first line names DaVis."""
     return head.lstrip(b"\xef\xbb\xbf# ").startswith(b"DaVis")
 
 
@@ -88,7 +88,7 @@ def read_vc7(path: Path) -> VectorFields:
 
 
 def _frame(path: Path, frame: Any) -> dict[str, Any]:
-    """Arrays [Y, X] of one frame and what it says of itself."""
+    """Arrays [Y, X] of one frame, and its attributes."""
     if not hasattr(frame, "as_masked_array") or "U0" not in frame.components:
         raise DataFileError(f"{path} must hold vectors, got an image: convert the .vc7 of it")
     vectors = frame.as_masked_array()

@@ -1,4 +1,4 @@
-"""Which formats there are, how each is known by its content, and how it is read."""
+"""The table of formats: how to detect and how to read each of them."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from granpinn.importers import (
 )
 from granpinn.importers.vectors import DataFileError, VectorFields
 
-HEAD = 4096  # bytes that a format is judged by
+HEAD = 4096  # bytes for the detection of a format
 
 
 @dataclass(frozen=True)
 class Format:
-    """One format.
+    """One file format.
 
     Attributes:
         title: for messages and --help.
-        sniff: whether a file is of this format, from its path and its first bytes.
-        read: a file as vector fields.
-        options: names of the reader's own arguments.
+        sniff: tests the path and the first bytes of a file for this format.
+        read: reads a file as vector fields.
+        options: names of further arguments of `read`.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Format:
     options: tuple[str, ...] = ()
 
 
-# The order matters where one test is weaker than another.
+# Strict tests come before weak ones.
 FORMATS = {
     "pivlab-mat": Format(
         "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
@@ -109,7 +109,7 @@ def read_file(path: Path, name: str, options: dict[str, Any]) -> VectorFields:
     """One file in a format of that name.
 
     Args:
-        options: values for the readers' own arguments; each takes those it has.
+        options: values of the further arguments of all readers.
     """
     chosen = FORMATS[name]
     taken = {key: value for key, value in options.items() if key in chosen.options}

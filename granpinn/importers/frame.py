@@ -1,4 +1,7 @@
-"""From the units and axes of the files to SI (or none), x to the right and y up; and back."""
+"""Conversion from the units and axes of the files to SI (or none), and back.
+
+The axes of the result are x to the right and y up.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ class Frame:
         t0, start: the time t0 of the files is `start`, in SI.
         up: -1 where y and v of the files point down, else 1.
         gravity: (g_x, g_y) in the new axes.
-        pixel, delay: meters per pixel, seconds between the images of a pair, where known.
+        pixel, delay: meters per pixel, seconds between the images of a pair, or None.
     """
 
     length: float
@@ -95,7 +98,7 @@ class Frame:
 
 
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
-    """What has to be given besides to know the units, in words."""
+    """The settings that are missing for the units, one sentence part each."""
     if settings.dimensionless:
         counted = fields.time_unit == "frame" and settings.frame_rate is None
         return ["--times, or --frame-rate in frames per unit of time"] if counted else []

@@ -1,4 +1,4 @@
-"""Gaps in a file that says only where there is a vector: inside the grains or outside of them."""
+"""Sorts the gaps of a file without a mask into gaps inside the grains and outside."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from scipy.ndimage import binary_fill_holes
 from granpinn.data.particles import closed
 from granpinn.importers.vectors import Bool, Int8, Validity
 
-GAPS = "gaps"  # the fact "mask" of files whose mask is what this module makes of them
+GAPS = "gaps"  # the fact "mask" of files whose mask this module makes
 
 
 def split_gaps(measured: Bool) -> Int8:
-    """VALID where there is a vector; gaps among the vectors INVALID, all outside MASKED.
+    """Validity of every cell: VALID for a vector, INVALID for a gap inside, MASKED for one outside.
 
-    A gap is among the vectors if they enclose it, or if it is at most two cells wide.
+    A gap is inside if vectors enclose it, or if it is at most two cells wide.
 
     Args:
         measured: [T, Y, X].

@@ -1,6 +1,6 @@
-"""Where the grains are: the volume fraction c of every cell, from what the files and settings know.
+"""The volume fraction c of every cell, from the files and settings.
 
-In this order: a fraction field; the mask in the files or of images; the cells that have vectors.
+Its source is a fraction field, else a mask of files or images, else the cells with vectors.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def grains_of(fields: VectorFields) -> Grains:
 
 
 def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> VectorFields:
-    """The vectors with those masked where an image is black: one for all frames or one for each.
+    """Masks the vectors where an image is black; one image for all frames or one for each.
 
-    Black (below half of the brightest) = no grains. The coordinates of the vectors must be pixels,
-    and y as in the image.
+    Black (below half of the brightest) means no grains. The coordinates of the vectors must be
+    pixels, and y as in the image.
     """
     from PIL import Image, UnidentifiedImageError
 

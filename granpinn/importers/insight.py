@@ -1,9 +1,9 @@
-"""TSI Insight's .vec files: Tecplot text with everything about the file in its first line.
+"""TSI Insight's .vec files: Tecplot text with all facts about the file in its first line.
 
 `VARIABLES="X mm", "Y mm", "U m/s", "V m/s", "CHC", ...`, `LengthUnit`, `MicrosecondsPerDeltaT`,
 `ZONE I=41, J=43`. A velocity "pixel" means pixels per DeltaT. The choice code CHC is above 0 for a
 good vector: 1 is the first correlation peak; larger codes come from post-processing and count as
-interpolated. Codes of 0 and below are rejected vectors, with numbers in u and v all the same.
+interpolated. Codes of 0 and below are rejected vectors, although u and v hold numbers.
 """
 
 from __future__ import annotations

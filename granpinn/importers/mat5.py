@@ -1,9 +1,9 @@
-"""MATLAB files of version 5 to 7: numbers, characters and cell arrays, all else is passed over.
+"""MATLAB files of version 5 to 7: numbers, characters and cell arrays; the rest is skipped.
 
-Written here because scipy.io.loadmat crashes the process on some damaged files. The layout is that
-of "MAT-File Format" (MathWorks): a header of 128 bytes, then elements of a tag (type and size, 4 or
-8 bytes) and data, padded to 8 bytes; a matrix is an element that holds flags, dimensions, name and
-values; an element may be compressed.
+This module exists because scipy.io.loadmat crashes the process on some damaged files. The layout is
+that of "MAT-File Format" (MathWorks): a header of 128 bytes, then elements of a tag (type and size,
+4 or 8 bytes) and data, padded to 8 bytes; a matrix is an element that holds flags, dimensions, name
+and values; an element may be compressed.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def read_variables(content: bytes, max_bytes: int) -> dict[str, Any]:
 
     Args:
         content: of the file.
-        max_bytes: refuse what unpacks to more than this.
+        max_bytes: largest size of the unpacked content.
     """
     if len(content) < HEADER or content[126:128] not in (b"IM", b"MI"):
         raise Mat5Error("it has no header of version 5")
@@ -112,7 +112,7 @@ class _Reader:
         return np.frombuffer(data, dtype)
 
     def matrix(self, data: bytes, depth: int) -> tuple[str, Any]:
-        """Name and value of a matrix; None for what is neither numbers nor a cell array."""
+        """Name and value of a matrix; None unless it has numbers or is a cell array."""
         parts = self.elements(data)
         try:
             flags, dimensions, name = (next(parts) for _ in range(3))

@@ -34,7 +34,7 @@ class Material:
 
 
 def missing_constants(settings: Settings) -> list[str]:
-    """What has to be given besides, in words."""
+    """The settings that are missing for the constants, one sentence part each."""
     missing = []
     if settings.grain_diameter is None:
         missing.append("--grain-diameter, such as '0.8 mm'")
@@ -70,7 +70,7 @@ def material_of(settings: Settings) -> Material:
 
 
 def _number(settings: Settings, name: str) -> float | None:
-    """A constant that is positive, None if it is not given."""
+    """A positive constant, None if it is not given."""
     text = getattr(settings, name)
     if text is None:
         return None

@@ -16,7 +16,7 @@ from granpinn.importers.vectors import DataFileError, Float64
 MAX_BYTES = 2**31
 MAX_TEXT = 1000
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_HDF5_AT = (0, 512)  # MATLAB puts a text of its own before it
+_HDF5_AT = (0, 512)  # at 512 after the header of MATLAB
 
 
 class Matlab(Protocol):

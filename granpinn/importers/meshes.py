@@ -1,9 +1,9 @@
 """VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp, .pvd, .vtkhdf) and OpenFOAM, through pyvista.
 
-Cells that form a full grid become one; all others, such as a quadtree, are scattered vectors at the
-cell centers. The velocity is a vector (U, velocity, velocity_vectors, u.x), the volume fraction and
-the pressure scalars; --fields names others. Only flat meshes: one layer of cells in z, or one plane
-of points. Times come from the case, the .pvd or the field data TimeValue.
+Cells that form a full grid become a grid. Others, such as a quadtree, become scattered vectors at
+the cell centers. The velocity is a vector (U, velocity, velocity_vectors, u.x), the volume fraction
+and the pressure scalars; --fields names others. Only flat meshes: one layer of cells in z, or one
+plane of points. Times come from the case, the .pvd or the field data TimeValue.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
     """All times of a file or case.
 
     Args:
-        names: of the fields u (a vector), c and p, where they are not the usual ones.
+        names: of the fields u (a vector), c and p, if they are not the usual ones.
     """
     try:
         import pyvista
@@ -92,7 +92,7 @@ def _meshes(pyvista: Any, path: Path) -> Any:
 
 
 def _frame(path: Path, mesh: Any, names: dict[str, str]) -> dict[str, Any]:
-    """x, y, u, v and, where there are any, c and p of one mesh [n]."""
+    """x, y, u, v of one mesh [n], and c and p if it has them."""
     if hasattr(mesh, "keys") and hasattr(mesh, "combine"):  # blocks
         inner = next((name for name in mesh.keys() if name == "internalMesh"), None)  # noqa: SIM118
         mesh = mesh[inner] if inner else mesh.combine()

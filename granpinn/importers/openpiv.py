@@ -1,12 +1,12 @@
 """OpenPIV's text files, as `openpiv.tools.save` writes them.
 
 Since 0.25: tabs, a header `# x y u v flags mask`; flags 0 valid, 1 invalid, 2 interpolated, mask 1
-= masked out. Masked vectors are written as 0.0, so the two last columns are all that counts. Older:
-five columns separated by blanks, the last the signal-to-noise ratio; no word about validity.
+= masked out. Masked vectors are written as 0.0, so only the two last columns matter. Older: five
+columns separated by blanks, the last the signal-to-noise ratio; no validity.
 
-Neither says its units: they are pixels per unit of `dt`, or what `scaling.uniform` made of them.
-y points down unless `transform_coordinates` was used; rows run from the top of the image, so the
-order of the rows tells.
+Neither states its units, which are pixels per unit of `dt` or the result of `scaling.uniform`. y
+points down unless `transform_coordinates` was used. Rows run from the top of the image, so the
+order of the rows shows the direction of y.
 """
 
 from __future__ import annotations

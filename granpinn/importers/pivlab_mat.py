@@ -6,7 +6,7 @@
 - a saved session: `resultslist`, one column per frame: x, y, u, v, types in rows 1 to 5, the
   filtered u, v, types in rows 7 to 9; always in pixels, the calibration beside it.
 
-Filtered vectors are taken where there are any. Smoothed ones are not: smoothing bends the strain
+Filtered vectors are read if the file has them, but no smoothed ones: smoothing changes the strain
 rate. Rows of the matrices run from the top of the image. Types as in the text exports.
 """
 
@@ -27,7 +27,7 @@ _ORIGINAL, _FILTERED = (2, 3, 4), (6, 7, 8)
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """A MATLAB file; what is in it is seen when it is read."""
+    """Whether the file is of MATLAB; `read` checks its content."""
     return head.startswith(b"MATLAB") or (
         path.suffix.lower() == ".mat" and head.startswith(b"\x89HDF")
     )

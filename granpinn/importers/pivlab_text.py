@@ -6,7 +6,7 @@
 
 Separated by commas, tabs or blanks; y runs first, from the top of the image. Masked vectors are
 NaN. Vector types (newer versions): 0 masked, 1 measured, 2 rejected or interpolated, 3 measured
-(second correlation peak). Without them interpolated vectors cannot be told from measured ones.
+(second correlation peak). Without types, interpolated vectors look like measured ones.
 
 The Tecplot export has 0 for every missing vector and a column `isNaN`. Its header mixes up m/s and
 m/frame for calibrated data, so there the unit of velocity has to be given.

@@ -30,7 +30,7 @@ def read(source: Source, **settings: Any) -> Flow:
             granpinn.importers.settings).
 
     Raises:
-        granpinn.importers.DataFileError: files or settings cannot be used; one sentence says why.
+        granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
     """
     try:
         chosen = Settings(**settings)

@@ -32,8 +32,8 @@ def read_vectors(
         paths: files in any order (sorted by the numbers in their names), folders, or patterns such
             as "run/PIVlab_*.txt".
         format: a key of `FORMATS`, or "auto".
-        options: values for the readers' own arguments.
-        count: count files of one frame each through, whatever times they hold.
+        options: values of the further arguments of the readers.
+        count: number files of one frame each as times, and ignore times in the files.
 
     Raises:
         DataFileError: a file cannot be used; the message is one sentence.
@@ -59,7 +59,7 @@ def read_vectors(
 
 
 def _counted(part: VectorFields) -> VectorFields:
-    """A file of one frame without its own time; a file of many knows theirs."""
+    """The vectors of a file without their time if all have the same time."""
     if np.unique(part.t).size > 1:
         return part
     return replace(part, t=np.zeros_like(part.t), time_unit="frame")
@@ -132,7 +132,7 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
 
 
 def _times(parts: list[VectorFields]) -> list[Any]:
-    """Times of the parts; frames that every file counts from 0 are counted through."""
+    """Times of the parts; if every file counts its frames from 0, the count continues."""
     times = [part.t for part in parts]
     ascending = all(a.max() < b.min() for a, b in itertools.pairwise(times))
     if ascending or parts[0].scattered:

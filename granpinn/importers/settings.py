@@ -1,4 +1,4 @@
-"""Settings of a conversion; the command line and `granpinn.importers.read` are made from them."""
+"""Settings of a conversion, on the command line and in `granpinn.importers.read`."""
 
 from __future__ import annotations
 

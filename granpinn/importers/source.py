@@ -1,4 +1,4 @@
-"""The vectors that a conversion begins with: files, times, frames, interpolated vectors."""
+"""The vectors of a conversion: reads files, sets times, selects frames and vectors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
-    """What the source holds, with the times of --times."""
+    """The vectors of the source, with the times of --times."""
     if isinstance(source, VectorFields):
         fields = source
     elif isinstance(source, Mapping):
@@ -51,7 +51,7 @@ def _names(text: str) -> dict[str, str]:
 
 
 def _with_times(fields: VectorFields, times: str, source: Source) -> VectorFields:
-    """The same with the times from a file or from the names of the files."""
+    """The vectors with times from a file or from the names of the files."""
     unit = fields.time_unit if fields.time_unit != "frame" else None
     if times == "name":
         if isinstance(source, VectorFields | Mapping):
@@ -85,7 +85,7 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
 
 
 def without_interpolated(fields: VectorFields, settings: Settings) -> VectorFields:
-    """Interpolated vectors as invalid ones, or as measured ones where that is asked for."""
+    """Makes interpolated vectors invalid, or measured ones if the setting says so."""
     code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
     codes = fields.validity.copy()
     codes[codes == Validity.INTERPOLATED] = code

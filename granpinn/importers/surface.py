@@ -3,8 +3,8 @@ r"""Points of the free surface: where the volume fraction crosses 1/2, or from a
 Between the centers of two neighboring cells, one in the grains and one not, the surface lies where
 c = 1/2 on the straight line between them; for a mask that is half way. Not every edge of a mask is
 a free surface: the bed and the side walls are edges too. An edge counts if it faces up (against
-gravity), or if it faces sideways and grains are seen beyond it at another time; never if it faces
-down.
+gravity), or if it faces sideways and has grains beyond it at another time. An edge that faces down
+never counts.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
 
     Args:
         frame: of the vectors, in whose axes the points are given.
-        rate: seconds per frame, where that is known.
+        rate: seconds per frame, or None.
     """
     head, _, rest = read_text(path).partition("\n")
     known, found_units = column_names(head)

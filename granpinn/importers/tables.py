@@ -12,7 +12,7 @@ import numpy as np
 from granpinn.importers.vectors import DataFileError, Float64, Validity
 
 MAX_BYTES = 2**30
-# Coordinates that differ by less than this part of the spacing are those of one column.
+# Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
 
 
@@ -77,10 +77,10 @@ def to_grid(
     Args:
         columns: must hold x and y; all others become grids, NaN where no row is.
         validity: of every row, an array [n]; places without a row become MASKED.
-        complete: refuse a list that leaves places of the grid out.
+        complete: raise an error if a place of the grid has no row.
 
     Returns:
-        x, y, every other column [1, Y, X], and `validity` where it was given.
+        x, y, every other column [1, Y, X], and `validity` if it was given.
     """
     axes, places = {}, {}
     for name in ("x", "y"):
@@ -113,7 +113,7 @@ def to_grid(
 
 
 def _axis(values: Float64) -> tuple[Float64, Any]:
-    """The different values, ascending, and the index of each; rounding in text is forgiven."""
+    """The different values, ascending, and the index of each; equal up to rounding in text."""
     order = np.argsort(values, kind="stable")
     ascending = values[order]
     steps = np.diff(ascending)

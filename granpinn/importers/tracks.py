@@ -3,9 +3,9 @@
 Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 
 - x, y; and frame, or t (time);
-- particle (also id, track, trajectory): the number of the track; velocities are then found by local
+- particle (also id, track, trajectory): the number of the track; velocities then come from local
   polynomials over its frames;
-- or u, v (also vx, vy): velocities that the tracking program has found, with sigma_u, sigma_v;
+- or u, v (also vx, vy): velocities of the tracking program, with sigma_u, sigma_v;
 - ep: trackpy's uncertainty of the position.
 
 trackpy counts in pixels and frames, with y down. Its HDF5 is read without pandas, which would run
@@ -57,7 +57,7 @@ def read(path: Path, window: int = 5) -> VectorFields:
     """Scattered vectors of all tracks.
 
     Args:
-        window: frames of the local polynomial, an odd number; not used where the table has u, v.
+        window: frames of the local polynomial, an odd number; not used if the table has u, v.
     """
     with path.open("rb") as stream:
         hdf5 = stream.read(8) == b"\x89HDF\r\n\x1a\n"
@@ -116,7 +116,7 @@ def _split(line: str) -> list[str]:
 
 
 def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
-    """Index and unit of the columns that have a meaning here."""
+    """Index and unit of the columns that the reader uses."""
     found: dict[str, int] = {}
     units: dict[str, str] = {}
     for i, text in enumerate(names):
@@ -135,7 +135,7 @@ def _read_csv(path: Path) -> tuple[list[str], Float64]:
     header, _, rest = read_text(path).partition("\n")
     names = _split(header)
     known, _ = _known(names)
-    # Columns without a meaning here may hold text; empty cells are NaN.
+    # Columns that the reader ignores may hold text; empty cells are NaN.
     delimiter = max(",;\t", key=header.count)
     keep = sorted(known.values())
     lines = []
@@ -152,7 +152,7 @@ def _read_csv(path: Path) -> tuple[list[str], Float64]:
 
 
 def _unknown(names: list[str], keep: list[int]) -> list[str]:
-    """The other columns, by name alone: trackpy is known by them."""
+    """Names of the other columns, which identify trackpy."""
     return [name for i, name in enumerate(names) if i not in keep]
 
 

@@ -1,7 +1,7 @@
-"""Units at the border, and nowhere else: text such as "0.12 mm/px" becomes plain SI numbers.
+"""Conversion of text with units, such as "0.12 mm/px", to plain SI numbers.
 
-A pixel and a frame are units like others here, so that a velocity in px/frame needs a scale (m/px)
-and a time between frames (s/frame) to become m/s, and what is missing can be named.
+Pixel and frame are units here. A velocity in px/frame needs a scale (m/px) and a time between
+frames (s/frame) to become m/s, and an error can name the missing one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DIMENSIONS = {
 
 @cache
 def _registry() -> Any:
-    import pint  # slow to import, and needed by nothing but readers
+    import pint  # slow to import, and only readers need it
 
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
     registry.define("px = [px_length] = pixel = pixels = Pixel = pix")
@@ -136,14 +136,14 @@ def factor(
     px: float | None = None,
     frame: float | None = None,
 ) -> float:
-    """What numbers in this unit are multiplied by to become SI.
+    """The factor from this unit to SI.
 
     Args:
-        px: meters per pixel, None if it is not known.
-        frame: seconds per frame, None if it is not known.
+        px: meters per pixel, None if unknown.
+        frame: seconds per frame, None if unknown.
 
     Raises:
-        DataFileError: the unit has another dimension, or pixels or frames that are not known.
+        DataFileError: the unit has another dimension, or pixels or frames of unknown size.
     """
     registry = _registry()
     found = 1.0 * unit(text, what)

@@ -1,8 +1,8 @@
-"""What every reader returns: velocity vectors with their validity, in the units of the instrument.
+"""Velocity vectors with their validity, in the units of the instrument: the result of every reader.
 
-The validity is what instruments disagree about most, and a vector that was filled with 0 looks like
-static grains. So there is one enumeration, vectors that were not measured are NaN, and many exact
-zeros among the valid ones are warned of.
+Instruments mark invalid vectors in different ways, and a vector filled with 0 looks like static
+grains. So all readers use one enumeration, vectors that were not measured are NaN, and many exact
+zeros among the valid vectors cause a warning.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Float64 = npt.NDArray[np.float64]
 Int8 = npt.NDArray[np.int8]
 Bool = npt.NDArray[np.bool_]
 
-# Share of exact zeros among the valid vectors above which they are likely to be gaps.
+# If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
 
 
@@ -30,7 +30,7 @@ class DataFileError(ValueError):
 
 
 class Validity(enum.IntEnum):
-    """What a vector is."""
+    """Validity of a vector."""
 
     MASKED = 0  # outside the grains or the field of view, by a mask
     VALID = 1
@@ -47,12 +47,12 @@ class VectorFields:
         u, v: velocity; NaN where invalid or masked.
         validity: a `Validity` for every vector.
         sigma_u, sigma_v: standard deviations like u, or None.
-        c: volume fraction of grains like u, or None where only a mask is known.
+        c: volume fraction of grains like u, or None if only a mask is known.
         p: reference pressure like u, or None; simulations have it.
         length_unit, time_unit, velocity_unit: such as "px", "frame" and "px/frame", "1" for
-            dimensionless data, None where the file does not say.
-        y_down: whether y and v point down, as in an image; None where that is not known.
-        facts: what else the file says, for the record.
+            dimensionless data, None if unknown.
+        y_down: whether y and v point down, as in an image; None if unknown.
+        facts: further statements of the file, for the record.
     """
 
     t: Float64
@@ -88,7 +88,7 @@ class VectorFields:
 
     @property
     def scattered(self) -> bool:
-        """Whether the vectors lie at points of their own, not on a grid."""
+        """Whether the vectors are scattered, not on a grid."""
         return self.u.ndim == 1
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
@@ -103,7 +103,7 @@ class VectorFields:
         return np.asarray(self.validity == Validity.VALID)
 
     def count(self, validity: Validity) -> int:
-        """How many vectors are of this kind."""
+        """Number of vectors of this kind."""
         return int((self.validity == validity).sum())
 
 
@@ -116,10 +116,10 @@ def vector_fields(
     validity: npt.ArrayLike | None = None,
     **others: Any,
 ) -> VectorFields:
-    """Vector fields that keep the rules: float64, NaN wherever there is no vector, axes ascending.
+    """Vector fields in standard form: float64, NaN for no vector, axes ascending.
 
     Args:
-        validity: by default VALID wherever u and v are finite.
+        validity: by default VALID if u and v are finite.
         others: the remaining fields of VectorFields.
     """
     t, y, x = (np.asarray(a, np.float64).reshape(-1) for a in (t, y, x))
@@ -140,7 +140,7 @@ def vector_fields(
 
 
 def _ascending(fields: VectorFields) -> VectorFields:
-    """The same with t, y, x ascending; repeated coordinates are refused."""
+    """The vector fields with t, y, x ascending; an error for repeated coordinates."""
     changes: dict[str, Any] = {}
     orders = []
     for name in ("t", "y", "x"):
@@ -160,7 +160,7 @@ def _ascending(fields: VectorFields) -> VectorFields:
 
 
 def warn_of_zeros(fields: VectorFields) -> None:
-    """Warns if suspiciously many of the valid vectors are exactly zero."""
+    """Warns if too many of the valid vectors are exactly zero."""
     usable = fields.usable
     zero = usable & (fields.u == 0) & (fields.v == 0)
     n_usable, n_zero = int(usable.sum()), int(zero.sum())

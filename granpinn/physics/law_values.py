@@ -11,8 +11,7 @@ from granpinn.physics.laws import DEFAULT, LAWS, Law
 def _help_of(name: str) -> str:
     """The help of a setting that is a parameter: its meaning and default in every law with it."""
     having = [(law.name, law.parameter(name)) for law in LAWS.values() if name in law.names]
-    values = "; ".join(f"{p.help} (law {law}; none: {p.typical:g})" for law, p in having)
-    return f"{name}: {values}"
+    return f"{name}: " + ", ".join(f"{p.help} ({law}: {p.typical:g})" for law, p in having)
 
 
 # One field for every parameter of any law, in the order of the laws: mu_s, mu_2, I0.

@@ -68,9 +68,9 @@ def centers(s: Parameters) -> tuple[Array, Array]:
 
 
 def run(solver: Solver, t_end: float, step: float) -> list[dict[str, Any]]:
-    """Equal steps up to t_end; what they reported."""
+    """Equal steps from the present time up to t_end; their reports."""
     reports = []
-    for n in range(1, round(t_end / step) + 1):
+    for n in range(round(solver.time / step) + 1, round(t_end / step) + 1):
         while n * step - solver.time > 1e-12 * t_end:
             reports.append(solver.step(n * step - solver.time))
     return reports

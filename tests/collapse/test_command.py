@@ -12,6 +12,7 @@ import pytest
 import granpinn
 import granpinn.simulate as command
 from granpinn.config import ConfigError
+from granpinn.data import Truth
 from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
 from granpinn.simulation.engine import Engine, StepReport
@@ -54,6 +55,14 @@ def test_flow_file_is_complete(tmp_path: Path) -> None:
     assert falling == pytest.approx(-1.0, abs=0.05)  # the top falls freely
 
 
+def test_flow_file_names_its_law(tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    figures = ["--figures", str(tmp_path)]
+    law = ["--law", "coulomb", "--mu-s", "0.3"]
+    assert command.main([*law, *FLAGS, *figures, "--out", str(path)]) == 0
+    assert granpinn.read_flow(path).truth == Truth(mu_s=0.3, law="coulomb")
+
+
 def test_python_call_gives_the_same_flow(tmp_path: Path) -> None:
     flow = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
     command.main(["--mu-s", "0.3", "--mu-2", "0.5", *FLAGS, "--out", str(tmp_path / "flow.h5")])
@@ -70,6 +79,8 @@ def test_module_of_the_command_is_callable_like_the_function() -> None:
     ("arguments", "message"),
     [
         (["--mu-2", "0.2"], "mu_2 must be at least mu_s = 0.4, got 0.2"),
+        (["--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s, got I0"),
+        (["--law", "sand"], "law must be one of mu_of_i, coulomb, got 'sand'"),
         (["--d", "0"], "d must be a positive number, got 0.0"),
         (["--d", "nan"], "--d must be a number"),
         (["--cells", "3"], "cells must be a multiple of 8 and at least 32, got 3"),

@@ -36,6 +36,15 @@ def test_what_it_prints_and_writes(
         assert len(np.unique(pixels.reshape(-1, pixels.shape[-1]), axis=0)) > 50
 
 
+def test_files_for_another_law(tmp_path: Path) -> None:
+    out = tmp_path / "inspection"
+    assert main([str(demo_path()), "--law", "coulomb", "--mu-s", "0.3", "--out", str(out)]) == 0
+    numbers = json.loads((out / "inspect.json").read_text())
+    assert numbers["law"] == {"name": "coulomb", "mu_s": 0.3}
+    assert set(numbers["precision"]) >= {"mu_s", "mu_s_trained", "independent_vectors"}
+    assert (out / "inertial_number.png").stat().st_size > 10_000
+
+
 def test_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
     start = time.process_time()
     assert main([str(demo_path()), "--json", "--I0", "0.2"]) == 0
@@ -94,6 +103,8 @@ def test_measurement_files_get_the_command_that_converts_them(
         ([], "the following arguments are required"),
         (["a.h5", "--mu-s", "0.7"], "mu_2 must be at least mu_s = 0.7, got 0.64"),
         (["a.h5", "--I0", "many"], "--I0 must be a number"),
+        (["a.h5", "--mu-s", "0"], "mu_s must be larger than 0, got 0"),
+        (["a.h5", "--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s"),
         ([str(demo_path()), str(demo_path())], "one at a time"),
         ([str(demo_path()), "--out", str(demo_path())], "--out must be a folder"),
     ],

@@ -1,4 +1,4 @@
-"""Root attributes: numbers and fixed-length strings, of a size known before they are read."""
+"""Root attributes: numbers and fixed-length strings, whose size is checked before reading."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Attributes:
             return tuple(value.ravel().tolist())
 
     def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
-        """All scalar numbers and fixed-length strings besides the known ones; others are left."""
+        """All scalar numbers and fixed-length strings except the known ones."""
         names: list[str] = []
         with damage("the list of attributes"):
             count = h5a.get_num_attrs(self._group)
@@ -106,7 +106,7 @@ class Attributes:
 
 
 def _shape(name: str, attribute: Any, kind: Any) -> tuple[int, ...]:
-    """The shape of an attribute, once it is known to be small."""
+    """The shape of an attribute; an error if it is large."""
     space = attribute.get_space()
     if space.get_simple_extent_type() == h5s.NULL:
         raise FlowFileError(f"the attribute {name} must have a value, got none: add it")

@@ -1,4 +1,4 @@
-"""One dataset of a foreign file: where it is stored, its layout, and at last its data."""
+"""One dataset of a file from an unknown source: its storage, its layout and its data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
 
 
 class Dataset:
-    """Layout first, data on demand."""
+    """A dataset whose layout is known; `read` reads its data."""
 
     def __init__(self, name: str, dataset: Any, file_bytes: int) -> None:
         self.name = name
@@ -59,7 +59,7 @@ class Dataset:
         """All of the data, after a check that the file really holds it.
 
         Args:
-            dtype: of the result; the layout says what the file has.
+            dtype: of the result.
         """
         with damage(self.name):
             if self._chunked:
@@ -77,7 +77,7 @@ class Dataset:
         )
 
     def _check_chunks(self) -> None:
-        """Every chunk must be there and unpack to exactly its declared size.
+        """Raises an error unless every chunk exists and unpacks to exactly its declared size.
 
         HDF5 itself unpacks a chunk as far as it goes, to 1000 times the size of the file.
         """

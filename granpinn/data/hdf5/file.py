@@ -1,4 +1,4 @@
-"""From a path to a HDF5 file in memory, whose datasets all lie in that file."""
+"""Reads a HDF5 file into memory and opens the datasets that lie in the file itself."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LINKS = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "a link to another fi
 
 
 def read_regular_file(path: Path, max_bytes: int) -> bytes:
-    """The content of a regular file; a directory, FIFO, device or larger file is refused."""
+    """The content of a regular file; an error for a directory, FIFO, device or larger file."""
     try:
         kind = path.stat().st_mode  # before opening: opening a device can have effects
         if stat.S_ISDIR(kind):
@@ -47,7 +47,7 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
 
 
 def too_large(n_bytes: int, max_bytes: int) -> FlowFileError:
-    """The error for a file that holds or declares more than we are willing to read."""
+    """The error for a file that holds or declares more than `max_bytes`."""
     return FlowFileError(
         f"the file must hold at most {max_bytes / 2**30:.3g} GiB of data, got "
         f"{n_bytes / 2**30:.3g} GiB: if it can be trusted, raise max_bytes of read_flow"

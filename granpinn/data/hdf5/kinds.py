@@ -1,4 +1,4 @@
-"""Types of HDF5 in words, and HDF5's own errors as one sentence."""
+"""Descriptions of HDF5 types, and errors of HDF5 as one sentence."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _IEEE = {
 
 
 def describe(kind: Any) -> str:
-    """The name of a type: that of NumPy for standard floats, words for all others."""
+    """The name of a type: that of NumPy for standard floats, a description for others."""
     for name, types in _IEEE.items():
         if any(kind.equal(other) for other in types):
             return name
@@ -52,7 +52,7 @@ def describe(kind: Any) -> str:
 
 
 def is_fixed_string(kind: Any) -> bool:
-    """Whether values of this type are strings that lie where they are declared."""
+    """Whether values of this type are strings of fixed length."""
     return kind.get_class() == h5t.STRING and not kind.is_variable_str()
 
 
@@ -63,7 +63,7 @@ def is_number(kind: Any) -> bool:
 
 @contextmanager
 def damage(what: str) -> Iterator[None]:
-    """Turns whatever HDF5 says about a damaged part of the file into one sentence."""
+    """Turns an error of HDF5 about a damaged part of the file into one sentence."""
     try:
         yield
     except FlowFileError:

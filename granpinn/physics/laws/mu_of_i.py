@@ -24,7 +24,7 @@ LAW = Law(
     formula=r"\mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",
     parameters=(
         LawParameter(
-            "mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction at I = 0, static"
+            "mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction at small I"
         ),
         LawParameter(
             "mu_2",
@@ -34,7 +34,7 @@ LAW = Law(
             variable="log_above",
             typical=0.64,
             may_vanish=True,
-            help="friction at large I, dynamic, at least mu_s",
+            help="friction at large I, at least mu_s",
         ),
         LawParameter(
             "I0",

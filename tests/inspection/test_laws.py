@@ -1,0 +1,40 @@
+"""The expected precision for every friction law."""
+
+import numpy as np
+import pytest
+
+from granpinn.data import Flow, add_noise
+from granpinn.inspection import AssumedLaw, inspect
+from granpinn.inspection.precision import expected_precision, sensitivities
+from granpinn.inspection.text import lines_of
+from granpinn.physics.laws import LAWS
+from granpinn.uncertainty.data_verdict import verdict
+
+
+def test_bound_of_one_parameter() -> None:
+    """Constant friction shows at every inertial number: a calculation by hand."""
+    gamma_dot, I, n = np.array([2.0, 2.0]), np.array([1e-9, 1e9]), np.array([100.0, 400.0])  # noqa: E741
+    found = expected_precision(gamma_dot, I, n, 0.1, AssumedLaw(0.5, law="coulomb"))
+    assert found is not None
+    assert found.mu_s == found.mu_s_free == pytest.approx(0.1 / (0.097 * 2 * 500**0.5) / 0.5)
+    assert found.correlation is None
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_sensitivities_are_derivatives(name: str) -> None:
+    law, step = AssumedLaw(law=name), 1e-6
+    I = np.geomspace(1e-3, 10, 20)  # noqa: E741
+    for k, derivative in enumerate(sensitivities(I, law).T):
+        change = step * np.eye(len(law.theta))[k]
+        up, down = (law.friction_law.friction(I, *(law.theta + s * change)) for s in (1, -1))
+        np.testing.assert_allclose(derivative, (up - down) / (2 * step), atol=1e-9)
+
+
+def test_another_law(demo: Flow, seed: int) -> None:
+    found = inspect(add_noise(demo, 0.05, seed), AssumedLaw(law="coulomb"))
+    sentences = verdict(found)
+    assert "can answer the question at level V1: about" in sentences[0]
+    assert "mu_2" not in " ".join(lines_of(found, sentences))
+    assert found.numbers()["law"] == {"name": "coulomb", "mu_s": 0.4}
+    assert found.inertia is not None
+    assert found.inertia.reach is None
