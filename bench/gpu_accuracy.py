@@ -91,7 +91,7 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
     case = pose(demo_path(), config)
     run = start([case], config, None, None, time.monotonic())
     run.train()
-    return _weighed(case, *run.training.solution())
+    return _weighed(case, *run.trainer.solution())
 
 
 def network_of_run(folder: Path) -> Weighed:

@@ -10,18 +10,18 @@ from types import ModuleType
 
 import pytest
 import torch
+from granpinn.training.control import HEALTHY
+from granpinn.training.training import Training
 from torch import Tensor
 
 from granpinn import reference
 from granpinn.config import recipes
 from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
-from granpinn.training.control import HEALTHY
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import Group
 from granpinn.training.problem import build
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
 from tests.flows import make_flow
 
 from .accuracy import EPSILON, GROSS_FACTOR

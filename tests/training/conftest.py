@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.run import Run
+from granpinn.training.training import Training
 
 from granpinn.config import Config, recipes
 from granpinn.data import Flow, training_set, write_flow
@@ -14,9 +16,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.training import problem
 from granpinn.training.objective import Member, Objective
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
 from tests.flows import make_flow
 
 TINY = {

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.run import Run
 
 from granpinn.config import Config, recipes
 from granpinn.data import Flow
@@ -14,7 +15,6 @@ from granpinn.training import clock
 from granpinn.training import run as run_module
 from granpinn.training.guard import Interrupted, Signals
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from tests.training.conftest import make_objective, make_training, tiny
 
 

@@ -14,17 +14,17 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.engine import Eager, Graphs
+from granpinn.training.training import Training
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.training.engine import Eager, Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
 from tests.training.conftest import make_objective, make_training, tiny
 
 WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from granpinn.training.run import Run
 
 from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
@@ -17,7 +18,6 @@ from granpinn.identification.identify import start
 from granpinn.results import Result
 from granpinn.training.history import Row
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 

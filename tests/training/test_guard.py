@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.control import Control
+from granpinn.training.run import Run
 
 from granpinn.data import Flow
 from granpinn.training import checkpoint
-from granpinn.training.control import Control
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from tests.training.conftest import make_objective, make_run, make_training, tiny
 
 BAD = [math.nan, math.inf, -math.inf]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from granpinn.training.run import Run
 
 import granpinn
 from granpinn import results
@@ -22,7 +23,6 @@ from granpinn.identification import identify as identify_module
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import choose_device, pose
 from granpinn.identification.identify import identify
-from granpinn.training.run import Run
 from tests.training.conftest import make_training, tiny
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from granpinn.training.run import Run
 
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
@@ -16,7 +17,6 @@ from granpinn.data import Flow, known_sd, redraw
 from granpinn.identification import conclusion
 from granpinn.identification.case import member_seed, members, pose
 from granpinn.training.guard import NonFiniteError
-from granpinn.training.run import Run
 from granpinn.uncertainty import calibration
 from tests.flows import make_flow
 from tests.training.conftest import tiny

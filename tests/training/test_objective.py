@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from granpinn.training.training import Training
 
 from granpinn import reference
 from granpinn.config import Config, Weights, recipes
@@ -17,7 +18,6 @@ from granpinn.training import problem
 from granpinn.training.objective import Evaluation
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
-from granpinn.training.training import Training
 from tests.training.conftest import make_training, tiny
 
 

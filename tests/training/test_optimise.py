@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.control import Control
+from granpinn.training.scalars import Scalars
 from torch import Tensor
 
 from granpinn.config import Optimizer, Rheology
 from granpinn.kernels.network import n_params, views
-from granpinn.training.control import Control
 from granpinn.training.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
-from granpinn.training.scalars import Scalars
 
 WIDTHS = (3, 20, 30, 30, 30, 25, 5)
 P = n_params(WIDTHS)

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.run import Run
 
 from granpinn.config import Config, recipes
 from granpinn.data import Flow
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.guard import Interrupted
 from granpinn.training.history import Row
-from granpinn.training.run import Run
 from tests.training.conftest import make_run, tiny
 
 CONFIGS: dict[str, dict[str, Any]] = {

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 import torch
+from granpinn.training.control import Control
+from granpinn.training.scalars import Scalars
 from torch import Tensor
 
 from granpinn.config import Optimizer, Rheology
-from granpinn.training.control import Control
 from granpinn.training.optimise import BatchOptimizer
-from granpinn.training.scalars import Scalars
 
 WIDTHS = (3, 4, 3)
 LIKE = torch.zeros(0, dtype=torch.float64)
