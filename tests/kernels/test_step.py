@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 import torch
-from granpinn.training.control import HEALTHY
 from torch import Tensor
 
 from granpinn.kernels import (
@@ -15,6 +14,7 @@ from granpinn.kernels import (
     step_ops,  # noqa: F401
 )
 from granpinn.kernels.network import n_params
+from granpinn.training.control_table import HEALTHY
 from granpinn.training.optimise import Group
 from granpinn.training.sampling import INTERIOR, SURFACE
 
