@@ -28,6 +28,7 @@ from torch import Tensor
 
 from granpinn.data import TrainingSet
 from granpinn.physics.laws import Law
+from granpinn.physics.terms import NAMES
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.objective import Member
@@ -38,6 +39,7 @@ POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations,
 CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
+RESIDUALS = ("momentum", "momentum", "continuity", "constitutive", "constitutive")  # their terms
 LONGEST = 0.1  # step of a free parameter, relative: a longer one is not a correction
 
 
@@ -119,14 +121,14 @@ class Sums:
         length = problem.mean_length
         self.h = [features.with_means(data.points[rows], length) for rows in _chunks(data.points)]
         self.h_surface = features.jet(data.surface_points, 0)[0]
-        velocity, surface, momentum, continuity, constitutive = problem.term_weights
+        weights = dict(zip(NAMES, problem.term_weights, strict=True))
         N, M = max(1, len(data.points)), max(1, len(data.surface_points))
         like = data.weights
-        sigmas = [momentum, momentum, continuity, constitutive, constitutive]
-        self._weights = (data.weights[:, None] * like.new_tensor(sigmas) / N).sqrt()
+        of_residuals = like.new_tensor([weights[name] for name in RESIDUALS])
+        self._weights = (data.weights[:, None] * of_residuals / N).sqrt()
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
-        self._velocity = velocity * self.physics.velocity_scale**2
-        self._surface = (surface / M) ** 0.5
+        self._velocity = weights["velocity"] * self.physics.velocity_scale**2
+        self._surface = (weights["surface"] / M) ** 0.5
         self._law_weights: Tensor | None = None  # those of the first evaluation, kept
 
     def loss(self, at: Unknowns) -> float:
@@ -222,7 +224,7 @@ def improve(sums: Sums, at: Unknowns) -> Unknowns:
     if x is None:
         return at
     for part in (x * 0.5**halving for halving in range(HALVINGS + 1)):
-        by_C, by_law = part.split([at.C.numel(), len(free)])
+        by_C, by_law = part[: at.C.numel()], part[at.C.numel() :]
         theta = at.theta.clone()
         theta[free] += by_law
         found = Unknowns(at.C + by_C.view_as(at.C), theta)

@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import torch
 
 from granpinn import results, train
 from granpinn.command.arguments import parse
@@ -169,7 +170,7 @@ def test_no_argument_at_all_is_the_demonstration() -> None:
 def test_cuda_that_is_not_there_is_refused(
     flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(train.identify.__globals__["torch"].cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     err = refused(capsys, 2, flow_file, "--out", tmp_path / "run", "--device", "cuda")
     assert "--device cuda needs" in err
 
