@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -54,7 +54,7 @@ class Weighed:
     data: tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
     term_weights: list[float]
     spec: NetworkSpec
-    physics: list[float]
+    physics: Sequence[float]
 
     def batches(self, interior: int, surface: int) -> Iterator[tuple[Any, ...]]:
         """The arguments of residual_loss but the first two, for some draws of points."""
@@ -92,7 +92,7 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
     case = pose(demo_path(), config)
     run = start([case], config, None, None, time.monotonic())
     run.train()
-    return _weighed(case, *run.training.solution())
+    return _weighed(case, *run.trainer.solution())
 
 
 def network_of_run(folder: Path) -> Weighed:

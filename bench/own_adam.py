@@ -8,8 +8,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from granpinn.config import Config
 from granpinn.kernels import step_ops  # noqa: F401  (registers the operators)
-from granpinn.training.control import Control
+from granpinn.training.control_table import ControlTable
 
 ADAM = [5e-4, 0.9, 0.999, 1e-8]  # as torch has them: learning rate, two decay rates, epsilon
 
@@ -27,11 +28,11 @@ class OwnAdam:
     def __init__(self, params: Tensor, theta: Tensor) -> None:
         self.params, self.theta = params.view(-1, params.shape[-1]), theta.view(-1, 3)
         E = len(self.params)
-        control = Control(E, params.device)
+        control = ControlTable([1.0] * E, Config(), params.device)
         control.table.fill_(1)
         control.table[:, 1] = 0  # no running average
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
-        self.state = (control.counter, control.table, control.slower, control.fault, counts)
+        self.state = (control.counter, control.table, control.lr_scale, control.fault, counts)
         self.moments = [torch.zeros_like(self.params) for _ in range(4)]
         moments = [torch.zeros_like(self.theta) for _ in range(2)]
         self.law = (self.theta.clone(), *moments, self.theta, torch.zeros_like(self.theta))

@@ -14,7 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification.case import Case, choose_device, members, pose
+from granpinn.identification.case import Case, choose_device, fixed_values, members, pose
 from granpinn.identification.identify import finish, histories, prepare, start
 from granpinn.results import Result
 from granpinn.training.parallel import gather_texts, processes
@@ -76,7 +76,7 @@ def identify_many(
     group = processes(choose_device(config.device))
     if run_dir is not None and group.rank == 0:
         prepare(Path(run_dir), config)
-    group.wait()
+    group.barrier()
     own = range(group.rank, len(flows), group.size)
     cases = _pose([flows[e] for e in own], [configs[e] for e in own])
     folder: Path | None = None
@@ -150,7 +150,8 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         first = clean[key]
         if config.noise:
             return pose(first.flow, config)
-        member = dataclasses.replace(first.member, seed=config.seed, I0=config.I0)
+        fixed = fixed_values(config)
+        member = dataclasses.replace(first.member, seed=config.seed, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)
 
     pairs = zip(keys, configs, strict=True)

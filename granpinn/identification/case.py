@@ -23,6 +23,7 @@ from granpinn.data import (
     with_collocation,
 )
 from granpinn.data.scaling import scales_of
+from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
@@ -79,8 +80,13 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     scales = scales_of(seen)
     data = training_data(seen, scales, config)
     posed = problem.build(seen, scales, data, config)
-    member = Member(posed, data, config.seed, config.I0)
+    member = Member(posed, data, config.seed, LAWS[config.law], fixed_values(config))
     return Case(flow, config, scales, member, seen, known_sd(seen))
+
+
+def fixed_values(config: Config) -> dict[str, float]:
+    """Values of the fixed parameters of the friction law, by name."""
+    return {"I0": config.I0} if "I0" in LAWS[config.law].names else {}
 
 
 def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:

@@ -17,25 +17,25 @@ from granpinn.identification.final_loss import final_loss
 from granpinn.results import Fields, Parameter, Parameters, Result
 from granpinn.results.findings import Loss, SimulatedPressure
 from granpinn.results.records import Members, Residuals
-from granpinn.training.run import Run
+from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import calibration, error_bars
 from granpinn.uncertainty.judgement import judge
 
 
-def members_of(cases: Sequence[Case], run: Run, first: int) -> tuple[Members, int]:
+def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
     """What the members from `first` on have identified, and which of them is to be shown.
 
     Those that diverged are left out; where all did, the first one stands with its last good state.
     """
     places = range(len(cases))
-    sound = [k for k in places if first + k not in run.training.lost] or [0]
-    values = [run.training.solution(first + k)[1].tolist() for k in sound]
+    sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
+    values = [run.trainer.solution(first + k)[1].tolist() for k in sound]
     members = Members(
         seed=tuple(cases[k].member.seed for k in sound),
         mu_s=tuple(value[0] for value in values),
         mu_2=tuple(value[1] for value in values),
         redrawn=tuple(cases[k].redrawn for k in sound),
-        lost=sum(first + k in run.training.lost for k in places),
+        lost=sum(first + k in run.trainer.diverged for k in places),
     )
     shown = error_bars.nearest(members, calibration.load())
     return dataclasses.replace(members, shown=shown), sound[shown]
@@ -53,7 +53,7 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
 
 def result(
     case: Case,
-    run: Run,
+    run: TrainingLoop,
     e: int,
     members: Members,
     model: Model,
@@ -68,15 +68,15 @@ def result(
         simulated_pressure: the record of the closed pressure among the fields.
     """
     flow, config, data = case.flow, case.config, case.member.data
-    loss, lost = final_loss(run.training, e), run.training.lost.get(e)
+    loss, lost = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals = residuals_of(case, loss)
-    judged = judge(members, residuals, run.training.step, config, lost)
+    judged = judge(members, residuals, run.trainer.step, config, lost)
     parameters = Parameters(*judged.free, Parameter(config.I0, fixed=True))
     at_particles = prediction.velocity_at_particles(
         flow, model.problem.spec, model.params, model.problem.physics, model.scales
     )
     scores = scoring.score(flow, maps, parameters, at_particles)
-    steps = run.training.step
+    steps = run.trainer.step
     return Result(
         parameters=parameters,
         level=config.level,
@@ -90,7 +90,7 @@ def result(
             n_frames=int(flow.t.size),
         ),
         timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
-        device=str(run.training.params.device),
+        device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
         settings=dataclasses.asdict(config),

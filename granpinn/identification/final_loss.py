@@ -13,21 +13,21 @@ import torch
 from granpinn.kernels import ops
 from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results.findings import Loss
-from granpinn.training.training import Training
+from granpinn.training.trainer import Trainer
 
 MOST_POINTS = 131072
 CHUNK = 16384  # points per evaluation
 
 
 @torch.no_grad()
-def final_loss(training: Training, member: int) -> Loss | None:
-    """Mean terms of a member as the steps of the training have left it (`Training.trained`).
+def final_loss(trainer: Trainer, member: int) -> Loss | None:
+    """Mean terms of a member as the steps of the training have left it (`Trainer.trained`).
 
     Over every k-th point, so that at most `MOST_POINTS` are used. None where one is not finite.
     """
-    objective, e = training.objective, member
+    objective, e = trainer.objective, member
     spec, form = objective.spec, objective.spec.form
-    params, theta = training.trained(e)
+    params, theta = trainer.trained(e)
     data = objective.data(e)
     inside, surface = _every_kth(len(data.points)), _every_kth(len(data.surface_points))
     sums = [0.0] * len(TERMS)
@@ -54,7 +54,7 @@ def final_loss(training: Training, member: int) -> Loss | None:
     means = [total / n for total, n in zip(sums, counts, strict=True)]
     if not all(map(math.isfinite, means)):
         return None
-    return Loss(len(inside), _named(means), _named(training.final_weights(e)))
+    return Loss(len(inside), _named(means), _named(trainer.final_weights(e)))
 
 
 def _named(values: list[float]) -> dict[str, float]:

@@ -21,10 +21,10 @@ from granpinn.identification import conclusion, prediction, simulated_fields
 from granpinn.identification.case import Case, Model, choose_device, members, pose
 from granpinn.results import Result, fields, write_csv
 from granpinn.training.guard import NonFiniteError
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Alone, Processes, processes
 from granpinn.training.progress import Progress, Silent
-from granpinn.training.run import Run
 
 
 def identify(
@@ -59,12 +59,12 @@ def identify(
         progress = None
     elif folder is not None:
         prepare(folder, config, len(cases))
-    together.wait()
+    together.barrier()
     parts = None if len(cases) == 1 else histories(folder, len(cases))
     run = start(cases, config, folder, progress, begin, parts, together)
     run.train()
-    if len(run.training.lost) == len(cases):
-        raise NonFiniteError(next(iter(run.training.lost.values())))
+    if len(run.trainer.diverged) == len(cases):
+        raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
         return finish(cases, run, 0, None, None)
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as closing:
@@ -89,7 +89,7 @@ def start(
     begin: float,
     members: Sequence[Path | None] | None = None,
     together: Processes | None = None,
-) -> Run:
+) -> TrainingLoop:
     """The run that trains the cases side by side; it counts its time limit from `begin`."""
     device = choose_device(config.device)
     together = together or Alone()
@@ -101,7 +101,7 @@ def start(
         kept = simulated_fields.kept_after_training(config, len(cases))
         deadline = begin + config.max_time - kept
     progress = progress or Silent()
-    run = Run(objective, config, folder, progress, deadline, members, together)
+    run = TrainingLoop(objective, config, folder, progress, deadline, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
@@ -116,7 +116,7 @@ def start(
 
 def finish(
     cases: Sequence[Case],
-    run: Run,
+    run: TrainingLoop,
     first: int,
     folder: Path | None,
     closing: Executor | None,
@@ -128,7 +128,7 @@ def finish(
     """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
-    model = Model(case.member.problem, *run.training.solution(e), case.scales)
+    model = Model(case.member.problem, *run.trainer.solution(e), case.scales)
     maps, record = predict(case.flow, model), None
     if case.config.simulated_pressure.frames and closing is not None:
         maps, record = simulated_fields.close(case, run, model, maps, closing)

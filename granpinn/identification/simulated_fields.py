@@ -20,7 +20,7 @@ from granpinn.physics.axes import Axes
 from granpinn.results.fields import Fields
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import simulated_pressure
-from granpinn.training.run import Run
+from granpinn.training.loop import TrainingLoop
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def kept_after_training(config: Config, members: int) -> float:
 
 
 def close(
-    case: Case, run: Run, model: Model, maps: Fields, pool: Executor
+    case: Case, run: TrainingLoop, model: Model, maps: Fields, pool: Executor
 ) -> tuple[Fields, SimulatedPressure]:
     """The fields with `p_simulated` where there is any, and the record of it."""
     said = time.monotonic()
@@ -55,7 +55,7 @@ def close(
 
     deadline = None
     if run.deadline is not None:
-        kept = kept_after_training(case.config, len(run.training.params))
+        kept = kept_after_training(case.config, len(run.trainer.params))
         deadline = run.deadline + CLOSING_PART * kept
     flow = case.flow
     mu_s, mu_2, I0 = model.theta.tolist()

@@ -23,6 +23,7 @@ from markupsafe import Markup
 from granpinn.atomic import atomic_path
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
@@ -36,7 +37,7 @@ from granpinn.results import (
 )
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
-from granpinn.training.history import COLUMNS
+from granpinn.training.history import columns
 from granpinn.uncertainty.assessment import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -116,19 +117,21 @@ def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
         raise HistoryFileError(f"{path.name} does not exist") from None
     except (OSError, ValueError, csv.Error) as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    if not rows or tuple(rows[0]) != COLUMNS:
-        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(COLUMNS)}")
+    header = tuple(rows[0]) if rows else ()
+    if header not in map(columns, LAWS.values()):
+        expected = ", ".join(columns(DEFAULT))
+        raise HistoryFileError(f"{path.name} must start with the columns {expected}")
     for row in rows[1:]:
-        if len(row) != len(COLUMNS):
-            raise HistoryFileError(f"{path.name} must have {len(COLUMNS)} cells a line, got {row}")
+        if len(row) != len(header):
+            raise HistoryFileError(f"{path.name} must have {len(header)} cells a line, got {row}")
     try:
         table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
     except ValueError as error:
         raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
-    table = table.reshape(-1, len(COLUMNS))
+    table = table.reshape(-1, len(header))
     if not np.isfinite(table[:, 0]).all():
         raise HistoryFileError(f"{path.name} must have a step in every line")
-    return dict(zip(COLUMNS, table.T, strict=True))
+    return dict(zip(header, table.T, strict=True))
 
 
 def render(

@@ -186,7 +186,7 @@ def _flows(request: Request, rank: int) -> list[Flow]:
     found = []
     if rank == 0:
         found = flows.six_regimes(folder, request.cells, request.stride, _say)
-    together.wait()
+    together.barrier()
     return found or flows.six_regimes(folder, request.cells, request.stride, _say)
 
 

@@ -1,9 +1,12 @@
 """From points to trained networks.  In reading order:
 
-data:       problem (scales and weights), sampling (which points), objective (batch, fused loss)
-update:     scalars (mu_s, mu_2), optimise (Adam, Muon), step_ops (the operators of one step)
-each step:  schedule, control (what a step knows of the host), plan, engine (calls or CUDA graphs)
-the run:    training (its state, its step), run (first step to last), guard, clock, checkpoint
+loss:       problem (scales and weights), sampling (which points), objective (batch, fused loss)
+law:        law_variables (the friction law as unknowns)
+update:     optimise (Adam, Muon)
+each step:  schedule (what a step does), control_table (the schedule on the device), graphs (CUDA)
+state:      trainer (everything that a step changes, and the step)
+the run:    loop (first step to last), time_limit, guard (faults and signals), checkpoint
+the end:    last_layer, equations, features (one Gauss-Newton step)
 to watch:   history, progress
 processes:  parallel
 """

@@ -2,10 +2,10 @@
 
 A checkpoint is two files in `<run>/checkpoint/`: `step-N.safetensors` holds every tensor of the
 training state, `step-N.json` the rest and the SHA-256 of the first. Each is written to a temporary
-file, flushed to disk and renamed, tensors first, so that a checkpoint exists once its JSON does.
-The two newest are kept; a damaged one is passed over in favor of the one before it.
+file, flushed to disk and renamed, tensors first. So a checkpoint is complete once its JSON exists.
+The two newest are kept. If the newest is damaged, the one before it is read.
 
-Nothing in these files is ever executed: no pickle anywhere.
+No code is read from these files: there is no pickle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from torch import Tensor
 from granpinn.atomic import atomic_path
 
 FORMAT_NAME = "granpinn-checkpoint"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 KEPT = 2
 
 
@@ -36,7 +36,7 @@ class CheckpointError(Exception):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a pair of files holds: the tensors by name and the plain values of the JSON."""
+    """The content of a pair of files: the tensors by name and the plain values of the JSON."""
 
     path: Path
     tensors: dict[str, Tensor]
@@ -46,7 +46,7 @@ class Checkpoint:
 def save(folder: Path, step: int, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> Path:
     """Write the checkpoint of `step` and remove all but the two newest; path of the JSON.
 
-    Refuses a tensor with a NaN or an infinity in it: what is on disk can be trusted.
+    CheckpointError: a tensor holds a NaN or an infinity, or the disk refuses.
     """
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
@@ -82,7 +82,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _prune(folder: Path) -> None:
-    """Keep the newest two checkpoints; remove what a killed process left half-written."""
+    """Keep the newest two checkpoints; remove the temporary files of a killed process."""
     kept = {path.stem for path in _newest_first(folder)[:KEPT]}
     for path in folder.glob("step-*.*"):
         if path.stem not in kept:
@@ -96,7 +96,7 @@ def _newest_first(folder: Path) -> list[Path]:
 
 
 def newest(folder: Path) -> Checkpoint | None:
-    """The newest checkpoint that is whole, None where there is none at all."""
+    """The newest checkpoint that is undamaged, None where there is none at all."""
     damaged = []
     for path in _newest_first(folder):
         try:
@@ -128,7 +128,7 @@ def _refuse_constant(name: str) -> float:
 
 
 def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha256: str) -> None:
-    """Refuse a checkpoint of other settings or of another flow file, naming the difference."""
+    """CheckpointError, with the difference, for other settings or another flow file."""
     saved = checkpoint.state.get("settings")
     if not isinstance(saved, dict) or checkpoint.state.get("input_sha256") is None:
         raise CheckpointError(f"{checkpoint.path} lacks its settings or the hash of its flow file")

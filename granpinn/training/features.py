@@ -1,4 +1,4 @@
-"""The outputs of the last hidden layer of a network, which its last layer combines."""
+"""The outputs of the last hidden layer of a network: the inputs of its last layer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from granpinn.kernels.network import NetworkSpec, layer_offsets, views
 
 
 class Features:
-    """h(x, y, t) of a trained network; one more, for the bias, is 1.
+    """h(x, y, t) of a trained network; the last feature is 1, for the bias.
 
     Args:
         params: of the network [P], on the device to work on.
@@ -34,8 +34,8 @@ class Features:
     def with_means(self, points: Tensor, length: float) -> Tensor:
         """The jet of order 1 and the means of its derivatives by x and y: [6, N, F].
 
-        The means are over four points at +-length/sqrt(2) in x and y: to second order in the
-        length those with the weights 1-2-1 over three cells of that size.
+        The means are over four points at +-length/sqrt(2) in x and y. To second order in the
+        length they are the means 1-2-1 over three cells of that size.
         """
         a = length / math.sqrt(2)
         shifts = points.new_tensor([[i * a, j * a, 0] for i in (1, -1) for j in (1, -1)])

@@ -1,10 +1,10 @@
-"""Notice what must stop a run: a number that is not finite, or a signal.
+"""What stops a run: a number that is not finite, or a signal.
 
-Loss and gradients are tested before the update that would use them, the parameters after it, so
-that a NaN is seen in the step that makes it (csrc/step.h; training/control.py reads what was
-found). The training loop then goes back to its last good state once, at half the learning rate: a
-run that diverged because its steps were too long recovers. When it happens again, the run stops
-and names the tensor; of several members, those that it happened to stop.
+Loss and gradients are tested before the update that uses them, the parameters after it. So a NaN is
+found in the step that makes it (csrc/step.h; `ControlTable.faults` reads the result). The training
+loop then goes back to its last good state once, at half the learning rate: this helps a run whose
+steps were too long. The second time the run stops, with the name of the tensor; of several members
+only the faulty ones stop.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class NonFiniteError(ArithmeticError):
     """A tensor of the training state holds a NaN or an infinity; the message names it.
 
     Attributes:
-        members: the members of the run that it happened to, each with its own sentence.
+        members: the faulty members of the run, each with its own sentence.
     """
 
     def __init__(self, message: str, members: Mapping[int, str] | None = None) -> None:
@@ -33,7 +33,7 @@ class NonFiniteError(ArithmeticError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; the state has been saved where there is a run folder."""
+    """SIGINT or SIGTERM arrived; the state has been saved if there is a run folder."""
 
     def __init__(self, signum: int, message: str) -> None:
         super().__init__(message)
@@ -52,7 +52,7 @@ def require_finite(tensors: Mapping[str, Tensor]) -> None:
 
 
 class Signals:
-    """Remembers the first SIGINT or SIGTERM; a second one ends the process at once."""
+    """Keeps the first SIGINT or SIGTERM; a second one ends the process at once."""
 
     def __init__(self) -> None:
         self.received: int | None = None

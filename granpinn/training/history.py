@@ -1,7 +1,7 @@
 """history.csv: one row of loss terms and identified values every so many steps.
 
-The file grows at its end. A checkpoint remembers how long it was, and a resumed run cuts it there:
-what the lost steps wrote is written again.
+The file grows at its end. A checkpoint holds its length, and a resumed run cuts the file there. The
+rows of later steps are written again.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,49 +21,57 @@ from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES
 
 
-@dataclass(frozen=True)
-class Row:
-    """Values of one step; NaN (an empty cell of the file): not part of this step.
-
-    The terms are those of the batch of this step, without their weights; step counts from 1.
-    """
-
-    step: int
-    wall_s: float
-    loss: float
-    velocity: float
-    surface: float
-    momentum: float
-    continuity: float
-    constitutive: float
-    mu_s: float
-    mu_2: float
-    I0: float
-    learning_rate: float
-
-
-COLUMNS = tuple(f.name for f in fields(Row))
-
-
 def columns(law: Law) -> tuple[str, ...]:
     """The columns of history.csv for a friction law."""
     return ("step", "wall_s", "loss", *NAMES, *law.names, "learning_rate")
+
+
+@dataclass(frozen=True)
+class Row:
+    """Values of one step, in the order of `columns`; NaN (an empty cell): not part of this step.
+
+    Attributes:
+        step: counts from 1.
+        wall_s: seconds of training up to this step.
+        terms: of the loss of this batch without their weights, one for each of `NAMES`.
+        parameters: theta, one for each of `law.names`.
+    """
+
+    law: Law = field(repr=False)
+    step: int
+    wall_s: float
+    loss: float
+    terms: tuple[float, ...]
+    parameters: tuple[float, ...]
+    learning_rate: float
+
+    @classmethod
+    def of(cls, law: Law, values: Iterable[float]) -> Row:
+        """The row with these values in the order of `columns`."""
+        step, wall_s, loss, *rest, rate = values
+        terms, parameters = tuple(rest[: len(NAMES)]), tuple(rest[len(NAMES) :])
+        return cls(law, int(step), wall_s, loss, terms, parameters, rate)
+
+    def values(self) -> dict[str, float]:
+        """The value of every column by its name."""
+        rest = (*self.terms, *self.parameters, self.learning_rate)
+        return dict(zip(columns(self.law), (self.step, self.wall_s, self.loss, *rest), strict=True))
 
 
 def median(rows: Sequence[Row]) -> Row:
     """The medians, column by column, of one row of every member."""
     if len(rows) == 1:
         return rows[0]
-    columns = zip(*(vars(row).values() for row in rows), strict=True)
-    step, *values = (float(np.median(column)) for column in columns)
-    return Row(int(step), *values)
+    table = zip(*(row.values().values() for row in rows), strict=True)
+    return Row.of(rows[0].law, (float(np.median(column)) for column in table))
 
 
 class History:
     """The rows of a run, in memory and, where there is a run folder, in its history.csv."""
 
-    def __init__(self, path: Path | None) -> None:
+    def __init__(self, path: Path | None, law: Law) -> None:
         self.rows: list[Row] = []
+        self.law = law
         self.path = path
         self._file: io.BufferedRandom | None = None
         self._offset = 0
@@ -76,14 +84,15 @@ class History:
         self._file.truncate(offset)
         if offset:
             self._file.seek(0)
-            self.rows = _parse(self._file.read().decode())
+            _, *lines = csv.reader(io.StringIO(self._file.read().decode()))
+            self.rows = [Row.of(self.law, (float(v or math.nan) for v in cells)) for cells in lines]
         else:
-            self._write(COLUMNS)
+            self._write(columns(self.law))
 
     def append(self, row: Row) -> None:
         self.rows.append(row)
         if self._file is not None:
-            self._write(["" if math.isnan(v) else v for v in vars(row).values()])
+            self._write(["" if math.isnan(v) else v for v in row.values().values()])
 
     def forget_after(self, step: int) -> None:
         """Drop the rows of later steps, in the file too."""
@@ -91,13 +100,13 @@ class History:
         if self._file is not None:
             self._file.seek(0)
             self._file.truncate()
-            self._write(COLUMNS)
+            self._write(columns(self.law))
         self.rows = []
         for row in kept:
             self.append(row)
 
     def flush(self) -> int:
-        """Force what was written to the disk; length of the file in bytes."""
+        """Force all rows to the disk; length of the file in bytes."""
         if self._file is None:
             return 0
         with self._naming_the_file():
@@ -106,7 +115,7 @@ class History:
 
     def close(self) -> None:
         if self._file is not None:
-            # Every row was flushed: what a close cannot write has been reported before.
+            # Every row was flushed, so that a failure has been reported before.
             with contextlib.suppress(OSError):
                 self._file.close()
             self._file = None
@@ -126,11 +135,3 @@ class History:
             yield
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
-
-
-def _parse(text: str) -> list[Row]:
-    rows = csv.DictReader(io.StringIO(text))
-    return [
-        Row(**{k: int(v) if k == "step" else float(v or math.nan) for k, v in row.items()})  # type: ignore[arg-type]
-        for row in rows
-    ]

@@ -7,7 +7,7 @@ its own seed and its own problem. The data of all lie one after another on the d
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -19,7 +19,8 @@ from granpinn.kernels import (
     ops,
     step_ops,  # noqa: F401
 )
-from granpinn.training.control import Control
+from granpinn.physics.laws import Law
+from granpinn.training.control_table import ControlTable
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import MISFIT, draw
 
@@ -30,19 +31,25 @@ _ops = torch.ops.granpinn
 
 @dataclass(frozen=True)
 class Member:
-    """One network to be trained: its problem, its data (that members may share) and its seed."""
+    """One network to be trained.
+
+    Attributes:
+        data: may be shared by members.
+        fixed: values of the fixed parameters of the law; by default `LawParameter.start`.
+    """
 
     problem: Problem
     data: TrainingSet
     seed: int
-    I0: float
+    law: Law
+    fixed: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Loss [E], terms [E, 5] and gradients [E, P], [E, 3] of one step.
+    """Loss [E], terms [E, 5] and gradients by params [E, P] and theta [E, N] of one step.
 
-    After a step on the velocity alone the other terms and the gradient by the rheology are 0.
+    In the pre-fit the terms after the first one and the gradient by theta are 0.
     """
 
     loss: Tensor
@@ -55,8 +62,9 @@ class Objective:
     """The data on their device, and the two losses that a run minimizes in turn.
 
     Attributes:
+        law: the friction law of all members.
         distinct: training sets of the members, each once.
-        share: which of the equal parts of every batch this process draws, and how many there are.
+        share: number of the part of every batch that this process draws, and of the equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
 
@@ -70,7 +78,7 @@ class Objective:
     ) -> None:
         self.members = list(members)
         self.precision = precision
-        self.spec = members[0].problem.spec
+        self.spec, self.law = members[0].problem.spec, members[0].law
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
         self.distinct, self.set_of = _distinct(members)
@@ -113,7 +121,7 @@ class Objective:
         return [places[i] for i in self.set_of]
 
     def data(self, member: int) -> TrainingSet:
-        """All points of a member, on the device; of the surface, where the loss has it."""
+        """All points of a member, on the device; those of the surface if the loss has that term."""
         first, count, first_surface, count_surface = self.places[member].tolist()
         own = slice(first, first + count)
         surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
@@ -138,15 +146,15 @@ class Objective:
         }
 
     def evaluate(
-        self, control: Control, params: Tensor, theta: Tensor, velocity_alone: bool
+        self, control: ControlTable, params: Tensor, theta: Tensor, prefit: bool
     ) -> Evaluation:
-        """The loss of the step that `control` is at, and its gradients.
+        """The loss of the step at the counter of `control`, and its gradients.
 
         Args:
             params: [E, P].
-            theta: (mu_s, mu_2, I0) of every member [E, 3].
-            velocity_alone: leave out the equations and the surface: the derivatives of the network
-                are not needed then.
+            theta: parameters of the friction law [E, N].
+            prefit: the velocity alone, without the equations and the surface; this needs no
+                derivatives of the network.
         """
         return Evaluation(
             *_ops.batch_loss(
@@ -161,7 +169,7 @@ class Objective:
                 self.surface_pressure,
                 self.term_weights,
                 self.batch.interior,
-                0 if velocity_alone else self.batch.surface,
+                0 if prefit else self.batch.surface,
                 self.share,
                 params,
                 theta,
@@ -169,13 +177,14 @@ class Objective:
                 self.input_shift,
                 self.input_scale,
                 self.physics,
-                "data" if velocity_alone else self.spec.form,
+                "data" if prefit else self.spec.form,
+                self.law.name,
                 self.precision,
             )
         )
 
     def misfit(self, step: int, params: Tensor, theta: Tensor) -> list[float]:
-        """For every member, by how much one velocity component is off: rms over many points."""
+        """The rms misfit of one velocity component over many points, of every member."""
         squares = []
         for e, member in enumerate(self.members):
             data = self.data(e)
@@ -195,13 +204,14 @@ class Objective:
                 self.input_scale[e],
                 self.physics[e],
                 "data",
+                self.law.name,
             )
             squares.append(terms[0])
         return [math.sqrt(square) for square in torch.stack(squares).tolist()]
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:
-    """The training sets without repetition, and which one each member has."""
+    """The training sets without repetition, and the number of the set of each member."""
     sets: list[TrainingSet] = []
     which = []
     for member in members:

@@ -1,7 +1,7 @@
 """One update of E networks and friction laws: Adam, or Muon on the hidden matrices with Adam else.
 
-The state lives in a few tensors with a leading axis of members, which is all that a checkpoint
-needs. The arithmetic is in csrc/step.h; here is only which parameters are matrices.
+The state is a few tensors with a leading axis of members, which a checkpoint holds. The arithmetic
+is in csrc/step.h. This module says which parameters are matrices.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer
-from granpinn.kernels import step_ops  # noqa: F401  (registers the shapes of the operators)
+from granpinn.kernels import step_ops
 from granpinn.kernels.network import layer_offsets
-from granpinn.training.control import Control
-from granpinn.training.scalars import Scalars
+from granpinn.training.control_table import ControlTable
+from granpinn.training.law_variables import LawVariables
 
 BETA_1 = 0.9
 
@@ -28,7 +28,7 @@ _ops = torch.ops.granpinn
 class Group:
     """`count` successive hidden matrices [m, n] in a parameter vector, from `offset` on.
 
-    They lie a bias apart from each other: matrix l begins at offset + l (m n + m).
+    A bias lies between two of them: matrix l begins at offset + l (m n + m).
     """
 
     offset: int
@@ -48,26 +48,26 @@ class Group:
 
 
 class BatchOptimizer:
-    """Updates params [E, P] and the rheology scalars q [E, 2] in place, and their averages.
+    """Updates params [E, P] and the law variables q [E, N] in place, and their averages.
 
     Args:
         precision: of Muon's products on a GPU, "fp32" or "fast" (granpinn/kernels/step_ops.py).
 
     Attributes:
-        average_params, average_q: means over the steps that the control table gives a weight.
+        average_params, average_q: means over the steps with a weight in the control table.
     """
 
     def __init__(
         self,
         params: Tensor,
-        scalars: Scalars,
+        law_variables: LawVariables,
         widths: Sequence[int],
         settings: Optimizer,
-        control: Control,
+        control: ControlTable,
         precision: str = "fp32",
     ) -> None:
-        self.params, self.scalars, self.control, self.settings = params, scalars, control, settings
-        self.precision = precision
+        self.params, self.law_variables = params, law_variables
+        self.control, self.settings, self.precision = control, settings, precision
         self.groups = hidden_groups(widths) if settings.method == "muon" else []
         self.matrices = [
             number
@@ -75,7 +75,7 @@ class BatchOptimizer:
             for i in range(g.count)
             for number in (g.offset + i * g.apart, g.m * g.n)
         ]
-        q = scalars.values
+        q = law_variables.q
         self.counts = torch.zeros(len(params), 2, dtype=torch.int64, device=params.device)
         self.first, self.second = torch.zeros_like(params), torch.zeros_like(params)
         self.first_q, self.second_q = torch.zeros_like(q), torch.zeros_like(q)
@@ -85,16 +85,16 @@ class BatchOptimizer:
     def step(
         self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor, law_moves: bool = True
     ) -> None:
-        """One update, if all is finite; `control` says at which learning rates and of which step.
+        """One update of all members without a fault, with the learning rates of `control`.
 
         Args:
             loss: [E].
             grad_params: d loss / d params [E, P].
-            grad_theta: d loss / d theta [E, 3].
+            grad_theta: d loss / d theta [E, N].
             law_moves: False while the friction law is not trained.
         """
-        s, c, Q = self.settings, self.control, self.scalars
-        state = (c.counter, c.table, c.slower, c.fault, self.counts)
+        s, c, law = self.settings, self.control, self.law_variables
+        state = (c.counter, c.table, c.lr_scale, c.fault, self.counts)
         rest = [BETA_1, s.beta_2, s.epsilon]
         _ops.update(
             *state,
@@ -109,13 +109,14 @@ class BatchOptimizer:
             [s.learning_rate, *rest],
             s.momentum,
             grad_theta,
-            Q.values,
+            law.q,
             self.first_q,
             self.second_q,
-            Q.theta,
+            law.theta,
             self.average_q,
             [s.scalars_learning_rate, *rest],
-            Q.variables,
+            [step_ops.VARIABLES[kind] for kind in law.kinds],
+            law.bounds,
             law_moves,
         )
         for g in self.groups:
@@ -125,23 +126,23 @@ class BatchOptimizer:
             _ops.descend(*state, G, self.params, self.average_params, *places)
 
     def reset(self) -> None:
-        """Forget all momenta: the loss is another one from here on."""
+        """Set all momenta to zero, because the loss changes."""
         for tensor in self.momenta().values():
             tensor.zero_()
 
     def momenta(self) -> dict[str, Tensor]:
-        """What an update depends on besides the parameters, by name, live; [E, ...] each."""
+        """The tensors of an update besides the parameters, by name, live; [E, ...] each."""
         return {
             "optimizer.counts": self.counts,
             "optimizer.first": self.first,
             "optimizer.second": self.second,
-            "optimizer.scalars.first": self.first_q,
-            "optimizer.scalars.second": self.second_q,
+            "optimizer.q.first": self.first_q,
+            "optimizer.q.second": self.second_q,
         }
 
     def tensors(self) -> dict[str, Tensor]:
         """Every tensor of the state by name, live: copying into them restores it."""
-        averages = {"average.params": self.average_params, "average.scalars": self.average_q}
+        averages = {"average.params": self.average_params, "average.q": self.average_q}
         return averages | self.momenta()
 
 

@@ -1,9 +1,9 @@
-"""Several processes for one run, started by torchrun: who is who, and what they agree on.
+"""Several processes for one run, started by torchrun.
 
-Each process draws an equal share of every batch, and the shares together are the batch that one
-process would draw. One all-reduce in a step averages losses and gradients; the update then has the
-same bits everywhere, so parameters never travel. What depends on the clock or on a signal is
-decided by all together, or by the first process alone.
+Each process draws an equal share of every batch; all shares together are the batch of a single
+process. One all-reduce in a step averages losses and gradients. The update then has the same bits
+everywhere, so parameters are never sent. The first process decides what depends on the clock, and
+a signal to any process stops all of them.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ class Processes(Protocol):
     rank: int
     size: int
 
-    def mean(self, e: Evaluation) -> Evaluation:
-        """The evaluation of the whole batch, from that of every share."""
+    def all_reduce(self, e: Evaluation) -> Evaluation:
+        """The mean of the evaluations of all shares: that of the whole batch."""
 
-    def first(self, values: Sequence[float]) -> list[float]:
-        """The values that the first process has."""
+    def broadcast(self, values: Sequence[float]) -> list[float]:
+        """The values of the first process."""
 
     def stopping(self, asked: bool) -> bool:
-        """Whether the run is to stop; all processes are told so after the same step."""
+        """Whether any process was asked to stop; the same in all processes after a step."""
 
-    def wait(self) -> None:
-        """Go on when all have come here."""
+    def barrier(self) -> None:
+        """Wait for all processes."""
 
 
 class Alone:
@@ -45,16 +45,16 @@ class Alone:
 
     rank, size = 0, 1
 
-    def mean(self, e: Evaluation) -> Evaluation:
+    def all_reduce(self, e: Evaluation) -> Evaluation:
         return e
 
-    def first(self, values: Sequence[float]) -> list[float]:
+    def broadcast(self, values: Sequence[float]) -> list[float]:
         return list(values)
 
     def stopping(self, asked: bool) -> bool:
         return asked
 
-    def wait(self) -> None: ...
+    def barrier(self) -> None: ...
 
 
 class Group:
@@ -63,18 +63,18 @@ class Group:
     def __init__(self, device: torch.device) -> None:
         self.rank, self.size = distributed.get_rank(), distributed.get_world_size()
         self.asked = torch.zeros(1, device=device)
-        self.told = torch.zeros(1, device=device)
+        self.any_asked = torch.zeros(1, device=device)
 
-    def mean(self, e: Evaluation) -> Evaluation:
+    def all_reduce(self, e: Evaluation) -> Evaluation:
         parts = (e.loss, e.terms, e.grad_params, e.grad_theta)
         flat = torch.cat([*(part.flatten() for part in parts), self.asked.to(e.loss)])
         distributed.all_reduce(flat)
-        self.told.copy_(flat[-1:])
+        self.any_asked.copy_(flat[-1:])
         flat /= self.size
         pieces = torch.split(flat[:-1], [part.numel() for part in parts])
         return Evaluation(*(p.view_as(part) for p, part in zip(pieces, parts, strict=True)))
 
-    def first(self, values: Sequence[float]) -> list[float]:
+    def broadcast(self, values: Sequence[float]) -> list[float]:
         shared = torch.tensor(values, dtype=torch.float64)
         distributed.broadcast(shared, 0)
         return shared.tolist()
@@ -82,10 +82,10 @@ class Group:
     def stopping(self, asked: bool) -> bool:
         if asked:
             self.asked.fill_(1)
-        return bool(self.told.item() > 0)
+        return bool(self.any_asked.item() > 0)
 
-    def wait(self) -> None:
-        distributed.all_reduce(torch.zeros(1))  # on the CPU: a barrier would take the GPU's way
+    def barrier(self) -> None:
+        distributed.all_reduce(torch.zeros(1))  # by gloo: distributed.barrier() uses the GPU
 
 
 def processes(device: torch.device) -> Processes:
@@ -96,9 +96,9 @@ def processes(device: torch.device) -> Processes:
 
 @contextmanager
 def joined() -> Iterator[int]:
-    """Join the group that torchrun has made, if any, and leave it at the end; gives the rank.
+    """Join the group of torchrun, if any, and leave it at the end; gives the rank.
 
-    Tensors of GPUs travel by NCCL, others by gloo; each process has the GPU of its local rank.
+    Tensors of GPUs are sent by NCCL, others by gloo; each process has the GPU of its local rank.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) < 2:
         yield 0

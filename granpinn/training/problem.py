@@ -1,7 +1,7 @@
 """What training needs besides the data: the scaling of the network and the weights of the terms.
 
-This is the one place that decides how inputs and outputs are scaled. All numbers that leave it are
-dimensionless (granpinn/physics/scales.py).
+Only this module scales inputs and outputs. All its results are dimensionless
+(granpinn/physics/scales.py).
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.axes import Axes
+from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
-from granpinn.physics.terms import NAMES as TERMS
+from granpinn.physics.terms import TERMS
 
 
 @dataclass(frozen=True)
@@ -27,19 +28,18 @@ class Problem:
 
     Attributes:
         spec: widths, input map and form of the network.
-        physics: [d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor].
-        term_weights: 1/sigma^2 of the five `TERMS`.
-        mean_length: over which the strain rate of shear bands is a mean (`equations.py`).
+        term_weights: 1/sigma^2 of each of the `TERMS`.
+        mean_length: of the mean strain rate of shear bands (`equations.py`).
     """
 
     spec: NetworkSpec
-    physics: list[float]
+    physics: Physics
     term_weights: list[float]
     mean_length: float
 
 
 def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
-    """The problem that `config` poses on the data of a flow."""
+    """The problem of a flow with the settings `config`."""
     if config.network.units == "file":
         shift = [0.0, 0.0, 0.0]
         scale = [scales.length, scales.length, scales.time]
@@ -51,15 +51,17 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
     material = material_of(flow, scales)
-    physics = [
-        material.grain_diameter,
-        *Axes.of(flow.gravity).gravity,
-        material.eta_min or 0.0,
-        math.inf if material.eta_max is None else material.eta_max,
-        U_out,
-        P_out,
-        config.rheology.p_floor,
-    ]
+    g_x, g_y = Axes.of(flow.gravity).gravity
+    physics = Physics(
+        grain_diameter=material.grain_diameter,
+        g_x=g_x,
+        g_y=g_y,
+        eta_min=material.eta_min or 0.0,
+        eta_max=math.inf if material.eta_max is None else material.eta_max,
+        velocity_scale=U_out,
+        pressure_scale=P_out,
+        pressure_floor=config.rheology.p_floor,
+    )
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
     smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
@@ -68,11 +70,10 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
 
 def _term_weights(config: Config, scales: Scales) -> list[float]:
     """1/sigma^2 of every term, dimensionless."""
-    sigmas = [config.weights.sigma(name) for name in TERMS]
+    sigmas = [config.weights.sigma(term.name) for term in TERMS]
     if config.weights.units == "file":
-        force = scales.pressure / scales.length
-        units = (scales.velocity, scales.pressure, force, 1 / scales.time, 1 / scales.time)
-        sigmas = [sigma / unit for sigma, unit in zip(sigmas, units, strict=True)]
+        pairs = zip(sigmas, TERMS, strict=True)
+        sigmas = [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
     return [sigma**-2 for sigma in sigmas]
 
 
@@ -81,15 +82,15 @@ def velocity_relaxation(
 ) -> npt.NDArray[np.float64]:
     """Factor on the weight of the velocity term of noisy data, 1 for clean data.
 
-    sigma_velocity is what the network cannot resolve, and it is too strict for noisy data: the
-    network then bends its strain rate to the noise. It rises geometrically, over the first part
-    `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself would be far
-    too much: the friction law would bend the velocity instead (docs/method.md).
+    sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too
+    strict: the network then bends its strain rate to the noise. It rises geometrically over the
+    first part `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself is
+    far too much: the friction law then bends the velocity (docs/method.md).
 
     Args:
         weight: 1/sigma_velocity^2, of one or of many members.
-        misfit: rms misfit of one velocity component after the pre-fit, dimensionless; likewise.
-        done: how much of the stage after the pre-fit is over, in [0, 1].
+        misfit: rms misfit of one velocity component after the pre-fit, of the same members.
+        done: part of the stage after the pre-fit that is over, in [0, 1].
     """
     ratio = settings.noise_part * np.asarray(misfit) * np.sqrt(weight)
     relaxation = np.maximum(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise))

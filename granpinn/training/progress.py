@@ -1,6 +1,6 @@
-"""What a run shows while it goes on: a bar in a terminal, plain lines elsewhere, TensorBoard.
+"""What a run shows on the way: a bar in a terminal, plain lines elsewhere, TensorBoard.
 
-Everything here only listens: `start`, then `show` for every row of the history, then `stop`.
+A run calls its listener: `start`, then `show` for every row of the history, then `stop`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, TextIO
 
 from granpinn.config import ConfigError
+from granpinn.physics.terms import TERMS
 from granpinn.training.history import Row
 
 LINE_EVERY = 10.0  # seconds between plain lines
@@ -21,10 +22,10 @@ class Progress(Protocol):
     """A listener of a run; subclass `Silent` and override what is of interest."""
 
     def start(self, total: int, done: int) -> None:
-        """A run of `total` steps begins, `done` of which a checkpoint has."""
+        """A run of `total` steps begins; `done` of them are in a checkpoint."""
 
     def total(self, steps: int) -> None:
-        """The plan changed: the run will have this many steps."""
+        """The schedule changed: the run has this many steps."""
 
     def show(self, row: Row) -> None:
         """A row was added to the history."""
@@ -139,7 +140,7 @@ class TensorBoard(Silent):
         self.inner.total(steps)
 
     def show(self, row: Row) -> None:
-        for name, value in vars(row).items():
+        for name, value in row.values().items():
             if name != "step" and math.isfinite(value):
                 self.writer.add_scalar(name, value, row.step)
         self.inner.show(row)
@@ -154,22 +155,16 @@ class TensorBoard(Silent):
 
 
 def automatic() -> Progress:
-    """A bar where a person looks on, lines otherwise."""
+    """A bar in a terminal, lines otherwise."""
     return Bar() if sys.stderr.isatty() else Lines()
 
 
 def describe(row: Row) -> str:
-    """mu_s, mu_2 and the terms of the loss in one line; terms that are not used are left out."""
-    terms = {
-        "vel": row.velocity,
-        "surf": row.surface,
-        "mom": row.momentum,
-        "div": row.continuity,
-        "law": row.constitutive,
-    }
-    parts = [f"mu_s {row.mu_s:.4f}", f"mu_2 {row.mu_2:.4f}", f"loss {row.loss:.3g}"]
-    parts += [f"{name} {value:.1e}" for name, value in terms.items() if math.isfinite(value)]
-    return "  ".join(parts)
+    """The free parameters, the loss and its terms in one line, without the unused terms."""
+    values = row.values()
+    parts = [f"{name} {values[name]:.4f}" for name in row.law.free] + [f"loss {row.loss:.3g}"]
+    terms = zip(TERMS, row.terms, strict=True)
+    return "  ".join(parts + [f"{term.label} {v:.1e}" for term, v in terms if math.isfinite(v)])
 
 
 def duration(seconds: float) -> str:

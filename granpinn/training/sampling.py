@@ -1,4 +1,4 @@
-"""Which points a step uses: a pure function of (seed, step), so that there is no state to lose.
+"""The points of a step, a pure function of (seed, step); so there is no state to save.
 
 The numbers come from Philox4x32-10 in C++ (csrc/math/philox.h), the same bits on every device.
 Points are drawn with replacement; the streams of interior and surface points are independent.

@@ -1,4 +1,4 @@
-"""How long a run is and what each of its steps does: pure functions of the step."""
+"""The schedule: the length of a run and what each step does, as pure functions of the step."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from granpinn.config import Optimizer
 
 @dataclass(frozen=True)
 class Schedule:
-    """A run of `total` steps: velocity alone first, then everything; step s is in [0, total).
+    """A run of `total` steps: first the pre-fit of the velocity alone, then the whole loss.
 
-    Everything depends on the progress in [0, 1], which is linear in the step. A run with a time
-    limit may change its total while it goes on: progress then continues from (from_step,
-    from_progress) to 1 at the new total, without a jump.
+    Step s is in [0, total). Everything depends on the progress in [0, 1], which is linear in the
+    step. A run with a time limit may change its total on the way: progress then continues from
+    (from_step, from_progress) to 1 at the new total, without a jump.
 
     Attributes:
         settings: learning rates and fractions of the run.
@@ -31,12 +31,12 @@ class Schedule:
         done = (step - self.from_step) / max(1, self.total - self.from_step)
         return self.from_progress + (1 - self.from_progress) * done
 
-    def replanned(self, step: int, total: int) -> Schedule:
-        """The schedule that goes on from `step` and ends at `total`."""
+    def ending_at(self, total: int, step: int) -> Schedule:
+        """The schedule that continues from `step` and ends at `total`."""
         progress = self.progress(step)
         return dataclasses.replace(self, total=total, from_step=step, from_progress=progress)
 
-    def velocity_alone(self, step: int) -> bool:
+    def in_prefit(self, step: int) -> bool:
         """Whether step `step` belongs to the pre-fit of the velocity."""
         return self.progress(step) < self.settings.prefit
 
@@ -44,21 +44,21 @@ class Schedule:
         """Whether the parameters after step `step` enter the average."""
         return self.progress(step) >= 1 - self.settings.average
 
-    def changes(self, step: int) -> bool:
-        """Whether step `step` is the first with the whole loss after a pre-fit."""
-        return step > 0 and self.velocity_alone(step - 1) and not self.velocity_alone(step)
+    def ends_prefit(self, step: int) -> bool:
+        """Whether step `step` is the first one after a pre-fit."""
+        return step > 0 and self.in_prefit(step - 1) and not self.in_prefit(step)
 
     def stage(self, step: int) -> tuple[float, float]:
         """How much of its stage is done before and after step `step`, each in [0, 1]."""
         prefit = self.settings.prefit
-        begin, end = (0.0, prefit) if self.velocity_alone(step) else (prefit, 1.0)
+        begin, end = (0.0, prefit) if self.in_prefit(step) else (prefit, 1.0)
         before, after = ((self.progress(i) - begin) / (end - begin) for i in (step, step + 1))
         return before, min(1.0, after)
 
     def learning_rate(self, step: int) -> float:
         """Factor in [0, 1] on every learning rate: in each stage a warm-up from 0 and a decay."""
         s = self.settings
-        final = s.prefit_final_fraction if self.velocity_alone(step) else s.final_fraction
+        final = s.prefit_final_fraction if self.in_prefit(step) else s.final_fraction
         done, after = self.stage(step)
         if done < s.warm_up:
             return min(1.0, after / s.warm_up)

@@ -16,12 +16,13 @@ from granpinn import reference
 from granpinn.config import Config
 from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
-from granpinn.training.control import HEALTHY
+from granpinn.physics.laws import DEFAULT
+from granpinn.training.control_table import HEALTHY, Position
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import Group
 from granpinn.training.problem import build
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
+from granpinn.training.trainer import Trainer
 from tests.flows import make_flow
 
 from .accuracy import EPSILON, GROSS_FACTOR
@@ -166,15 +167,16 @@ def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
     scales = scales_of(flow)
     data = training_set(flow, scales, config.level, torch.float64)
     posed = build(flow, scales, data, config)
-    members = [Member(posed, data, seed, config.I0) for seed in (0, 1, 2)]
+    members = [Member(posed, data, seed, DEFAULT, {"I0": config.I0}) for seed in (0, 1, 2)]
     objective = Objective(members, config.batch, torch.device(device))
-    training = Training(objective, Schedule(40, config.optimizer), config)
-    training.plan.ready(training._place(), steps, training.slower, training.lost)
+    trainer = Trainer(objective, Schedule(40, config.optimizer), config)
+    at = Position(trainer.schedule, 0, 0, tuple(trainer.misfit))
+    trainer.control.prepare(at, steps, trainer.lr_scale, trainer.diverged)
     with torch.no_grad():
         for step in range(steps):
-            training.one_step(velocity_alone=step < 2)
-    assert training.control.fault.tolist() == [HEALTHY] * 3
-    return training.tensors()
+            trainer.one_step(prefit=step < 2)
+    assert trainer.control.fault.tolist() == [HEALTHY] * 3
+    return trainer.tensors()
 
 
 def relative(found: Tensor, exact: Tensor) -> float:

@@ -14,7 +14,7 @@ from granpinn.kernels import (
     step_ops,
 )
 from granpinn.kernels.network import n_params
-from granpinn.training.control import HEALTHY
+from granpinn.training.control_table import HEALTHY
 from granpinn.training.optimise import Group
 from granpinn.training.sampling import INTERIOR, SURFACE
 

@@ -14,13 +14,15 @@ import pytest
 from granpinn import report
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
+from granpinn.physics.laws import DEFAULT
 from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
 from granpinn.results import write_results
-from granpinn.training.history import COLUMNS
+from granpinn.training.history import columns
 from tests.report.examples import make_result
 from tests.report.page import Page
 
+COLUMNS = columns(DEFAULT)
 HEADER = ",".join(COLUMNS) + "\n"
 ROW = ",".join(map(str, range(1, 13))) + "\n"
 

@@ -11,12 +11,14 @@ import torch
 from granpinn.config import Config
 from granpinn.data import Flow, training_set, write_flow
 from granpinn.data.scaling import scales_of
+from granpinn.identification.case import fixed_values
+from granpinn.physics.laws import LAWS
 from granpinn.training import problem
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member, Objective
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
+from granpinn.training.trainer import Trainer
 from tests.flows import make_flow
 
 TINY = {
@@ -37,20 +39,20 @@ def make_objective(config: Config, flow: Flow) -> Objective:
     scales = scales_of(flow)
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
-    member = Member(posed, data, config.seed, config.I0)
+    member = Member(posed, data, config.seed, LAWS[config.law], fixed_values(config))
     return Objective([member], config.batch, torch.device("cpu"), precision=config.precision)
 
 
-def make_training(config: Config, flow: Flow) -> Training:
+def make_trainer(config: Config, flow: Flow) -> Trainer:
     assert config.steps is not None
     schedule = Schedule(config.steps, config.optimizer)
-    return Training(make_objective(config, flow), schedule, config)
+    return Trainer(make_objective(config, flow), schedule, config)
 
 
-def make_run(config: Config, flow: Flow, folder: Path | None = None) -> Run:
+def make_run(config: Config, flow: Flow, folder: Path | None = None) -> TrainingLoop:
     if folder is not None:
         folder.mkdir(exist_ok=True)
-    return Run(make_objective(config, flow), config, folder, Silent(), None)
+    return TrainingLoop(make_objective(config, flow), config, folder, Silent(), None)
 
 
 @pytest.fixture(scope="session")

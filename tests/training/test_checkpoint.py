@@ -15,7 +15,7 @@ import torch
 from granpinn.training import checkpoint
 from granpinn.training.checkpoint import CheckpointError, newest, plain, require_same, restore, save
 
-TENSORS = {"params": torch.arange(6.0), "scalars": torch.tensor([1.0, 2.0], dtype=torch.float64)}
+TENSORS = {"params": torch.arange(6.0), "q": torch.tensor([1.0, 2.0], dtype=torch.float64)}
 STATE: dict[str, Any] = {"settings": {"seed": 3, "sigma": "inf"}, "input_sha256": "abc"}
 
 
@@ -178,8 +178,8 @@ def test_tensors_must_fit(tmp_path: Path) -> None:
     live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
     with pytest.raises(CheckpointError, match=r"params must be torch.float32 \[2\], got .* \[6\]"):
         restore(found, live | {"params": torch.zeros(2)})
-    with pytest.raises(CheckpointError, match=r"scalars must be torch.float32 \[2\], got .*64"):
-        restore(found, live | {"scalars": torch.zeros(2)})
+    with pytest.raises(CheckpointError, match=r"q must be torch.float32 \[2\], got .*64"):
+        restore(found, live | {"q": torch.zeros(2)})
     with pytest.raises(CheckpointError, match="differ in the tensors more"):
         restore(found, live | {"more": torch.zeros(2)})
     assert not live["params"].any()
@@ -205,4 +205,4 @@ def test_infinity_is_text_in_the_state(tmp_path: Path) -> None:
     assert plain(1.5) == 1.5
     saved(tmp_path, 1)
     text = (tmp_path / "step-000000001.json").read_text()
-    assert json.loads(text)["format_version"] == 1
+    assert json.loads(text)["format_version"] == 2

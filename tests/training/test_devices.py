@@ -57,7 +57,7 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
     run = start(cases, config, None, None, time.monotonic(), [None] * 2)
     run.train()
     for e, case in enumerate(cases):
-        params, theta = run.training.solution(e)
+        params, theta = run.trainer.solution(e)
         assert params.device.type == theta.device.type == device
         there = Model(case.member.problem, params, theta, case.scales)
         here = dataclasses.replace(there, params=params.cpu(), theta=theta.cpu())

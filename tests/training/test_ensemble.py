@@ -16,8 +16,8 @@ from granpinn.identification.case import pose
 from granpinn.identification.identify import start
 from granpinn.results import Result
 from granpinn.training.history import Row
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 
@@ -72,7 +72,7 @@ def test_members_share_the_data_of_one_flow(flow: Flow, other: Flow) -> None:
     cases = [pose(flow, CONFIG), pose(other, CONFIG)]
     cases.append(dataclasses.replace(cases[0]))
     run = start(cases, CONFIG, None, None, 0.0, [None] * 3)
-    objective = run.training.objective
+    objective = run.trainer.objective
     N = [len(case.member.data.pooled().points) for case in cases]
     assert len(objective.points) == N[0] + N[1]
     assert objective.places[:, :2].tolist() == [[0, N[0]], [N[0], N[1]], [0, N[0]]]
@@ -103,7 +103,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
         assert int(last[0]) == 40
     values = sorted(float((tmp_path / f"{e:03d}/history.csv").read_text().splitlines()[-1]
                           .split(",")[8]) for e in range(3))  # fmt: skip
-    assert listener.rows[-1].mu_s == values[1]
+    assert listener.rows[-1].values()["mu_s"] == values[1]
     with pytest.raises(ConfigError, match="--resume"):
         identify_many([flow] * 3, CONFIG, [0, 1, 2], run_dir=tmp_path)
 
@@ -117,7 +117,7 @@ def test_a_batch_can_be_resumed(flow: Flow, tmp_path: Path) -> None:
     assert [numbers(r) for r in first] == [numbers(r) for r in whole]
 
 
-def make_run(flow: Flow, members: int) -> Run:
+def make_run(flow: Flow, members: int) -> TrainingLoop:
     config = tiny()
     case = pose(flow, config)
     cases = [
@@ -127,13 +127,13 @@ def make_run(flow: Flow, members: int) -> Run:
     return start(cases, config, None, None, 0.0, [None] * members)
 
 
-def spoil(run: Run, member: int, steps: set[int]) -> None:
+def spoil(run: TrainingLoop, member: int, steps: set[int]) -> None:
     """Make the loss of a member NaN in some steps."""
-    objective = run.training.objective
+    objective = run.trainer.objective
     real = objective.evaluate
 
-    def evaluate(control, params, theta, velocity_alone):  # type: ignore[no-untyped-def]
-        e = real(control, params, theta, velocity_alone)
+    def evaluate(control, params, theta, prefit):  # type: ignore[no-untyped-def]
+        e = real(control, params, theta, prefit)
         if int(control.counter[0]) in steps:
             e.loss[member] = math.nan
         return e
@@ -148,13 +148,13 @@ def test_a_member_that_diverges_once_goes_on_more_slowly(flow: Flow) -> None:
     run.progress.message = messages.append  # type: ignore[method-assign]
     run.train()
     clean.train()
-    assert run.training.slower == [1.0, 0.5, 1.0]
-    assert not run.training.lost
+    assert run.trainer.lr_scale == [1.0, 0.5, 1.0]
+    assert not run.trainer.diverged
     assert len(messages) == 1
     assert "loss became NaN or infinite in step 24: members 1 back to step 20" in messages[0]
     for e in (0, 2):
-        assert torch.equal(run.training.params[e], clean.training.params[e])
-    assert not torch.equal(run.training.params[1], clean.training.params[1])
+        assert torch.equal(run.trainer.params[e], clean.trainer.params[e])
+    assert not torch.equal(run.trainer.params[1], clean.trainer.params[1])
     assert [row.step for row in run.histories[1].rows] == list(range(5, 41, 5))
 
 
@@ -163,21 +163,21 @@ def test_a_member_that_diverges_twice_is_given_up_alone(flow: Flow) -> None:
     spoil(run, 1, {23, 27})
     run.train()
     clean.train()
-    assert run.training.lost.keys() == {1}
-    assert "again, after a rollback" in run.training.lost[1]
+    assert run.trainer.diverged.keys() == {1}
+    assert "again, after a rollback" in run.trainer.diverged[1]
     for e in (0, 2):
-        assert torch.equal(run.training.params[e], clean.training.params[e])
-    assert run.training.params.isfinite().all()
+        assert torch.equal(run.trainer.params[e], clean.trainer.params[e])
+    assert run.trainer.params.isfinite().all()
 
 
 def test_its_result_says_so(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Run.train
+    real = TrainingLoop.train
 
-    def train(run: Run) -> None:
+    def train(run: TrainingLoop) -> None:
         spoil(run, 0, {23, 27})
         real(run)
 
-    monkeypatch.setattr(Run, "train", train)
+    monkeypatch.setattr(TrainingLoop, "train", train)
     lost, sound = identify_many([flow] * 2, tiny(), [0, 1])
     assert lost.stopped == "diverged"
     assert lost.failure is not None
@@ -190,9 +190,9 @@ def test_a_batch_ends_with_its_last_member(flow: Flow) -> None:
     for member in (0, 1):
         spoil(run, member, {23, 27 + member})
     run.train()
-    assert run.training.lost.keys() == {0, 1}
-    assert run.training.step < 40
-    assert run.training.params.isfinite().all()
+    assert run.trainer.diverged.keys() == {0, 1}
+    assert run.trainer.step < 40
+    assert run.trainer.params.isfinite().all()
 
 
 def test_one_value_for_each_member(flow: Flow) -> None:

@@ -12,36 +12,36 @@ import torch
 
 from granpinn.data import Flow
 from granpinn.training import checkpoint
-from granpinn.training.control import Control
+from granpinn.training.control_table import ControlTable
 from granpinn.training.guard import NonFiniteError
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Evaluation
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
-from tests.training.conftest import make_objective, make_run, make_training, tiny
+from tests.training.conftest import make_objective, make_run, make_trainer, tiny
 
 BAD = [math.nan, math.inf, -math.inf]
 BAD_STEP = 23  # counts from 0; rows and snapshots are at 20 and 25
 
 
-def poison(run: Run, target: str, value: float, times: int) -> list[int]:
+def poison(run: TrainingLoop, target: str, value: float, times: int) -> list[int]:
     """Put `value` into a tensor of step BAD_STEP, `times` times; the steps where that happened."""
-    objective, training = run.training.objective, run.training
+    objective, trainer = run.trainer.objective, run.trainer
     real = objective.evaluate
     poisoned: list[int] = []
 
     def evaluate(
-        control: Control, params: torch.Tensor, theta: torch.Tensor, velocity_alone: bool
+        control: ControlTable, params: torch.Tensor, theta: torch.Tensor, prefit: bool
     ) -> Evaluation:
-        e = real(control, params, theta, velocity_alone)
+        e = real(control, params, theta, prefit)
         if int(control.counter[0]) != BAD_STEP or len(poisoned) == times:
             return e
-        poisoned.append(training.step)
+        poisoned.append(trainer.step)
         if target == "loss":
             return replace(e, loss=e.loss + value)
         if target == "parameter":
             params[0, 3] = value
         elif target == "scalar":
-            training.scalars.values[0, 1] = value
+            trainer.law_variables.q[0, 1] = value
         else:
             tensor = getattr(e, target)
             tensor[0, 1] = value
@@ -54,9 +54,9 @@ def poison(run: Run, target: str, value: float, times: int) -> list[int]:
 NAMES = {
     "loss": "loss",
     "grad_params": "gradient of the network parameters",
-    "grad_theta": "gradient of the rheology",
+    "grad_theta": "gradient of the friction law",
     "parameter": "network parameters",
-    "scalar": "rheology scalars",
+    "scalar": "variables of the friction law",
 }
 
 
@@ -66,10 +66,10 @@ def test_it_is_noticed_in_its_step_by_name(target: str, value: float, flow: Flow
     run = make_run(tiny(), flow)
     poison(run, target, value, times=1)
     for _ in range(BAD_STEP):
-        run.training.advance()
+        run.trainer.advance()
     with pytest.raises(NonFiniteError, match=f"the {NAMES[target]} became NaN .* in step 24"):
-        run.training.advance()
-    assert run.training.step == BAD_STEP
+        run.trainer.advance()
+    assert run.trainer.step == BAD_STEP
 
 
 @pytest.mark.parametrize("target", NAMES)
@@ -82,13 +82,13 @@ def test_the_first_time_the_run_goes_back_and_on_more_slowly(
     run.progress.message = messages.append  # type: ignore[method-assign]
     run.train()
     assert poisoned == [BAD_STEP]
-    assert run.training.finished
-    assert run.training.slower == [0.5]
+    assert run.trainer.finished
+    assert run.trainer.lr_scale == [0.5]
     assert [row.step for row in run.histories[0].rows] == list(range(5, 41, 5))
     assert len(messages) == 1
     assert NAMES[target] in messages[0]
     assert "back to step 20" in messages[0]
-    for tensor in run.training.tensors().values():
+    for tensor in run.trainer.tensors().values():
         assert tensor.isfinite().all()
 
 
@@ -111,12 +111,12 @@ def test_the_rollback_uses_half_the_learning_rate_from_the_snapshot_on(flow: Flo
     run = make_run(tiny(), flow)
     poison(run, "loss", math.nan, times=1)
     run.train()
-    twin = make_training(tiny(), flow)
+    twin = make_trainer(tiny(), flow)
     for step in range(40):
         if step == 20:
-            twin.slower = [0.5]
+            twin.lr_scale = [0.5]
         twin.advance()
-    assert torch.equal(run.training.params, twin.params)
+    assert torch.equal(run.trainer.params, twin.params)
 
 
 @pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])
@@ -124,4 +124,4 @@ def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> Non
     objective: Any = make_objective(tiny(), flow)
     getattr(objective, name)[1, 0] = math.nan
     with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
-        Run(objective, tiny(), None, Silent(), None)
+        TrainingLoop(objective, tiny(), None, Silent(), None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import dataclasses
 import io
 import math
 import sys
@@ -14,22 +13,24 @@ import pytest
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import progress
-from granpinn.training.history import COLUMNS, History, Row
+from granpinn.training.history import History, Row, columns, median
 from granpinn.training.progress import Bar, Lines, Silent, TensorBoard, describe, duration
 from tests.training.conftest import make_run, tiny
 
 NAN = math.nan
+COLUMNS = columns(DEFAULT)
 
 
 def row(step: int, **changes: float) -> Row:
     values = dict.fromkeys(COLUMNS[1:], 0.1 + 1e-17 * step) | {"mu_s": 0.4, "mu_2": 0.6} | changes
-    return Row(step=step, **values)
+    return Row.of(DEFAULT, [step, *values.values()])
 
 
 def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
     path = tmp_path / "history.csv"
-    history = History(path)
+    history = History(path, DEFAULT)
     history.open(0)
     rows = [row(1, loss=1 / 3), row(2, loss=1e-300, momentum=NAN), row(3)]
     for r in rows:
@@ -37,7 +38,7 @@ def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
     size = history.flush()
     history.close()
     assert size == path.stat().st_size
-    again = History(path)
+    again = History(path, DEFAULT)
     again.open(size)
     assert [repr(r) for r in again.rows] == [repr(r) for r in rows]
     again.append(row(4))
@@ -50,7 +51,7 @@ def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_rows_after_the_offset_are_dropped(tmp_path: Path) -> None:
-    history = History(tmp_path / "history.csv")
+    history = History(tmp_path / "history.csv", DEFAULT)
     history.open(0)
     history.append(row(1))
     offset = history.flush()
@@ -66,7 +67,7 @@ def test_a_disk_that_fails_is_reported_with_the_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "history.csv"
-    history = History(path)
+    history = History(path, DEFAULT)
     history.open(0)
 
     def fail(handle: int) -> None:
@@ -81,7 +82,7 @@ def test_a_disk_that_fails_is_reported_with_the_path(
 @pytest.mark.parametrize("on_disk", [True, False])
 def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
     path = tmp_path / "history.csv" if on_disk else None
-    history = History(path)
+    history = History(path, DEFAULT)
     history.open(0)
     for step in (1, 2, 3):
         history.append(row(step))
@@ -98,14 +99,14 @@ def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> N
     run = make_run(tiny(weights__noise_part=0.0), flow, tmp_path / "run")
     run.train()
     prefit, whole = run.histories[0].rows[0], run.histories[0].rows[-1]
-    assert math.isnan(prefit.momentum)
-    assert math.isfinite(prefit.velocity)
-    assert all(math.isfinite(value) for value in vars(whole).values())
+    assert math.isnan(prefit.values()["momentum"])
+    assert math.isfinite(prefit.values()["velocity"])
+    assert all(math.isfinite(value) for value in whole.values().values())
     assert whole.loss == pytest.approx(
         sum(
-            weight * getattr(whole, name)
-            for weight, name in zip(
-                run.training.objective.members[0].problem.term_weights, COLUMNS[3:8], strict=True
+            weight * term
+            for weight, term in zip(
+                run.trainer.objective.members[0].problem.term_weights, whole.terms, strict=True
             )
         ),
         rel=1e-5,
@@ -206,7 +207,25 @@ def test_tensorboard_that_is_missing_says_how_to_get_it(
 
 def test_text_of_durations_and_rows() -> None:
     assert [duration(s) for s in (4, 65, 3723)] == ["0:04", "1:05", "1:02:03"]
-    unused = dataclasses.replace(row(1), surface=NAN, continuity=NAN)
+    unused = row(1, surface=NAN, continuity=NAN)
     assert "surf" not in describe(unused)
     assert "div" not in describe(unused)
     assert "law" in describe(unused)
+
+
+def test_rows_of_another_law_have_its_columns(tmp_path: Path) -> None:
+    law, path = LAWS["coulomb"], tmp_path / "history.csv"
+    assert columns(law)[-2:] == ("mu_s", "learning_rate")
+    written = Row.of(law, [3, *(0.1 * k for k in range(1, len(columns(law))))])
+    history = History(path, law)
+    history.open(0)
+    history.append(written)
+    size = history.flush()
+    history.close()
+    again = History(path, law)
+    again.open(size)
+    assert again.rows == [written]
+    again.close()
+    assert describe(written).startswith("mu_s 0.8000  loss 0.2  vel 3.0e-01")
+    other = Row.of(law, [3, *(0.3 * k for k in range(1, len(columns(law))))])
+    assert median([written, other, other]) == other

@@ -22,8 +22,8 @@ from granpinn.identification import identify as identify_module
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import choose_device, pose
 from granpinn.identification.identify import identify
-from granpinn.training.run import Run
-from tests.training.conftest import make_training, tiny
+from granpinn.training.loop import TrainingLoop
+from tests.training.conftest import make_trainer, tiny
 
 
 def test_the_public_name_is_this_function() -> None:
@@ -141,20 +141,20 @@ def test_epochs_are_passes_over_the_points(flow: Flow) -> None:
 def test_training_sees_no_truth_and_no_reference_pressure(
     blind: dict[str, Any], flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    runs: list[Run] = []
-    real = Run.train
+    runs: list[TrainingLoop] = []
+    real = TrainingLoop.train
 
-    def train(run: Run) -> None:
+    def train(run: TrainingLoop) -> None:
         runs.append(run)
         real(run)
 
-    monkeypatch.setattr(Run, "train", train)
+    monkeypatch.setattr(TrainingLoop, "train", train)
     identify(flow, tiny())
     identify(dataclasses.replace(flow, **blind), tiny())
     one, other = runs
     assert one.data_sha256 == other.data_sha256
-    for name, tensor in one.training.tensors().items():
-        assert torch.equal(tensor, other.training.tensors()[name])
+    for name, tensor in one.trainer.tensors().items():
+        assert torch.equal(tensor, other.trainer.tensors()[name])
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -242,30 +242,30 @@ def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
-    training = make_training(tiny(optimizer__average=0.25), flow)
+    trainer = make_trainer(tiny(optimizer__average=0.25), flow)
     states = []
-    while not training.finished:
-        training.advance()
-        states.append((training.params[0].clone(), training.scalars.values.clone()))
-    params, theta = training.solution()
+    while not trainer.finished:
+        trainer.advance()
+        states.append((trainer.params[0].clone(), trainer.law_variables.q.clone()))
+    params, theta = trainer.solution()
     expected = [torch.stack(values).mean(0) for values in zip(*states[30:], strict=True)]
     torch.testing.assert_close(params, expected[0])
-    torch.testing.assert_close(theta, training.scalars.law(expected[1])[0])
+    torch.testing.assert_close(theta, trainer.law_variables.theta_of(expected[1])[0])
 
 
 def test_a_time_limit_leaves_time_for_the_report(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     deadlines: list[float] = []
-    real = Run.train
+    real = TrainingLoop.train
 
-    def train(run: Run) -> None:
+    def train(run: TrainingLoop) -> None:
         assert run.deadline is not None
         deadlines.append(run.deadline - time.monotonic())
         run.deadline = None
         real(run)
 
-    monkeypatch.setattr(Run, "train", train)
+    monkeypatch.setattr(TrainingLoop, "train", train)
     for max_time in (40.0, 600.0):
         identify(flow, tiny(max_time=max_time))
     identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))

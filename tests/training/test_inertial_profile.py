@@ -131,11 +131,11 @@ def test_the_grid_is_even_in_log_I0() -> None:
 def test_final_loss_is_that_of_all_points(flow: Flow) -> None:
     run = make_run(tiny(dtype="float64", optimizer__average=0.3), flow)
     run.train()
-    found = final_loss(run.training, 0)
+    found = final_loss(run.trainer, 0)
     assert found is not None
-    objective = run.training.objective
-    params, theta = run.training.solution(0)
-    assert not torch.equal(params, run.training.params[0])  # the average
+    objective = run.trainer.objective
+    params, theta = run.trainer.solution(0)
+    assert not torch.equal(params, run.trainer.params[0])  # the average
     spec = objective.spec
     terms = reference.residual_loss(
         params,

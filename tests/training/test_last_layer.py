@@ -16,18 +16,21 @@ from granpinn.data import Flow, TrainingSet
 from granpinn.identification.case import pose
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec, initial_parameters, layer_offsets
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import equations
 from granpinn.training import last_layer as module
 from granpinn.training.equations import law_weights, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer
+from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
 from tests.training.conftest import tiny
 
 SPEC = NetworkSpec((3, 9, 7, 5), (0.1, 0.2, 0.3), (1.1, 0.9, 0.7), "mixed")
 THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
 WEIGHTS = [3.0, 5.0, 0.7, 0.4, 0.9]
-PHYSICS = [0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6]
+PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6)
 
 
 def problem(*weights: float) -> Problem:
@@ -56,7 +59,7 @@ def every_point(data: TrainingSet, features: Features) -> module.Data:
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
     features = Features(posed.spec, params)
-    return Sums(features, posed, every_point(data, features))
+    return Sums(features, posed, DEFAULT, every_point(data, features))
 
 
 @pytest.fixture
@@ -99,11 +102,11 @@ def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int) -> None:
     g = torch.Generator().manual_seed(seed + 1)
     C[:2] += torch.randn(2, 8, generator=g, dtype=torch.float64)
     h = Features(SPEC, params).jet(data.points, 0)[0]
-    data = dataclasses.replace(data, velocity=PHYSICS[5] * h @ C[:2].T)
+    data = dataclasses.replace(data, velocity=PHYSICS.velocity_scale * h @ C[:2].T)
     # So little of the rest that it only makes the other unknowns unknowns of the problem.
     sums = sums_of(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), data, params)
     start = Unknowns(coefficients(SPEC, params), THETA)
-    x = module.solve(*sums.normal_equations(start), ridge=1e-13)
+    x = module.solve(*sums.normal_equations(start), 2, ridge=1e-13)
     assert x is not None
     torch.testing.assert_close(start.C[:2] + x[:16].view(2, 8), C[:2], rtol=1e-5, atol=1e-5)
 
@@ -116,7 +119,8 @@ def slope() -> tuple[Problem, Tensor]:
     """
     spec = NetworkSpec((3, 5), (0, 0, 0), (1, 1, 1), "mixed")
     sin, cos, U, P = math.sin(0.4), math.cos(0.4), 0.5, 0.005
-    posed = Problem(spec, [0.3, sin, -cos, 0, math.inf, U, P, 1e-6], [1e4, 1e4, 400, 40, 40], 0.1)
+    physics = Physics(0.3, sin, -cos, 0, math.inf, U, P, 1e-6)
+    posed = Problem(spec, physics, [1e4, 1e4, 400, 40, 40], 0.1)
     C = torch.zeros(5, 4, dtype=torch.float64)  # of x, y, t and 1
     C[0, 1], C[2, 1], C[2, 3], C[4, 3] = 1 / U, -cos / P, 1.2 * cos / P, sin / cos
     return posed, C
@@ -139,7 +143,7 @@ def test_steps_end_at_an_exact_solution(seed: int) -> None:
     assert sums.loss(exact) < 1e-20  # gamma_dot is 1 + SMOOTHING / 2
     at, off = Unknowns(C * noise, THETA.new_tensor([0.41, 0.44, 0.3])), []
     for _ in range(8):
-        x = module.solve(*sums.normal_equations(at))
+        x = module.solve(*sums.normal_equations(at), 2)
         assert x is not None
         theta = at.theta + torch.cat([x[-2:], x.new_zeros(1)])
         at = Unknowns(at.C + x[:-2].view_as(C), theta)
@@ -189,12 +193,13 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     params, data = initial_parameters(SPEC, seed), draw(seed)
     other = with_coefficients(SPEC, params, 1.1 * coefficients(SPEC, params))
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
-    velocity = PHYSICS[5] * ops.network_value(data.points, other, *network)[:, :2]
+    velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
     tensors = {name: value.to(device) for name, value in vars(data).items()}
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
-    return last_layer(posed, moved, params.to(device), THETA.to(device), seed, 3)
+    member = Member(posed, moved, seed, DEFAULT, {})
+    return last_layer(member, params.to(device), THETA.to(device), 3)
 
 
 @pytest.mark.usefixtures("long_steps")
@@ -240,13 +245,13 @@ def test_means_are_those_of_four_points(seed: int) -> None:
 def test_the_law_sees_the_mean_where_it_is_ill_posed(mu_s: float, ill_posed: bool) -> None:
     """A shear rate of 0.1 with a mean of 0.06, stress ratio 0.5: the residual is known."""
     z = torch.zeros(6, 1, 5, dtype=torch.float64)
-    U, P = PHYSICS[5:7]
+    U, P = PHYSICS.velocity_scale, PHYSICS.pressure_scale
     z[0, 0, 2], z[0, 0, 4] = 0.3, 0.5
     z[2, 0, 0], z[5, 0, 0] = 0.1 / U, 0.06 / U
     theta = THETA.new_tensor([[mu_s, mu_s + 0.24, 0.3]])
-    e, _ = residuals(z, theta, PHYSICS)
+    e, _ = residuals(z, theta, PHYSICS, DEFAULT)
     rate = 0.06 if ill_posed else 0.1
-    inertial = PHYSICS[0] * rate / math.sqrt(P * math.log1p(math.exp(0.3)))
+    inertial = PHYSICS.grain_diameter * rate / math.sqrt(P * math.log1p(math.exp(0.3)))
     mu = mu_s + 0.24 * inertial / (0.3 + inertial)
     assert float(e[0, 4]) == pytest.approx(rate * 0.5 / mu - 0.1, rel=1e-9)
 
@@ -272,3 +277,21 @@ def test_the_length_is_that_of_the_grain_or_of_the_cell(flow: Flow) -> None:
         changed = dataclasses.replace(flow, attributes=attributes, grain_density=2 * flow.density)
         case = pose(changed, tiny(steps=60))
         assert case.member.problem.mean_length == pytest.approx(length / case.scales.length)
+
+
+@pytest.mark.usefixtures("long_steps")
+def test_a_law_with_one_parameter_has_one_unknown(seed: int) -> None:
+    """Constant friction: the step of mu(I) without its second parameter, as mu_2 = mu_s."""
+    law, params, data = LAWS["coulomb"], initial_parameters(SPEC, seed), draw(seed)
+    features = Features(SPEC, params)
+    sums = Sums(features, problem(), law, every_point(data, features))
+    at = Unknowns(coefficients(SPEC, params), THETA[:1])
+    A, b = sums.normal_equations(at)
+    assert b.shape == (41,)
+    same = Unknowns(at.C, THETA.new_tensor([0.4, 0.4, 0.3]))
+    wide, by_both = sums_of(problem(), data, params).normal_equations(same)
+    both = torch.eye(42, dtype=torch.float64)[:, :41]
+    both[41, 40] = 1  # mu_s of constant friction moves mu_s and mu_2 together
+    torch.testing.assert_close(b, both.T @ by_both, rtol=1e-9, atol=1e-12)
+    torch.testing.assert_close(A, both.T @ wide @ both, rtol=1e-9, atol=1e-12)
+    assert improve(sums, at).theta.shape == (1,)

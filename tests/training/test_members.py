@@ -16,7 +16,7 @@ from granpinn.data import Flow, known_sd, redraw
 from granpinn.identification import conclusion
 from granpinn.identification.case import member_seed, members, pose
 from granpinn.training.guard import NonFiniteError
-from granpinn.training.run import Run
+from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import calibration
 from tests.flows import make_flow
 from tests.training.conftest import tiny
@@ -149,13 +149,13 @@ def test_ensembles_of_many_flows_are_those_of_each(flow: Flow, tmp_path: Path) -
 
 
 def test_a_member_that_diverged_is_left_out(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Run.train
+    real = TrainingLoop.train
 
-    def train(run: Run) -> None:
+    def train(run: TrainingLoop) -> None:
         spoil(run, 0, {23, 27})
         real(run)
 
-    monkeypatch.setattr(Run, "train", train)
+    monkeypatch.setattr(TrainingLoop, "train", train)
     found = identify(flow, THREE)
     assert found.members is not None
     assert found.members.lost == 1
@@ -166,14 +166,14 @@ def test_a_member_that_diverged_is_left_out(flow: Flow, monkeypatch: pytest.Monk
 def test_an_ensemble_without_a_sound_member_is_an_error(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = Run.train
+    real = TrainingLoop.train
 
-    def train(run: Run) -> None:
+    def train(run: TrainingLoop) -> None:
         for member in range(2):
             spoil(run, member, {23, 27})
         real(run)
 
-    monkeypatch.setattr(Run, "train", train)
+    monkeypatch.setattr(TrainingLoop, "train", train)
     config = dataclasses.replace(THREE, members=2)
     with pytest.raises(NonFiniteError, match="the loss became NaN"):
         identify(flow, config)

@@ -17,8 +17,8 @@ from granpinn.training import problem
 from granpinn.training.objective import Evaluation
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
-from granpinn.training.training import Training
-from tests.training.conftest import make_training, tiny
+from granpinn.training.trainer import Trainer
+from tests.training.conftest import make_trainer, tiny
 
 
 def posed(flow: Flow, config: Config) -> problem.Problem:
@@ -30,16 +30,16 @@ def posed(flow: Flow, config: Config) -> problem.Problem:
 @pytest.mark.parametrize("level", ["V0", "V1", "V2"])
 def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, flow: Flow) -> None:
     config = tiny(form=form, level=level, dtype="float64", seed=4)
-    training = make_training(config, flow)
-    objective, theta = training.objective, training.scalars.theta
-    found = evaluation(training, 9)
+    trainer = make_trainer(config, flow)
+    objective, theta = trainer.objective, trainer.law_variables.theta
+    found = evaluation(trainer, 9)
 
     i = ops.sample_indices(4, 9, INTERIOR, config.batch.interior, len(objective.points))
     n_surface = len(objective.surface_points)
     j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
     p = objective.members[0].problem
     expected = reference.residual_loss(
-        training.params[0],
+        trainer.params[0],
         theta[0],
         objective.points[i],
         objective.velocity[i],
@@ -60,22 +60,20 @@ def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, fl
 
 
 def evaluation(
-    training: Training, step: int, velocity_alone: bool = False, relaxation: float = 1.0
+    trainer: Trainer, step: int, prefit: bool = False, relaxation: float = 1.0
 ) -> Evaluation:
     """What the step would be given, without making it."""
-    control = training.control
+    control = trainer.control
     control.counter.copy_(torch.tensor([step, step, step]))
     control.table[0, 2:] = relaxation
-    return training.objective.evaluate(
-        control, training.params, training.scalars.theta, velocity_alone
-    )
+    return trainer.objective.evaluate(control, trainer.params, trainer.law_variables.theta, prefit)
 
 
-def test_velocity_alone_is_the_first_term_of_everything(flow: Flow) -> None:
-    training = make_training(tiny(dtype="float64"), flow)
-    alone = evaluation(training, 3, velocity_alone=True)
-    training.objective.term_weights[:, 1:] = 0
-    whole = evaluation(training, 3)
+def test_the_prefit_is_the_first_term_of_everything(flow: Flow) -> None:
+    trainer = make_trainer(tiny(dtype="float64"), flow)
+    alone = evaluation(trainer, 3, prefit=True)
+    trainer.objective.term_weights[:, 1:] = 0
+    whole = evaluation(trainer, 3)
     assert not alone.grad_theta.any()
     assert not alone.terms[:, 1:].any()
     torch.testing.assert_close(alone.terms[:, 0], whole.terms[:, 0])
@@ -126,7 +124,7 @@ def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
     scales = scales_of(flow)
     assert found.spec.input_shift == (0, 0, 0)
     assert found.spec.input_scale == (scales.length, scales.length, scales.time)
-    U_out, P_out = found.physics[5:7]
+    U_out, P_out = found.physics.velocity_scale, found.physics.pressure_scale
     assert U_out * scales.velocity == pytest.approx(1)
     assert P_out * scales.pressure == pytest.approx(1)
     velocity, surface, momentum, continuity, _ = found.term_weights
@@ -138,7 +136,7 @@ def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
 
 def test_viscosity_limits_that_the_file_does_not_have_do_not_act(flow: Flow) -> None:
     found = posed(replace(flow, eta_min=None, eta_max=None), tiny())
-    assert found.physics[3:5] == [0, math.inf]
+    assert (found.physics.eta_min, found.physics.eta_max) == (0, math.inf)
 
 
 def test_an_infinite_sigma_leaves_a_term_out(flow: Flow) -> None:
@@ -148,14 +146,14 @@ def test_an_infinite_sigma_leaves_a_term_out(flow: Flow) -> None:
 
 
 def test_the_misfit_is_that_of_the_velocity(flow: Flow) -> None:
-    training = make_training(tiny(dtype="float64"), flow)
-    objective = training.objective
+    trainer = make_trainer(tiny(dtype="float64"), flow)
+    objective = trainer.objective
     spec, physics = objective.spec, objective.members[0].problem.physics
     z = ops.network_value(
-        objective.points, training.params[0], spec.widths, spec.input_shift, spec.input_scale
+        objective.points, trainer.params[0], spec.widths, spec.input_shift, spec.input_scale
     )
-    expected = (physics[5] * z[:, :2] - objective.velocity).square().mean().sqrt()
-    (found,) = objective.misfit(0, training.params, training.scalars.theta)
+    expected = (physics.velocity_scale * z[:, :2] - objective.velocity).square().mean().sqrt()
+    (found,) = objective.misfit(0, trainer.params, trainer.law_variables.theta)
     assert found == pytest.approx(float(expected), rel=0.1)
 
 
@@ -174,15 +172,15 @@ def test_the_velocity_weighs_less_where_the_data_are_noisy() -> None:
 
 
 def test_relaxation_scales_the_velocity_term_alone(flow: Flow) -> None:
-    training = make_training(tiny(dtype="float64"), flow)
-    one, half = evaluation(training, 0), evaluation(training, 0, relaxation=0.5)
+    trainer = make_trainer(tiny(dtype="float64"), flow)
+    one, half = evaluation(trainer, 0), evaluation(trainer, 0, relaxation=0.5)
     torch.testing.assert_close(one.terms, half.terms)
-    velocity = training.objective.term_weights[:, 0] * one.terms[:, 0]
+    velocity = trainer.objective.term_weights[:, 0] * one.terms[:, 0]
     torch.testing.assert_close(one.loss - half.loss, velocity / 2)
 
 
 def test_noisy_data_are_noticed_after_the_prefit(flow: Flow) -> None:
-    noisy = make_training(tiny(steps=20), add_noise(flow, 1.0, seed=0))
+    noisy = make_trainer(tiny(steps=20), add_noise(flow, 1.0, seed=0))
     while not noisy.finished:
         noisy.advance()
     assert noisy.misfit[0] > 0.1

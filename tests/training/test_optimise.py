@@ -9,11 +9,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn.config import Optimizer, Rheology
+from granpinn.config import Config, Optimizer, Rheology
 from granpinn.kernels.network import n_params, views
-from granpinn.training.control import Control
+from granpinn.physics.laws import DEFAULT
+from granpinn.training.control_table import ControlTable
+from granpinn.training.law_variables import LawVariables
 from granpinn.training.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
-from granpinn.training.scalars import Scalars
 
 WIDTHS = (3, 20, 30, 30, 30, 25, 5)
 P = n_params(WIDTHS)
@@ -34,12 +35,13 @@ class Updates:
             params = torch.randn(E, P, dtype=torch.float64)
         self.params = params.clone().to(device)
         seeds = range(len(params))
-        self.scalars = Scalars(Rheology(), [0.3] * len(params), seeds, self.params)
-        self.control = Control(len(params), self.params.device)
+        fixed = [{"I0": 0.3}] * len(params)
+        self.law = LawVariables(DEFAULT, Rheology(), fixed, seeds, self.params)
+        self.control = ControlTable([1.0] * len(params), Config(), self.params.device)
         self.control.table.fill_(1)
         self.control.table[:, 1] = 0
         self.optimizer = BatchOptimizer(
-            self.params, self.scalars, WIDTHS, Optimizer(method=method, **changes), self.control
+            self.params, self.law, WIDTHS, Optimizer(method=method, **changes), self.control
         )
 
     def step(self, step: int, law_moves: bool = True) -> None:
@@ -51,8 +53,8 @@ class Updates:
         """Another one in the same state, by its tensors alone."""
         twin = Updates(self.optimizer.settings.method, self.params, self.params.device)
         twin.optimizer.settings = self.optimizer.settings
-        twin.scalars.values.copy_(self.scalars.values)
-        twin.scalars.theta.copy_(self.scalars.theta)
+        twin.law.q.copy_(self.law.q)
+        twin.law.theta.copy_(self.law.theta)
         for name, tensor in twin.optimizer.tensors().items():
             tensor.copy_(self.optimizer.tensors()[name])
         return twin
@@ -67,7 +69,7 @@ def gradients(step: int, members: int = E) -> tuple[Tensor, Tensor]:
 def test_adam_is_the_adam_of_torch(device: torch.device) -> None:
     ours = Updates("adam", device=device, learning_rate=1e-3, scalars_learning_rate=1e-2)
     twin = Updates("adam", ours.params.cpu())
-    leaves = [twin.params.clone().requires_grad_(), twin.scalars.values.clone().requires_grad_()]
+    leaves = [twin.params.clone().requires_grad_(), twin.law.q.clone().requires_grad_()]
     rival = torch.optim.Adam(
         [{"params": [leaves[0]], "lr": 1e-3}, {"params": [leaves[1]], "lr": 1e-2}],
         betas=(BETA_1, ours.optimizer.settings.beta_2),
@@ -75,12 +77,12 @@ def test_adam_is_the_adam_of_torch(device: torch.device) -> None:
     for step in range(10):
         grad_params, grad_theta = gradients(step)
         leaves[0].grad = grad_params
-        (leaves[1].grad,) = torch.autograd.grad(twin.scalars.law(leaves[1]), leaves[1], grad_theta)
+        (leaves[1].grad,) = torch.autograd.grad(twin.law.theta_of(leaves[1]), leaves[1], grad_theta)
         rival.step()
         ours.step(step)
     torch.testing.assert_close(ours.params.cpu(), leaves[0].detach())
-    torch.testing.assert_close(ours.scalars.values.cpu(), leaves[1].detach())
-    torch.testing.assert_close(ours.scalars.theta.cpu(), twin.scalars.law(leaves[1].detach()))
+    torch.testing.assert_close(ours.law.q.cpu(), leaves[1].detach())
+    torch.testing.assert_close(ours.law.theta.cpu(), twin.law.theta_of(leaves[1].detach()))
 
 
 @pytest.mark.parametrize("t", [1, 2, 3, 1000, 40_001, 2**20 - 1])
@@ -88,8 +90,8 @@ def test_rates_late_in_a_run(t: int, device: torch.device) -> None:
     """Of Adam's update number t, from momenta of zero; the powers in it are made by squaring."""
     one = Updates("adam", device=device, learning_rate=1e-3, scalars_learning_rate=1e-2)
     one.optimizer.counts.fill_(t - 1)
-    params, q = one.params.cpu().clone(), one.scalars.values.cpu().clone()
-    law = Updates("adam", one.params.cpu()).scalars.law
+    params, q = one.params.cpu().clone(), one.law.q.cpu().clone()
+    law = Updates("adam", one.params.cpu()).law.theta_of
     slope = torch.autograd.functional.jacobian(lambda q: law(q).sum(0), q)
     grad_params, grad_theta = gradients(0)
     grad_q = torch.einsum("keq,ek->eq", slope[:2], grad_theta[:, :2])
@@ -97,7 +99,7 @@ def test_rates_late_in_a_run(t: int, device: torch.device) -> None:
     s = one.optimizer.settings
     for start, grad, rate, found in (
         (params, grad_params, 1e-3, one.params),
-        (q, grad_q, 1e-2, one.scalars.values),
+        (q, grad_q, 1e-2, one.law.q),
     ):
         m = (1 - BETA_1) * grad / (1 - BETA_1**t)
         v = (1 - s.beta_2) * grad**2 / (1 - s.beta_2**t)
@@ -161,7 +163,7 @@ def test_its_tensors_are_its_whole_state() -> None:
             one.step(step)
             twin.step(step)
         assert torch.equal(one.params, twin.params)
-        assert torch.equal(one.scalars.values, twin.scalars.values)
+        assert torch.equal(one.law.q, twin.law.q)
         assert torch.equal(one.optimizer.average_params, twin.optimizer.average_params)
 
 
@@ -170,19 +172,19 @@ def test_reset_is_a_new_optimizer() -> None:
     one.step(0)
     one.optimizer.reset()
     fresh = Updates("muon", one.params)
-    fresh.scalars.values.copy_(one.scalars.values)
+    fresh.law.q.copy_(one.law.q)
     one.step(1)
     fresh.step(1)
     assert torch.equal(one.params, fresh.params)
-    assert torch.equal(one.scalars.values, fresh.scalars.values)
+    assert torch.equal(one.law.q, fresh.law.q)
 
 
 def test_the_law_stays_while_it_is_not_trained() -> None:
     one = Updates("muon")
-    before = one.scalars.values.clone(), one.scalars.theta.clone()
+    before = one.law.q.clone(), one.law.theta.clone()
     one.step(0, law_moves=False)
-    assert torch.equal(one.scalars.values, before[0])
-    assert torch.equal(one.scalars.theta, before[1])
+    assert torch.equal(one.law.q, before[0])
+    assert torch.equal(one.law.theta, before[1])
     assert one.optimizer.counts.tolist() == [[1, 0]] * E
 
 
@@ -192,7 +194,7 @@ def test_the_average_is_the_mean(device: torch.device) -> None:
     for count in range(5):
         one.control.table[count, 1] = 1 / (count + 1)
         one.step(count)
-        states.append((one.params.clone(), one.scalars.values.clone()))
+        states.append((one.params.clone(), one.law.q.clone()))
     params, q = (torch.stack(values).mean(0) for values in zip(*states, strict=True))
     torch.testing.assert_close(one.optimizer.average_params, params)
     torch.testing.assert_close(one.optimizer.average_q, q)
@@ -203,7 +205,7 @@ def test_a_member_of_an_ensemble_has_the_bits_of_one_alone(method: str) -> None:
     together = Updates(method)
     alone = [Updates(method, together.params[e : e + 1]) for e in range(E)]
     for e, one in enumerate(alone):
-        one.scalars.values.copy_(together.scalars.values[e])
+        one.law.q.copy_(together.law.q[e])
     for step in range(3):
         grad_params, grad_theta = gradients(step)
         together.step(step)
@@ -214,31 +216,31 @@ def test_a_member_of_an_ensemble_has_the_bits_of_one_alone(method: str) -> None:
             )
     for e, one in enumerate(alone):
         assert torch.equal(one.params[0], together.params[e])
-        assert torch.equal(one.scalars.theta[0], together.scalars.theta[e])
+        assert torch.equal(one.law.theta[0], together.law.theta[e])
 
 
 def test_each_step_reads_its_own_row_of_the_table() -> None:
     """Learning rates, and members that go more slowly."""
     one = Updates("adam", learning_rate=1e-2, epsilon=1e-30)
     one.control.table[:3, 0] = torch.tensor([1.0, 0.25, 0.0])
-    one.control.slower.copy_(torch.tensor([1.0, 0.5, 1.0]))
+    one.control.lr_scale.copy_(torch.tensor([1.0, 0.5, 1.0]))
     one.control.counter.copy_(torch.tensor([70, 70, 0]))
     grad = torch.ones(E, P, dtype=torch.float64)
     for rate in (1e-2, 2.5e-3, 0.0):
         before = one.params.clone()
         one.optimizer.step(torch.zeros(E, dtype=torch.float64), grad, grad[:, :3].contiguous())
         moved = before - one.params
-        for e, slower in enumerate((1, 0.5, 1)):
-            torch.testing.assert_close(moved[e], torch.full_like(moved[e], rate * slower))
+        for e, scale in enumerate((1, 0.5, 1)):
+            torch.testing.assert_close(moved[e], torch.full_like(moved[e], rate * scale))
     assert one.control.counter[0] == 73
 
 
 FAULTY = {
     "loss": ("loss", "loss"),
     "grad_params": ("gradient of the network parameters", "grad_params"),
-    "grad_theta": ("gradient of the rheology", "grad_theta"),
+    "grad_theta": ("gradient of the friction law", "grad_theta"),
     "params": ("network parameters", "params"),
-    "scalars": ("rheology scalars", "scalars"),
+    "q": ("variables of the friction law", "q"),
     "overflow": ("network parameters", "grad_params"),
 }
 
@@ -257,7 +259,7 @@ def test_a_faulty_member_is_frozen_and_the_others_go_on(
         "grad_params": grad_params,
         "grad_theta": grad_theta,
         "params": one.params,
-        "scalars": one.scalars.values,
+        "q": one.law.q,
     }
     tensors[target][1, -1] = 1e300 if case == "overflow" else float("nan")
     start = one.params.clone()
@@ -278,4 +280,4 @@ def test_a_faulty_member_is_frozen_and_the_others_go_on(
     healthy.step(1)
     for e in (0, 2):
         assert torch.equal(one.params[e], healthy.params[e])
-        assert torch.equal(one.scalars.theta[e], healthy.scalars.theta[e])
+        assert torch.equal(one.law.theta[e], healthy.law.theta[e])

@@ -135,11 +135,11 @@ def test_a_batch_must_be_shared_equally(flow: Flow) -> None:
 def test_one_process_agrees_with_itself() -> None:
     alone = parallel.processes(torch.device("cpu"))
     e = Evaluation(*torch.ones(4, 1, 1))
-    assert alone.mean(e) is e
-    assert alone.first([1, 2.5]) == [1, 2.5]
+    assert alone.all_reduce(e) is e
+    assert alone.broadcast([1, 2.5]) == [1, 2.5]
     assert alone.stopping(True)
     assert not alone.stopping(False)
-    alone.wait()
+    alone.barrier()
     assert parallel.gather_texts("µ") == ["µ"]
     with parallel.joined() as rank:
         assert rank == 0

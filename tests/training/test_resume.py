@@ -15,7 +15,7 @@ from granpinn.data import Flow
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.guard import Interrupted
 from granpinn.training.history import Row
-from granpinn.training.run import Run
+from granpinn.training.loop import TrainingLoop
 from tests.training.conftest import make_run, tiny
 
 CONFIGS: dict[str, dict[str, Any]] = {
@@ -32,9 +32,9 @@ def config_of(name: str) -> Config:
     return tiny(**changes)
 
 
-def interrupted_at(step: int, run: Run, signum: int = 15) -> None:
+def interrupted_at(step: int, run: TrainingLoop, signum: int = 15) -> None:
     """Train until a signal arrives during `step`."""
-    real = run.training.advance
+    real = run.trainer.advance
     caught: list[Any] = []
     run_loop = run._loop
 
@@ -44,14 +44,14 @@ def interrupted_at(step: int, run: Run, signum: int = 15) -> None:
 
     def advance() -> None:
         real()
-        if run.training.step == step:
+        if run.trainer.step == step:
             caught[0].handle(signum, None)
 
-    run._loop, run.training.advance = loop, advance  # type: ignore[method-assign]
+    run._loop, run.trainer.advance = loop, advance  # type: ignore[method-assign]
     with pytest.raises(Interrupted) as stop:
         run.train()
     assert stop.value.signum == signum
-    assert run.training.step == step
+    assert run.trainer.step == step
 
 
 def without_time(rows: list[Row]) -> list[str]:
@@ -71,10 +71,10 @@ def test_resuming_at_ten_random_steps_changes_no_bit(
         interrupted_at(step, make_run(config, flow, folder))
         resumed = make_run(dataclasses.replace(config, resume=True), flow, folder)
         resumed.train()
-        expected = whole.training.tensors()
-        for key, tensor in resumed.training.tensors().items():
+        expected = whole.trainer.tensors()
+        for key, tensor in resumed.trainer.tensors().items():
             assert torch.equal(tensor, expected[key]), key
-        assert resumed.training.plain_state() == whole.training.plain_state()
+        assert resumed.trainer.plain_state() == whole.trainer.plain_state()
         assert without_time(resumed.histories[0].rows) == without_time(whole.histories[0].rows)
         rows = [
             [cell for i, cell in enumerate(line.split(",")) if i != 1]
@@ -95,7 +95,7 @@ def test_a_chain_of_interruptions_changes_no_bit(flow: Flow, tmp_path: Path) -> 
         interrupted_at(step, make_run(again, flow, tmp_path / "run"))
     last = make_run(again, flow, tmp_path / "run")
     last.train()
-    assert torch.equal(last.training.params, whole.training.params)
+    assert torch.equal(last.trainer.params, whole.trainer.params)
 
 
 def test_the_history_after_the_checkpoint_is_written_again(flow: Flow, tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_resuming_a_finished_run_does_nothing(flow: Flow, tmp_path: Path) -> Non
     run.train()
     again = make_run(tiny(resume=True), flow, tmp_path / "run")
     again.train()
-    assert torch.equal(run.training.params, again.training.params)
+    assert torch.equal(run.trainer.params, again.trainer.params)
     assert without_time(run.histories[0].rows) == without_time(again.histories[0].rows)
 
 
@@ -124,7 +124,7 @@ def test_resuming_without_a_checkpoint_starts(flow: Flow, tmp_path: Path) -> Non
     messages: list[str] = []
     run.progress.message = messages.append  # type: ignore[method-assign]
     run.train()
-    assert run.training.finished
+    assert run.trainer.finished
     assert "no checkpoint yet" in messages[0]
 
 

@@ -35,9 +35,9 @@ def test_the_paper_goes_from_5e_4_to_1e_5() -> None:
 
 def test_each_stage_warms_up_and_decays() -> None:
     s = schedule(prefit=0.4, prefit_final_fraction=0.1, warm_up=0.05)
-    assert [step for step in range(1000) if s.changes(step)] == [400]
-    assert s.velocity_alone(399)
-    assert not s.velocity_alone(400)
+    assert [step for step in range(1000) if s.ends_prefit(step)] == [400]
+    assert s.in_prefit(399)
+    assert not s.in_prefit(400)
     assert s.learning_rate(0) == pytest.approx(1 / 20)
     assert s.learning_rate(20) == 1
     assert s.learning_rate(399) == pytest.approx(0.1, abs=0.01)
@@ -47,7 +47,7 @@ def test_each_stage_warms_up_and_decays() -> None:
 
 
 def test_a_run_without_prefit_never_changes() -> None:
-    assert not any(schedule().changes(step) for step in range(1000))
+    assert not any(schedule().ends_prefit(step) for step in range(1000))
 
 
 def test_the_end_of_the_run_is_averaged() -> None:
@@ -57,11 +57,11 @@ def test_the_end_of_the_run_is_averaged() -> None:
 
 
 @pytest.mark.parametrize("total", [600, 5000])
-def test_a_new_plan_goes_on_without_a_jump_and_ends_at_the_end(total: int) -> None:
+def test_a_new_schedule_goes_on_without_a_jump_and_ends_at_the_end(total: int) -> None:
     s = schedule(prefit=0.2, warm_up=0.05)
-    new = s.replanned(500, total)
+    new = s.ending_at(total, step=500)
     assert new.progress(500) == s.progress(500)
     assert new.learning_rate(500) == pytest.approx(s.learning_rate(500))
     assert new.progress(total) == 1
     assert new.learning_rate(total) == pytest.approx(0)
-    assert not new.velocity_alone(500)
+    assert not new.in_prefit(500)

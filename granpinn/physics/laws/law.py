@@ -103,6 +103,14 @@ class Law:
                 raise ValueError(f"{p.name} must be at least {least}, got {theta[-1]}")
         return tuple(theta)
 
+    def admits(self, theta: Sequence[float]) -> bool:
+        """Whether all parameters are positive and each "log_above" exceeds the one before it."""
+        before = (0.0, *theta)
+        return all(
+            value > (before[k] if p.variable == "log_above" else 0)
+            for k, (p, value) in enumerate(zip(self.parameters, theta, strict=True))
+        )
+
     def ill_posedness(self, I: Values, theta: Sequence[Values]) -> Values:  # noqa: E741
         """C(I), positive where the equations of the law are ill-posed, of the shape of I.
 

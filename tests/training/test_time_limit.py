@@ -11,12 +11,12 @@ import torch
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.training import clock
-from granpinn.training import run as run_module
+from granpinn.training import loop as loop_module
+from granpinn.training import time_limit
 from granpinn.training.guard import Interrupted, Signals
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
-from granpinn.training.run import Run
-from tests.training.conftest import make_objective, make_training, tiny
+from tests.training.conftest import make_objective, make_trainer, tiny
 
 
 class Clock:
@@ -25,18 +25,18 @@ class Clock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         self.fast, self.slow = 0.1, 0.4
-        for module in (clock, run_module):
+        for module in (time_limit, loop_module):
             monkeypatch.setattr(module.time, "monotonic", lambda: self.now)
 
-    def attach(self, training: Any) -> None:
-        real = training.advance
+    def attach(self, trainer: Any) -> None:
+        real = trainer.advance
 
         def advance() -> None:
-            alone = training.schedule.velocity_alone(training.step)
+            alone = trainer.schedule.in_prefit(trainer.step)
             real()
             self.now += self.fast if alone else self.slow
 
-        training.advance = advance
+        trainer.advance = advance
 
 
 @pytest.fixture
@@ -48,73 +48,73 @@ def limited(**changes: Any) -> Config:
     return tiny(**({"steps": None, "max_time": 1000.0, "optimizer__prefit": 0.25} | changes))
 
 
-def test_the_plan_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticking: Clock) -> None:
-    training = make_training(tiny(optimizer__prefit=0.25), flow)
-    before = {name: tensor.clone() for name, tensor in training.tensors().items()}
-    state = training.plain_state()
-    ticking.attach(training)
-    plan = clock.plan(training, 400.0, at_most=10**9)
+def test_the_schedule_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticking: Clock) -> None:
+    trainer = make_trainer(tiny(optimizer__prefit=0.25), flow)
+    before = {name: tensor.clone() for name, tensor in trainer.tensors().items()}
+    state = trainer.plain_state()
+    ticking.attach(trainer)
+    schedule = time_limit.schedule_until(400.0, trainer, at_most=10**9)
     probing = ticking.now - 100.0
     pace = 0.25 * 0.1 + 0.75 * 0.4
-    assert plan.total == pytest.approx((300 - probing) / pace / clock.MARGIN, abs=1)
-    assert training.plain_state() == state
-    for name, tensor in training.tensors().items():
+    assert schedule.total == pytest.approx((300 - probing) / pace / time_limit.MARGIN, abs=1)
+    assert trainer.plain_state() == state
+    for name, tensor in trainer.tensors().items():
         assert torch.equal(tensor, before[name])
 
 
 def test_the_last_row_of_the_history_adds_no_step(flow: Flow, ticking: Clock) -> None:
     config = limited(steps=40)
-    run = Run(make_objective(config, flow), config, None, Silent(), 130.0)
-    ticking.attach(run.training)
+    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), 130.0)
+    ticking.attach(run.trainer)
     run.train()
-    assert run.training.step == 40
+    assert run.trainer.step == 40
     assert run.stopped == "steps"
 
 
-def test_the_plan_has_no_more_steps_than_allowed(flow: Flow, ticking: Clock) -> None:
-    training = make_training(tiny(), flow)
-    ticking.attach(training)
-    assert clock.plan(training, 1e6, at_most=77).total == 77
-    assert clock.plan(training, -5.0, at_most=77).total == 1
+def test_the_schedule_has_no_more_steps_than_allowed(flow: Flow, ticking: Clock) -> None:
+    trainer = make_trainer(tiny(), flow)
+    ticking.attach(trainer)
+    assert time_limit.schedule_until(1e6, trainer, at_most=77).total == 77
+    assert time_limit.schedule_until(-5.0, trainer, at_most=77).total == 1
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.5, 2.0])
 def test_a_run_ends_at_its_limit_though_its_pace_changes(
     factor: float, flow: Flow, ticking: Clock
 ) -> None:
-    run = Run(make_objective(limited(), flow), limited(), None, Silent(), 600.0)
-    ticking.attach(run.training)
-    real = run.training.advance
+    run = TrainingLoop(make_objective(limited(), flow), limited(), None, Silent(), 600.0)
+    ticking.attach(run.trainer)
+    real = run.trainer.advance
 
     def advance() -> None:
-        if run.training.step == 600:
+        if run.trainer.step == 600:
             ticking.slow *= factor
         real()
 
-    run.training.advance = advance  # type: ignore[method-assign]
+    run.trainer.advance = advance  # type: ignore[method-assign]
     totals: list[int] = []
     run.progress.total = totals.append  # type: ignore[method-assign]
     run.train()
     assert 0.9 * 500 < ticking.now - 100.0 <= 500
     assert run.stopped == "max_time"
-    assert run.training.schedule.progress(run.training.step) == 1
+    assert run.trainer.schedule.progress(run.trainer.step) == 1
     rates = [row.learning_rate for row in run.histories[0].rows]
     assert rates[-1] < 0.02 * max(rates)
-    assert totals[-1] == run.training.step
+    assert totals[-1] == run.trainer.step
 
 
 def test_a_limit_that_does_not_bind_is_not_what_stopped_the_run(flow: Flow, ticking: Clock) -> None:
     config = limited(steps=50)
-    run = Run(make_objective(config, flow), config, None, Silent(), 600.0)
-    ticking.attach(run.training)
+    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), 600.0)
+    ticking.attach(run.trainer)
     run.train()
-    assert (run.training.step, run.stopped) == (50, "steps")
+    assert (run.trainer.step, run.stopped) == (50, "steps")
 
 
-def test_a_resumed_run_keeps_the_plan(flow: Flow, ticking: Clock, tmp_path: Path) -> None:
-    def make(config: Config) -> Run:
-        run = Run(make_objective(config, flow), config, tmp_path, Silent(), 160.0)
-        ticking.attach(run.training)
+def test_a_resumed_run_keeps_the_schedule(flow: Flow, ticking: Clock, tmp_path: Path) -> None:
+    def make(config: Config) -> TrainingLoop:
+        run = TrainingLoop(make_objective(config, flow), config, tmp_path, Silent(), 160.0)
+        ticking.attach(run.trainer)
         return run
 
     run = make(limited())
@@ -129,5 +129,5 @@ def test_a_resumed_run_keeps_the_plan(flow: Flow, ticking: Clock, tmp_path: Path
         run.train()
     again = make(replace(limited(), resume=True))
     again.train()
-    assert again.training.step == run.training.schedule.total
+    assert again.trainer.step == run.trainer.schedule.total
     assert again.stopped == "max_time"

@@ -20,12 +20,13 @@ from torch.utils._pytree import tree_leaves
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.training.engine import Eager, Graphs
+from granpinn.training.control_table import Position
+from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
-from tests.training.conftest import make_objective, make_training, tiny
+from granpinn.training.trainer import Trainer
+from tests.training.conftest import make_objective, make_trainer, tiny
 
 WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}
 
@@ -57,13 +58,19 @@ def record(steps: Callable[[], Evaluation]) -> tuple[Callable[[], None], Evaluat
     return recording.replay, e
 
 
-def graphed(config: Config, flow: Flow) -> Training:
-    training = make_training(config, flow)
-    training.engine = Graphs(training.one_step, training._changing(), record)
-    return training
+def graphed(config: Config, flow: Flow) -> Trainer:
+    trainer = make_trainer(config, flow)
+    trainer.graphs = Graphs(trainer.one_step, trainer.changing(), record)
+    return trainer
 
 
-def assert_same(one: Training, other: Training) -> None:
+def at_step(trainer: Trainer, step: int) -> None:
+    """Make the device ready for a step."""
+    at = Position(trainer.schedule, step, trainer.averaged, tuple(trainer.misfit))
+    trainer.control.prepare(at, 1, [1.0], ())
+
+
+def assert_same(one: Trainer, other: Trainer) -> None:
     for name, tensor in one.tensors().items():
         assert torch.equal(tensor, other.tensors()[name]), name
     assert one.plain_state() == other.plain_state()
@@ -80,7 +87,7 @@ CONFIGS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", CONFIGS)
 def test_replayed_steps_have_the_bits_of_called_ones(name: str, flow: Flow) -> None:
     config = tiny(weights__noise_part=1.0, **CONFIGS[name])
-    eager, graphs = make_training(config, flow), graphed(config, flow)
+    eager, graphs = make_trainer(config, flow), graphed(config, flow)
     stretches = []
     while not graphs.finished:
         before = graphs.step
@@ -94,23 +101,23 @@ def test_replayed_steps_have_the_bits_of_called_ones(name: str, flow: Flow) -> N
     assert graphs.misfit[0] > 0
 
 
-def test_a_new_plan_and_slower_steps_reach_captured_graphs(flow: Flow) -> None:
+def test_a_new_schedule_and_smaller_steps_reach_captured_graphs(flow: Flow) -> None:
     config = tiny(steps=80, log_every=20)
-    eager, graphs = make_training(config, flow), graphed(config, flow)
-    for training in (eager, graphs):
-        while training.step < 40:
-            training.advance()
-        training.schedule = training.schedule.replanned(40, 100)
-        while training.step < 60:
-            training.advance()
-        training.remember()
-        while training.step < 80:
-            training.advance()
-        training.roll_back([0])
-        assert training.step == 60
-        while not training.finished:
-            training.advance()
-        assert training.step == 100
+    eager, graphs = make_trainer(config, flow), graphed(config, flow)
+    for trainer in (eager, graphs):
+        while trainer.step < 40:
+            trainer.advance()
+        trainer.schedule = trainer.schedule.ending_at(100, step=40)
+        while trainer.step < 60:
+            trainer.advance()
+        trainer.remember()
+        while trainer.step < 80:
+            trainer.advance()
+        trainer.roll_back([0])
+        assert trainer.step == 60
+        while not trainer.finished:
+            trainer.advance()
+        assert trainer.step == 100
     assert_same(eager, graphs)
 
 
@@ -128,14 +135,13 @@ def test_a_fault_inside_a_stretch_is_dated_to_its_step(flow: Flow) -> None:
 
 def test_all_steps_of_a_kind_are_the_same_calls(flow: Flow) -> None:
     """The same operators on the same tensors of the state with the same numbers."""
-    training = make_training(tiny(), flow)
-    state = {t.data_ptr() for t in training._changing()}
+    trainer = make_trainer(tiny(), flow)
+    state = {t.data_ptr() for t in trainer.changing()}
 
-    def calls(step: int, velocity_alone: bool) -> list[Any]:
-        training.step = step
-        training.plan.ready(training._place(), 1, [1.0], ())
+    def calls(step: int, prefit: bool) -> list[Any]:
+        at_step(trainer, step)
         with Recording() as recording:
-            training.one_step(velocity_alone)
+            trainer.one_step(prefit)
         return [
             (func, [leaf for leaf in map(constant, tree_leaves((args, kwargs))) if leaf])
             for func, args, kwargs, _ in recording.calls
@@ -155,10 +161,10 @@ def test_all_steps_of_a_kind_are_the_same_calls(flow: Flow) -> None:
 
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
 def test_the_precision_reaches_all_products_of_a_step(precision: str, flow: Flow) -> None:
-    training = make_training(tiny(precision=precision), flow)
-    training.plan.ready(training._place(), 1, [1.0], ())
+    trainer = make_trainer(tiny(precision=precision), flow)
+    at_step(trainer, 0)
     with torch.no_grad(), Recording() as recording:
-        training.one_step(False)
+        trainer.one_step(False)
     found = {
         func.name().removeprefix("granpinn::"): args[names.index("precision")]
         for func, args, _, _ in recording.calls
@@ -171,12 +177,12 @@ def test_the_precision_reaches_all_products_of_a_step(precision: str, flow: Flow
 @pytest.mark.parametrize("name", CONFIGS)
 def test_cuda_graphs_make_the_steps_of_the_cpu(name: str, flow: Flow) -> None:
     config = tiny(dtype="float64", weights__noise_part=1.0, **CONFIGS[name])
-    cpu = make_training(config, flow)
+    cpu = make_trainer(config, flow)
     device = torch.device("cuda")
     objective = Objective(cpu.objective.members, config.batch, device)
-    cuda = Training(objective, cpu.schedule, config)
-    called = Training(objective, cpu.schedule, config)
-    called.engine = Eager(called.one_step)
+    cuda = Trainer(objective, cpu.schedule, config)
+    called = Trainer(objective, cpu.schedule, config)
+    called.graphs = None
     while not cuda.finished:
         cuda.advance()
         for other in (cpu, called):
@@ -194,10 +200,10 @@ def test_cuda_graphs_have_the_bits_of_called_steps(precision: str, flow: Flow) -
     config = tiny(precision=precision, **CONFIGS["muon"])
     members, schedule = make_objective(config, flow).members, Schedule(60, config.optimizer)
     objective = Objective(members, config.batch, torch.device("cuda"), precision=precision)
-    called, *graphs = (Training(objective, schedule, config) for _ in range(3))
-    called.engine = Eager(called.one_step)
-    for training in (called, *graphs):
-        while not training.finished:
-            training.advance()
-    for training in graphs:
-        assert_same(called, training)
+    called, *graphs = (Trainer(objective, schedule, config) for _ in range(3))
+    called.graphs = None
+    for trainer in (called, *graphs):
+        while not trainer.finished:
+            trainer.advance()
+    for trainer in graphs:
+        assert_same(called, trainer)

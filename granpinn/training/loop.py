@@ -1,7 +1,7 @@
-"""A training run from its first step, or its newest checkpoint, to its end.
+"""A training from its first step, or its newest checkpoint, to its end.
 
-`Run` adds to `Training` what happens between the steps: rows of the history, checkpoints, signals,
-the rollback after a number that is not finite, and the plan of a run with a time limit.
+`TrainingLoop` makes the steps of a `Trainer`. Between them it writes the history and checkpoints,
+obeys signals, rolls back members that diverge, and keeps a time limit.
 """
 
 from __future__ import annotations
@@ -13,24 +13,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.config import Config, ConfigError, identity
-from granpinn.training import checkpoint, clock
+from granpinn.training import checkpoint, time_limit
 from granpinn.training.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Alone, Processes
 from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
-from granpinn.training.training import Training
+from granpinn.training.trainer import Trainer
 
 UNLIMITED = 2**53  # steps
-CORRECT_EVERY = 0.05  # of the time limit, between corrections of the plan
+CORRECT_EVERY = 0.05  # of the time limit, between corrections of the schedule
 
 
-class Run:
-    """One run; `folder` is None for a run that leaves nothing on disk.
+class TrainingLoop:
+    """The training of one run.
 
-    `members` are the folders of the histories of several members; a run without it has one, whose
-    history is in the run folder. Of several `processes` the first writes.
+    Args:
+        folder: the run folder; None writes nothing to disk.
+        members: folders of the histories of several members; None for a single member, whose
+            history is in the run folder.
+        processes: of several, the first one writes.
 
     Attributes:
         deadline: value of time.monotonic() when training has to end, None without a time limit.
@@ -59,23 +62,24 @@ class Run:
         parts = [folder] if members is None else members
         writes = self.processes.rank == 0
         self.histories = [
-            History(part / "history.csv" if part and writes else None) for part in parts
+            History(part / "history.csv" if part and writes else None, objective.law)
+            for part in parts
         ]
         self.data_sha256 = _digest(objective)
         self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))
         schedule = Schedule(self.at_most, config.optimizer)
-        self.training = Training(objective, schedule, config, self.processes)
+        self.trainer = Trainer(objective, schedule, config, self.processes)
         self.wall_s = 0.0
 
     def train(self) -> None:
         """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
-        training = self.training
+        trainer = self.trainer
         try:
             resumed = self.config.resume and self._resume()
-            self.processes.wait()  # what the first writes now is not for the others to find
+            self.processes.barrier()  # others must not find the files of this run
             if not resumed:
                 self._begin()
-            self.progress.start(training.schedule.total, training.step)
+            self.progress.start(trainer.schedule.total, trainer.step)
             with signals() as caught:
                 self._loop(caught)
         finally:
@@ -85,9 +89,9 @@ class Run:
 
     def _begin(self) -> None:
         if self.deadline is not None:
-            plan = clock.plan(self.training, self.deadline, self.at_most)
-            self.training.schedule = plan
-            self.stopped = "steps" if plan.total == self.at_most else "max_time"
+            schedule = time_limit.schedule_until(self.deadline, self.trainer, self.at_most)
+            self.trainer.schedule = schedule
+            self.stopped = "steps" if schedule.total == self.at_most else "max_time"
         self._open([0] * len(self.histories))
         self._mark()
         self._save()
@@ -101,10 +105,10 @@ class Run:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
             return False
         checkpoint.require_same(found, identity(self.config), self.data_sha256)
-        checkpoint.restore(found, self.training.tensors())
-        self.training.set_plain_state(found.state["training"])
+        checkpoint.restore(found, self.trainer.tensors())
+        self.trainer.set_plain_state(found.state["training"])
         self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
-        self.deadline = None  # the plan of the checkpoint stands
+        self.deadline = None  # the schedule of the checkpoint stays
         self._open(found.state["history_bytes"])
         self._mark()
         return True
@@ -116,29 +120,29 @@ class Run:
     def _mark(self) -> None:
         """Start the clocks of this process."""
         self.started = self.saved = self.corrected = time.monotonic()
-        self.corrected_step = self.training.step
+        self.corrected_step = self.trainer.step
         self.before = self.wall_s
 
     def _loop(self, caught: Signals) -> None:
-        training, config = self.training, self.config
-        while not training.finished and not self._stopping(caught):
-            before = training.step
+        trainer, config = self.trainer, self.config
+        while not trainer.finished and not self._stopping(caught):
+            before = trainer.step
             try:
-                training.advance()
+                trainer.advance()
             except NonFiniteError as error:
                 self._recover(error)
-            if training.step <= before:
+            if trainer.step <= before:
                 continue
-            if training.step % config.log_every == 0 or training.finished:
+            if trainer.step % config.log_every == 0 or trainer.finished:
                 self._log()
             if time.monotonic() - self.saved >= config.checkpoint_every:
                 self._save()
         self._save()
         if self._stopping(caught):
             where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
-            signum = caught.received or signal.SIGTERM  # another process was told
-            raise Interrupted(signum, f"stopped at step {training.step}{where}")
-        training.solve_last_layer()
+            signum = caught.received or signal.SIGTERM  # which another process received
+            raise Interrupted(signum, f"stopped at step {trainer.step}{where}")
+        trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
 
     def _stopping(self, caught: Signals) -> bool:
@@ -147,54 +151,54 @@ class Run:
     def _log(self) -> None:
         now = time.monotonic()
         self.wall_s = self.before + now - self.started
-        training = self.training
-        rows = training.rows(self.wall_s)
+        trainer = self.trainer
+        rows = trainer.rows(self.wall_s)
         for history, row in zip(self.histories, rows, strict=True):
             history.append(row)
-        training.remember()
-        self.progress.show(median([row for e, row in enumerate(rows) if e not in training.lost]))
-        if self.deadline is not None and not training.finished:
-            self._correct_plan(now, self.deadline)
+        trainer.remember()
+        self.progress.show(median([row for e, row in enumerate(rows) if e not in trainer.diverged]))
+        if self.deadline is not None and not trainer.finished:
+            self._correct_schedule(now, self.deadline)
 
-    def _correct_plan(self, now: float, deadline: float) -> None:
-        training = self.training
-        if training.schedule.velocity_alone(training.step):
-            self.corrected, self.corrected_step = now, training.step
+    def _correct_schedule(self, now: float, deadline: float) -> None:
+        trainer = self.trainer
+        if trainer.schedule.in_prefit(trainer.step):
+            self.corrected, self.corrected_step = now, trainer.step
             return
-        plan = training.schedule
+        schedule = trainer.schedule
         if now - self.corrected > CORRECT_EVERY * (deadline - self.started):
             since = (self.corrected_step, self.corrected)
-            plan = clock.corrected(training, since, deadline, self.at_most)
-            self.corrected, self.corrected_step = now, training.step
-        total, step, progress = self.processes.first(
-            [plan.total, plan.from_step, plan.from_progress]
+            schedule = time_limit.corrected(trainer, since, deadline, self.at_most)
+            self.corrected, self.corrected_step = now, trainer.step
+        total, step, progress = self.processes.broadcast(
+            [schedule.total, schedule.from_step, schedule.from_progress]
         )
-        plan = Schedule(int(total), plan.settings, int(step), progress)
-        if plan != training.schedule:
-            training.schedule = plan
-            training.remember()
-            self.progress.total(plan.total)
+        schedule = Schedule(int(total), schedule.settings, int(step), progress)
+        if schedule != trainer.schedule:
+            trainer.schedule = schedule
+            trainer.remember()
+            self.progress.total(schedule.total)
 
     def _recover(self, error: NonFiniteError) -> None:
-        """One rollback for each member, then its end: with an error if it is the only one."""
-        training, many = self.training, not self.single
+        """Roll a member back once; the second time give it up, with an error if it is alone."""
+        trainer, many = self.trainer, not self.single
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
         again = {
             e: f"{text} again, after a rollback at half the learning rate: lower "
             f"--optimizer.learning_rate or look at the data{'' if many else where}"
             for e, text in error.members.items()
-            if training.slower[e] < 1
+            if trainer.lr_scale[e] < 1
         }
         fresh = error.members.keys() - again.keys()
-        training.give_up(again)
+        trainer.give_up(again)
         if self.single and again:
             raise NonFiniteError(again[0]) from error
         for e, text in again.items():
             self.progress.message(f"member {e} is given up: {text}")
         if fresh:
-            copied = training.copied
-            training.roll_back(fresh)
-            if training.step == copied:
+            copied = trainer.remembered
+            trainer.roll_back(fresh)
+            if trainer.step == copied:
                 for history in self.histories:
                     history.forget_after(copied)
             who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
@@ -208,14 +212,14 @@ class Run:
         self.wall_s = self.before + time.monotonic() - self.started
         settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
         state = {
-            "training": self.training.plain_state(),
+            "training": self.trainer.plain_state(),
             "history_bytes": [history.flush() for history in self.histories],
             "wall_s": self.wall_s,
             "stopped": self.stopped,
             "settings": settings,
             "input_sha256": self.data_sha256,
         }
-        checkpoint.save(self.checkpoints, self.training.step, self.training.tensors(), state)
+        checkpoint.save(self.checkpoints, self.trainer.step, self.trainer.tensors(), state)
         self.saved = time.monotonic()
 
 

@@ -1,0 +1,132 @@
+"""The control table: the schedule of the next steps, on the device.
+
+The schedule is a pure function of the step, in Python. The host computes the rows of the next
+steps and copies them to the device once. A step finds its row by the step counter, which is on the
+device too. So no number crosses between host and device in a step, and a captured CUDA graph
+freezes none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from granpinn.config import Config
+from granpinn.training.problem import velocity_relaxation
+from granpinn.training.schedule import Schedule
+
+ROWS = 256
+HEALTHY = torch.iinfo(torch.int64).max
+FAULTS = (
+    "loss",
+    "gradient of the network parameters",
+    "gradient of the friction law",
+    "network parameters",
+    "variables of the friction law",
+)
+_CODES = 8  # csrc/step.h: fault = step * 8 + index into FAULTS
+
+Rows = npt.NDArray[np.float64]
+
+
+class Position(NamedTuple):
+    """What the rows from `step` on depend on.
+
+    Attributes:
+        averaged: number of steps before it that are in the running average.
+        misfit: of every member after the pre-fit.
+    """
+
+    schedule: Schedule
+    step: int
+    averaged: int
+    misfit: tuple[float, ...]
+
+
+class ControlTable:
+    """Tensors on the device that steer the steps of E members.
+
+    Args:
+        velocity_weights: 1/sigma^2 of the velocity term of every member.
+
+    Attributes:
+        table: [ROWS, 2 + E] float64: factor on the learning rates, weight of the parameters in
+            their running average, factor on the weight of each member's velocity term.
+        counter: int64 [3]: step, step of the table's first row, and 0 (used by the update).
+        lr_scale: float64 [E], a factor on the learning rates of a member.
+        fault: int64 [E], code of the first fault of a member; HEALTHY without one.
+        stretch: number of rows that are computed at once.
+    """
+
+    def __init__(
+        self, velocity_weights: Sequence[float], config: Config, device: torch.device
+    ) -> None:
+        E = len(velocity_weights)
+        self.table = torch.zeros(ROWS, 2 + E, dtype=torch.float64, device=device)
+        self.counter = torch.zeros(3, dtype=torch.int64, device=device)
+        self.lr_scale = torch.ones(E, dtype=torch.float64, device=device)
+        self.fault = torch.full((E,), HEALTHY, dtype=torch.int64, device=device)
+        self.stretch = min(ROWS, config.log_every)
+        self._settings, self._velocity_weights = config.weights, list(velocity_weights)
+        self._loaded: tuple[object, ...] | None = None  # what the rows on the device depend on
+        self._first = self._next = 0  # step of the first row, and step of the counter
+        self._rows = np.empty((0, 2 + E))
+        self._ahead: tuple[Position, Rows] | None = None
+
+    def prepare(
+        self, at: Position, steps: int, lr_scale: Sequence[float], diverged: Collection[int]
+    ) -> Position:
+        """Make the device ready for `steps` steps from `at` on; the position after them.
+
+        Members in `diverged` stay frozen.
+        """
+        depends = (at.schedule, at.misfit, tuple(lr_scale), tuple(diverged))
+        ready = self._loaded == depends and self._next == at.step
+        if not ready or at.step + steps > self._first + len(self._rows):
+            self._rows, self._first, self._loaded = self.rows(at), at.step, depends
+            self.table[: len(self._rows)].copy_(torch.from_numpy(self._rows))
+            self.counter.copy_(torch.tensor([at.step, at.step, 0]))
+            self.lr_scale.copy_(torch.tensor(lr_scale, dtype=torch.float64))
+            frozen = torch.full((len(lr_scale),), HEALTHY)
+            frozen[list(diverged)] = 0
+            self.fault.copy_(frozen)
+        self._next = at.step + steps
+        used = self._rows[at.step - self._first : self._next - self._first]
+        averaged = at.averaged + int(np.count_nonzero(used[:, 1]))
+        return at._replace(step=self._next, averaged=averaged)
+
+    def rows(self, at: Position) -> Rows:
+        """The rows [stretch, 2 + E] from `at` on; those of the last call are kept."""
+        if self._ahead is not None and self._ahead[0] == at:
+            return self._ahead[1]
+        rows, averaged = np.ones((self.stretch, 2 + len(self._velocity_weights))), at.averaged
+        for step, row in enumerate(rows, start=at.step):
+            row[0] = at.schedule.learning_rate(step)
+            averages = at.schedule.averages(step)
+            averaged += averages
+            row[1] = 1 / averaged if averages else 0.0
+            if not at.schedule.in_prefit(step):
+                done, _ = at.schedule.stage(step)
+                row[2:] = velocity_relaxation(
+                    self._settings, self._velocity_weights, at.misfit, done
+                )
+        self._ahead = (at, rows)
+        return rows
+
+    def faults(self) -> dict[int, str]:
+        """Member: "the loss became NaN or infinite in step 24", for members with a fault."""
+        codes = self.fault.tolist()
+        return {e: _sentence(code) for e, code in enumerate(codes) if code != HEALTHY}
+
+    def reload(self) -> None:
+        """Load everything anew before the next step, which clears the faults."""
+        self._loaded = None
+
+
+def _sentence(fault: int) -> str:
+    step, what = divmod(fault, _CODES)
+    return f"the {FAULTS[what]} became NaN or infinite in step {step + 1}"

@@ -1,0 +1,72 @@
+"""A run with a time limit: how many steps fit into it.
+
+The time of a few steps is measured before the first one. The schedule then has as many steps as
+fit, so that the learning rate is annealed to its end when the time is up. The schedule is corrected
+on the way.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import statistics
+import time
+
+from granpinn.training.schedule import Schedule
+from granpinn.training.trainer import Trainer
+
+PROBE_SECONDS = 0.7  # time to measure each kind of step
+WARM_UP = 2  # first steps, which are slower and do not count
+MARGIN = 1.02  # expected time over measured time
+WORTHWHILE = 0.02  # smallest relative change of the steps left that changes the schedule
+
+
+def schedule_until(deadline: float, trainer: Trainer, at_most: int) -> Schedule:
+    """The schedule of a run that has not begun and ends at time.monotonic() == `deadline`."""
+    schedule = trainer.schedule
+    prefit = schedule.settings.prefit
+    pace = sum(
+        part * _pace(trainer, in_prefit)
+        for in_prefit, part in ((True, prefit), (False, 1 - prefit))
+        if part > 0
+    )
+    (total,) = trainer.processes.broadcast([_steps(deadline, pace, at_most)])
+    return Schedule(int(total), schedule.settings)
+
+
+def corrected(
+    trainer: Trainer, since: tuple[int, float], deadline: float, at_most: int
+) -> Schedule:
+    """The schedule that ends at `deadline`, from the pace since (step, clock) `since`."""
+    schedule, step = trainer.schedule, trainer.step
+    pace = (time.monotonic() - since[1]) / (step - since[0])
+    total = step + _steps(deadline, pace, at_most - step)
+    if abs(total - schedule.total) < WORTHWHILE * (schedule.total - step):
+        return schedule
+    return schedule.ending_at(total, step)
+
+
+def _steps(deadline: float, pace: float, at_most: int) -> int:
+    seconds = deadline - time.monotonic()
+    return max(1, min(at_most, math.floor(seconds / (MARGIN * pace))))
+
+
+def _pace(trainer: Trainer, prefit: bool) -> float:
+    """Median seconds of a step, of the pre-fit or after it; the state is as before."""
+    schedule = trainer.schedule
+    settings = dataclasses.replace(schedule.settings, prefit=float(prefit))
+    trainer.schedule = Schedule(10**9, settings)
+    trainer.remember()
+    times: list[float] = []
+    begin = time.monotonic()
+    while any(
+        trainer.processes.broadcast(
+            [len(times) < WARM_UP + 3, time.monotonic() - begin < PROBE_SECONDS]
+        )
+    ):
+        start, before = time.monotonic(), trainer.step
+        trainer.advance()
+        times.append((time.monotonic() - start) / (trainer.step - before))
+    trainer.restore()
+    trainer.schedule = schedule
+    return statistics.median(times[WARM_UP:])

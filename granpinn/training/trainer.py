@@ -1,0 +1,254 @@
+"""The state of a training, and the one step that changes it.
+
+A step is: batch, loss and gradients, test, update, test; for E members at once, on the device.
+Everything that the next step depends on is in `tensors` and `plain_state`. A training that is
+restored from them continues bit for bit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from granpinn.config import Config
+from granpinn.kernels.network import initial_parameters
+from granpinn.training.control_table import ControlTable, Position
+from granpinn.training.graphs import Graphs
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.history import Row
+from granpinn.training.last_layer import last_layer
+from granpinn.training.law_variables import LawVariables
+from granpinn.training.objective import Evaluation, Objective
+from granpinn.training.optimise import BatchOptimizer
+from granpinn.training.parallel import Alone, Processes
+from granpinn.training.problem import velocity_relaxation
+from granpinn.training.schedule import Schedule
+
+ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
+
+
+class Trainer:
+    """The networks, the law variables, the optimiser and the place in the schedule.
+
+    Attributes:
+        lr_scale: factor on the learning rates of each member.
+        diverged: members that were given up, with the reason; they stay as they are.
+        solved: params [P] and theta [N] of the members after the last-layer step.
+        graphs: what replays the steps on a GPU; None: each step is called.
+    """
+
+    def __init__(
+        self,
+        objective: Objective,
+        schedule: Schedule,
+        config: Config,
+        processes: Processes | None = None,
+    ) -> None:
+        members, device = objective.members, objective.points.device
+        starts = [
+            initial_parameters(m.problem.spec, m.seed, config.network.initialization)
+            for m in members
+        ]
+        self.objective = objective
+        self.schedule = schedule
+        self.config = config
+        self.processes = processes or Alone()
+        self.params = torch.stack(starts).to(objective.points)
+        self.law_variables = LawVariables(
+            objective.law,
+            config.rheology,
+            [m.fixed for m in members],
+            [m.seed for m in members],
+            self.params,
+        )
+        weights = [m.problem.term_weights[0] for m in members]
+        self.control = ControlTable(weights, config, device)
+        self.optimizer = BatchOptimizer(
+            self.params,
+            self.law_variables,
+            objective.spec.widths,
+            config.optimizer,
+            self.control,
+            objective.precision,
+        )
+        self.step = 0
+        self.averaged = 0
+        self.lr_scale = [1.0] * len(members)
+        self.misfit = [0.0] * len(members)
+        self.diverged: dict[int, str] = {}
+        self.solved: dict[int, tuple[Tensor, Tensor]] = {}
+        self.last: Evaluation | None = None
+        self.graphs = Graphs(self.one_step, self.changing()) if device.type == "cuda" else None
+        self.remember()
+
+    @property
+    def finished(self) -> bool:
+        return self.step >= self.schedule.total or len(self.diverged) == len(self.lr_scale)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every tensor of the state by name, live; each [E, ...]."""
+        return {
+            "params": self.params,
+            "q": self.law_variables.q,
+            "theta": self.law_variables.theta,
+        } | self.optimizer.tensors()
+
+    def changing(self) -> list[Tensor]:
+        """All tensors that a step changes."""
+        c = self.control
+        return [*self.tensors().values(), self.optimizer.direction, c.counter, c.fault]
+
+    def plain_state(self) -> dict[str, Any]:
+        """The rest of the state, as JSON values."""
+        return {
+            "step": self.step,
+            "averaged": self.averaged,
+            "lr_scale": list(self.lr_scale),
+            "misfit": list(self.misfit),
+            "diverged": {str(e): reason for e, reason in self.diverged.items()},
+            "total": self.schedule.total,
+            "from_step": self.schedule.from_step,
+            "from_progress": self.schedule.from_progress,
+        }
+
+    def set_plain_state(self, state: dict[str, Any]) -> None:
+        """The inverse of `plain_state`; the caller copies the tensors into `tensors`."""
+        self.step, self.averaged = state["step"], state["averaged"]
+        self.lr_scale, self.misfit = list(state["lr_scale"]), list(state["misfit"])
+        self.diverged = {int(e): reason for e, reason in state["diverged"].items()}
+        names = ("total", "from_step", "from_progress")
+        self.schedule = dataclasses.replace(self.schedule, **{k: state[k] for k in names})
+        self.control.reload()
+        self.remember()
+
+    @torch.no_grad()
+    def advance(self) -> None:
+        """The next steps: one on a CPU; on a GPU all until the next row of the history.
+
+        NonFiniteError: a member is not finite; the state is not to be kept.
+        """
+        if self.schedule.ends_prefit(self.step):
+            self.optimizer.reset()
+            misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
+            self.misfit = self.processes.broadcast(misfit)
+            self.remember()
+        steps, prefit = self._stretch(), self.schedule.in_prefit(self.step)
+        at = Position(self.schedule, self.step, self.averaged, tuple(self.misfit))
+        after = self.control.prepare(at, steps, self.lr_scale, self.diverged)
+        if self.graphs is None:
+            self.last = self.one_step(prefit)
+        else:
+            self.last = self.graphs.run(steps, prefit)
+            self.control.rows(after)  # while the device is busy
+        found = {e: text for e, text in self.control.faults().items() if e not in self.diverged}
+        if len(found) + len(self.diverged) < len(self.lr_scale):  # the others made these steps
+            self.step, self.averaged = after.step, after.averaged
+        if found:
+            self.control.reload()
+            raise NonFiniteError(next(iter(found.values())), found)
+
+    def one_step(self, prefit: bool) -> Evaluation:
+        """The step at the counter of `control`, on the device: no number comes to the host."""
+        e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
+        e = self.processes.all_reduce(e)
+        self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
+        return e
+
+    def _stretch(self) -> int:
+        """How many steps are made before the host looks at the result."""
+        if self.graphs is None:
+            return 1
+        every, in_prefit = self.config.log_every, self.schedule.in_prefit
+        left = self.schedule.total - self.step
+        steps = min(self.control.stretch, every - self.step % every, left)
+        if in_prefit(self.step):
+            steps = next((i for i in range(1, steps) if not in_prefit(self.step + i)), steps)
+        return steps
+
+    def remember(self) -> None:
+        """Keep a copy of the state in memory, for a rollback."""
+        self._good = {name: t.clone() for name, t in self.tensors().items()}
+        self._good_state = self.plain_state()
+
+    @property
+    def remembered(self) -> int:
+        """The step of the copy."""
+        return int(self._good_state["step"])
+
+    def restore(self) -> None:
+        """Go back to the copy."""
+        self._take_back(range(len(self.lr_scale)))
+        self.set_plain_state(self._good_state)
+
+    def roll_back(self, members: Iterable[int]) -> None:
+        """Take members back to the copy; they continue at half the learning rate.
+
+        If no others are left, the run goes back to the step of the copy. Otherwise the others keep
+        their state, and the members continue from their copy with the present step.
+        """
+        members, diverged = set(members), self.diverged
+        if len(members) + len(diverged) == len(self.lr_scale):
+            self.restore()
+            self.diverged = diverged
+        else:
+            self._take_back(members)
+        for e in members:
+            self.lr_scale[e] *= ROLLBACK
+        self.remember()
+
+    def give_up(self, reasons: Mapping[int, str]) -> None:
+        """Freeze members for good, in the state of their copy."""
+        self._take_back(reasons)
+        self.diverged = {**self.diverged, **reasons}
+
+    def _take_back(self, members: Iterable[int]) -> None:
+        for name, tensor in self.tensors().items():
+            for e in members:
+                tensor[e].copy_(self._good[name][e])
+
+    def solve_last_layer(self) -> None:
+        """End the training of the members that are left (granpinn/training/last_layer.py)."""
+        if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
+            return
+        for e, member in enumerate(self.objective.members):
+            if e not in self.diverged:
+                problem = dataclasses.replace(member.problem, term_weights=self.final_weights(e))
+                posed = dataclasses.replace(member, problem=problem, data=self.objective.data(e))
+                self.solved[e] = last_layer(posed, *self.trained(e), self.step)
+
+    def final_weights(self, member: int) -> list[float]:
+        """1/sigma^2 of the terms at the end of the training."""
+        weights = list(self.objective.members[member].problem.term_weights)
+        settings, misfit = self.config.weights, self.misfit[member]
+        weights[0] *= float(velocity_relaxation(settings, weights[0], misfit, 1.0))
+        return weights
+
+    def solution(self, member: int = 0) -> tuple[Tensor, Tensor]:
+        """params [P] and theta [N], after the last-layer step if there was one."""
+        return self.solved.get(member) or self.trained(member)
+
+    def trained(self, member: int = 0) -> tuple[Tensor, Tensor]:
+        """params [P] and theta [N] after the steps: their averages, once there are any."""
+        if self.averaged:
+            theta = self.law_variables.theta_of(self.optimizer.average_q)
+            return self.optimizer.average_params[member], theta[member]
+        return self.params[member], self.law_variables.theta[member]
+
+    def rows(self, wall_s: float) -> list[Row]:
+        """The history row of every member for the step that was just made."""
+        assert self.last is not None
+        step = self.step - 1
+        rate = self.schedule.learning_rate(step) * self.config.optimizer.learning_rate
+        terms = self.last.terms
+        if self.schedule.in_prefit(step):
+            terms = torch.cat([terms[:, :1], torch.full_like(terms[:, 1:], math.nan)], 1)
+        values = torch.cat([self.last.loss[:, None], terms, self.law_variables.theta], 1)
+        return [
+            Row.of(self.objective.law, [self.step, wall_s, *row, rate * scale])
+            for row, scale in zip(values.tolist(), self.lr_scale, strict=True)
+        ]

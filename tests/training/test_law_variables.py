@@ -1,0 +1,104 @@
+"""The variables of the friction law: their start, and what a step does to them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn.config import Config, Optimizer, Rheology
+from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.training.control_table import ControlTable
+from granpinn.training.law_variables import LawVariables
+from granpinn.training.optimise import BatchOptimizer
+
+WIDTHS = (3, 4, 3)
+LIKE = torch.zeros(0, dtype=torch.float64)
+
+
+def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
+    """One step of Adam, which in its first step moves by rate * sign(gradient)."""
+    E = len(law.q)
+    control = ControlTable([1.0] * E, Config(), torch.device("cpu"))
+    control.table[0, 0] = 1
+    params = torch.zeros(E, 31, dtype=torch.float64)
+    settings = Optimizer(scalars_learning_rate=rate, epsilon=1e-30)
+    optimizer = BatchOptimizer(params, law, WIDTHS, settings, control)
+    optimizer.step(torch.zeros_like(params[:, 0]), torch.zeros_like(params), grad_theta)
+    assert not control.faults()
+
+
+def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
+    settings = Rheology(variables=variables, **start)
+    return LawVariables(DEFAULT, settings, [{"I0": 0.25}] * E, range(E), LIKE)
+
+
+@pytest.mark.parametrize("variables", ["log", "sigmoid"])
+def test_they_start_where_they_should(variables: str) -> None:
+    expected = torch.tensor([[0.3, 0.7, 0.25]] * 2, dtype=torch.float64)
+    torch.testing.assert_close(make(variables, 2, mu_s=0.3, mu_2=0.7).theta, expected)
+
+
+@pytest.mark.parametrize("variables", ["log", "sigmoid"])
+def test_gradients_are_pulled_back_to_them(variables: str) -> None:
+    """The first moment after one step is (1 - beta_1) d loss / d q."""
+    law = make(variables, 2, mu_s=0.3, mu_2=0.7)
+    q = law.q.clone().requires_grad_()
+    weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
+    (weights * law.theta_of(q)).sum().backward()
+    assert q.grad is not None
+    rate = 1e-3
+    before = law.q.clone()
+    after_a_step(law, weights, rate)
+    torch.testing.assert_close(law.q, before - rate * q.grad.sign())
+    torch.testing.assert_close(law.theta, law.theta_of(law.q))
+
+
+def test_every_q_is_a_friction_law() -> None:
+    log, sigmoid = make("log"), make("sigmoid")
+    for q in torch.randn(50, 1, 2, dtype=torch.float64) * 5:
+        mu_s, mu_2, _ = log.theta_of(q)[0].tolist()
+        assert 0 < mu_s < mu_2
+        assert ((sigmoid.theta_of(q)[:, :2] >= 0) & (sigmoid.theta_of(q)[:, :2] <= 1)).all()
+
+
+def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
+    law = make("log")
+    law.q.copy_(torch.tensor([-50.0, 50.0]))
+    after_a_step(law, torch.tensor([[1.0, -1.0, 0.0]], dtype=torch.float64), 1e-3)
+    expected = torch.tensor([[math.log(0.01), math.log(3)]], dtype=torch.float64)
+    torch.testing.assert_close(law.q, expected)
+    theta = torch.tensor([[0.01, 3.01, 0.25]], dtype=torch.float64)
+    torch.testing.assert_close(law.theta, theta)
+
+
+def test_a_random_start_is_a_function_of_the_seed() -> None:
+    start = Rheology(variables="sigmoid", mu_s=None, mu_2=None)
+    draws = LawVariables(DEFAULT, start, [{}] * 3, (1, 1, 2), LIKE).theta[:, :2]
+    assert torch.equal(draws[0], draws[1])
+    assert not torch.equal(draws[0], draws[2])
+    assert all(0.05 <= d[0] <= d[1] <= 0.95 for d in draws)
+
+
+@pytest.mark.parametrize(("variables", "q"), [("log", math.log(0.3)), ("sigmoid", -0.8473)])
+def test_a_law_with_one_parameter_has_one_variable(variables: Any, q: float) -> None:
+    law = LawVariables(LAWS["coulomb"], Rheology(variables=variables), [{}] * 2, (0, 1), LIKE)
+    expected = torch.full((2, 1), 0.3, dtype=torch.float64)
+    torch.testing.assert_close(law.theta, expected)
+    torch.testing.assert_close(law.q, torch.full_like(expected, q), rtol=1e-4, atol=0)
+
+
+def test_a_fixed_parameter_without_a_value_is_at_its_start() -> None:
+    law = LawVariables(DEFAULT, Rheology(), [{"I0": 0.5}, {}], (0, 0), LIKE)
+    assert law.theta[:, 2].tolist() == [0.5, DEFAULT.parameter("I0").start]
+
+
+def test_a_law_admits_positive_parameters_in_their_order() -> None:
+    assert DEFAULT.admits([0.4, 0.6, 0.3])
+    assert not DEFAULT.admits([0.6, 0.4, 0.3])
+    assert not DEFAULT.admits([0.4, 0.6, -0.3])
+    assert not DEFAULT.admits([math.nan, 0.6, 0.3])
+    assert LAWS["coulomb"].admits([0.4])
