@@ -12,6 +12,7 @@ import torch
 
 from bench import (
     device,
+    fma_peak,
     gpu_accuracy,
     gpu_step,
     gpu_table,
@@ -19,11 +20,11 @@ from bench import (
     parallel,
     processes,
     rivals,
-    simulated_pressure,
 )
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
+from bench.studies.simulated_pressure import run as simulated_pressure
 from granpinn.config import recipes
 from granpinn.data import write_flow
 from granpinn.identification.case import pose
@@ -222,6 +223,16 @@ def test_lines_of_a_process_that_fails() -> None:
     assert reason == "out of memory"
 
 
+def test_the_multiply_add_peak_is_that_of_a_core() -> None:
+    assert 1 < fma_peak.fma_peak(0.02) < 1000
+
+
+def test_a_peak_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(RuntimeError, match="must be a C\\+\\+ compiler, got No such file"):
+        fma_peak.fma_peak(0.03)
+
+
 def test_numbers_of_the_file_are_rounded() -> None:
     assert gpu_step.rounded({"a": [0.123456, 7, "x"], "b": None}) == {
         "a": [0.1235, 7, "x"],
@@ -244,5 +255,5 @@ def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
     ]
     assert (variant["seed"], variant["steps"]) == (0, 2)
     assert variant["network"] == rows[0]["network"] != rows[1]["network"]
-    assert 0 < variant["closed"]["all"] != rows[0]["closed"]["all"]
-    assert variant["closed"]["stagnant"] is None  # nothing rests in this flow
+    assert 0 < variant["simulated"]["all"] != rows[0]["simulated"]["all"]
+    assert variant["simulated"]["stagnant"] is None  # nothing rests in this flow

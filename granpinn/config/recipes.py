@@ -29,7 +29,7 @@ SECTIONS: dict[str, type] = {
     "profile": Profile,
     "resimulation": Resimulation,
 }
-# For much noise: fewer unknowns and larger batches, at half the cost (docs/method.md, section 5).
+# For much noise: fewer unknowns and larger batches, at half the cost (bench/studies/noise).
 # The paper to the letter: section Training; where it is silent, what its library does by default
 # (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
 # unit weights in the units of the data, no scaling of inputs and outputs).

@@ -3,8 +3,8 @@
 Equations that are asked for at the vectors alone are overfitted there, so the network has to follow
 them at random places and times between the vectors too; but not between the lowest two rows. The
 layer over the ground is often thinner than that, and no vector tells what it does there: asked for
-the equations there, the network bends the law to the layer that it made up (docs/method.md,
-section 8).
+the equations there, the network bends the law to the layer that it made up
+(bench/studies/collocation).
 
 Vectors of tracked particles are at random places already.
 """

@@ -13,7 +13,7 @@ layers that are thinner than what a change of friction moves. Both constants are
 bounds of a forward model for two column collapses, (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84),
 whose standard deviations come out within a factor 1.25, with the noise of 2 and of 20 %; for other
 flows nothing has measured them. A training stays above the bound and adds a scatter of its own, by
-the constants below, which are measured (docs/method.md). Systematic errors are not in it.
+the constants below, which are measured (bench/studies/noise). Systematic errors are not in it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from granpinn.inspection.view import Float64
 KAPPA = 0.097
 LARGEST_RATE = 15.0  # sqrt(|g| / H0)
 NAMES = ("mu_s", "mu_2", "I0")
-# Scatter over seeds of the default training without noise, relative (docs/method.md, section 2).
+# Scatter over seeds of the default training without noise, relative (bench/studies/recipe).
 TRAINING_SCATTER = {"mu_s": 0.003, "mu_2": 0.015}
-# Its rms error with noise of 20 % over the bound (section 5, three materials).
+# Its rms error with noise of 20 % over the bound, three materials (bench/studies/noise).
 TRAINING_EXCESS = {"mu_s": 1.5, "mu_2": 5.0}
 LARGEST_CONDITION = 1e12
 

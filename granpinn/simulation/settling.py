@@ -8,7 +8,7 @@ velocity of the one before and none from its pressure. Then the rotational form 
 update (csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
 
 The pressure changes by up to 1 % in that time, so the start has to be as much earlier.  STEPS and
-STEP were measured on six collapses (docs/method.md, section 9).
+STEP were measured on six collapses (bench/studies/simulated_pressure).
 """
 
 from __future__ import annotations

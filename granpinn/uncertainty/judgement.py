@@ -17,7 +17,7 @@ TOO_LITTLE = (
     "errors as large as the values"
 )
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (docs/method.md)
+STARTS = ("rheology.mu_s", "rheology.mu_2")  # they do not matter (bench/studies/recipe)
 
 
 class Judgement(NamedTuple):
