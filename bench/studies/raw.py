@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import time
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,15 @@ from bench.machine import describe
 from granpinn.config import Config, ConfigError, kinds_of, recipes
 from granpinn.config.toml import convert
 from granpinn.results import plain
+
+
+def parse(parser: argparse.ArgumentParser) -> tuple[argparse.Namespace, list[str], Config]:
+    """Options of a study, the other words of the command line, and the settings that these are."""
+    options, words = parser.parse_known_args()
+    try:
+        return options, words, config_of(words)
+    except ConfigError as error:
+        parser.error(str(error))
 
 
 def config_of(words: Sequence[str], settings: Mapping[str, Any] | None = None) -> Config:

@@ -21,7 +21,7 @@ from typing import Any
 from bench.studies import raw
 from bench.studies.experiment.film import TRUTH
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.data import read_flow
 
 
@@ -56,11 +56,7 @@ def main() -> int:
     parser.add_argument("flows", type=Path, nargs="+")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--json", type=Path, help="file for the results")
-    arguments, settings = parser.parse_known_args()
-    try:
-        config = raw.config_of(settings)
-    except ConfigError as error:
-        parser.error(str(error))
+    arguments, settings, config = raw.parse(parser)
     begin = time.monotonic()
     found = {
         "errors_percent": study(arguments.flows, config, arguments.seeds),

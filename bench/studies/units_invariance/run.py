@@ -28,7 +28,7 @@ import numpy as np
 
 from bench.studies import raw
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.data import Flow, Particles, Surface, particle_flow, read_flow
 from granpinn.importers import Settings, convert
 from granpinn.simulation import demo_path
@@ -184,11 +184,7 @@ def main() -> int:
     parser.add_argument("--tilt", type=float, default=1.2, help="of the camera, degrees")
     parser.add_argument("--every", type=int, default=1, help="use every so-many-th frame")
     parser.add_argument("--json", type=Path, help="file for the results")
-    arguments, settings = parser.parse_known_args()
-    try:
-        config = raw.config_of(settings)
-    except ConfigError as error:
-        parser.error(str(error))
+    arguments, settings, config = raw.parse(parser)
     begin = time.monotonic()
     found = study(cases(arguments.every, arguments.tilt), config, arguments.seeds)
     found |= {
