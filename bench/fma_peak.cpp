@@ -22,7 +22,8 @@ constexpr int kLanes = kBytes / sizeof(float);
 
 typedef float Vec __attribute__((vector_size(kBytes)));
 
-// `rounds` multiply-adds of each chain; the sum of the chains keeps the compiler from dropping them.
+// `rounds` multiply-adds of each chain. The sum of the chains keeps the compiler from dropping
+// them.
 float multiply_add(std::int64_t rounds, float b, float c) {
   Vec a[kChains];
   for (int i = 0; i < kChains; ++i) a[i] = Vec{} + static_cast<float>(i);
