@@ -1,1 +1,4 @@
-"""Benchmarks. Each states the claim that it defends; results/ keeps what was measured."""
+"""Benchmarks of the kernels and the step: each states the claim that it defends.
+
+results/ has what was measured, studies/ the scientific questions.
+"""

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import torch
 
+from bench.fma_peak import fma_peak
 from bench.machine import describe
 
 
@@ -29,7 +30,7 @@ def pytest_benchmark_update_json(
     config: pytest.Config, benchmarks: list[Any], output_json: dict[str, Any]
 ) -> None:
     """Keeps medians and spread instead of every sample, and adds the machine and the command."""
-    output_json["machine_info"] = describe()
+    output_json["machine_info"] = machine_info()
     output_json["command"] = shlex.join(["pytest", *map(_relative, sys.argv[1:])])
     output_json.pop("commit_info", None)
     for entry in output_json["benchmarks"]:
@@ -43,7 +44,12 @@ def _relative(argument: str) -> str:
 
 
 def pytest_benchmark_generate_machine_info() -> dict[str, Any]:
-    return describe()
+    return machine_info()
+
+
+def machine_info() -> dict[str, Any]:
+    """The machine, and the multiply-add peak of one of its cores."""
+    return describe() | {"fma_peak_gflops": round(fma_peak(), 1)}
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
@@ -52,7 +58,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     rows = [b.extra_info for b in getattr(session, "benchmarks", []) if "cpu_ms" in b.extra_info]
     if not rows:
         return
-    peak = describe()["fma_peak_gflops"]
+    peak = fma_peak()
     terminalreporter.section("one optimization step, process CPU time")
     eager = {key(row): row["cpu_ms"] for row in rows if row["step"] == "eager autograd"}
     for row in rows:

@@ -14,22 +14,10 @@ import jax.numpy as jnp
 import torch
 from torch import Tensor
 
-from bench.steps import ETA_MAX, ETA_MIN, G_X, G_Y, P_FLOOR, SMOOTHING, D, P, Task, U
+from bench import taylor
+from bench.steps import ETA_MAX, ETA_MIN, P_FLOOR, D, Task, U
 
 Array = Any
-
-
-def _activation(z: list[Array]) -> list[Array]:
-    """swish of a jet [value, x, y, t (, xx, xy, yy)]."""
-    s = jax.nn.sigmoid(z[0])
-    q = s * (1 - s)
-    f1 = s + z[0] * q
-    a = [z[0] * s] + [f1 * z_i for z_i in z[1:4]]
-    if len(z) > 4:
-        f2 = q * (2 + z[0] * (1 - 2 * s))
-        pairs = ((1, 1), (1, 2), (2, 2))
-        a += [f2 * z[i] * z[j] + f1 * z_ij for (i, j), z_ij in zip(pairs, z[4:], strict=True)]
-    return a
 
 
 def _jets(params: Array, points: Array, widths: list[int], channels: int) -> list[Array]:
@@ -44,7 +32,7 @@ def _jets(params: Array, points: Array, widths: list[int], channels: int) -> lis
             first = [jnp.broadcast_to(W[:, i], value.shape) for i in range(3)]
             jet = [value, *first, *[jnp.zeros_like(value)] * (channels - 4)]
         else:
-            stacked = jnp.concatenate(_activation(jet)) @ W.T
+            stacked = jnp.concatenate(taylor.swish(jet, jax.nn.sigmoid)) @ W.T
             value, *rest = jnp.split(stacked, channels)
             jet = [value + b, *rest]
     return jet
@@ -60,42 +48,18 @@ def _eta(gamma_dot: Array, p: Array, theta: Array) -> Array:
 
 
 def _strong(jet: list[Array], theta: Array) -> list[Array]:
-    u, u_x, u_y, u_t, u_xx, u_xy, u_yy = (U * c[:, 0] for c in jet)
-    v, v_x, v_y, v_t, v_xx, v_xy, v_yy = (U * c[:, 1] for c in jet)
-    p, p_x, p_y = (P * c[:, 2] for c in jet[:3])
-    shear = u_y + v_x
-    gamma_dot = jnp.sqrt(2 * u_x**2 + 2 * v_y**2 + shear**2 + SMOOTHING)
-    gamma_x = (2 * u_x * u_xx + 2 * v_y * v_xy + shear * (u_xy + v_xx)) / gamma_dot
-    gamma_y = (2 * u_x * u_xy + 2 * v_y * v_yy + shear * (u_yy + v_xy)) / gamma_dot
-    eta, pull = jax.vjp(lambda g, q: _eta(g, q, theta), gamma_dot, p)
-    by_gamma, by_p = pull(jnp.ones_like(eta))
-    eta_x, eta_y = by_gamma * gamma_x + by_p * p_x, by_gamma * gamma_y + by_p * p_y
-    div_x = eta * (2 * u_xx + u_yy + v_xy) + 2 * eta_x * u_x + eta_y * shear
-    div_y = eta * (v_xx + u_xy + 2 * v_yy) + eta_x * shear + 2 * eta_y * v_y
-    return [
-        u_t + u * u_x + v * u_y + p_x - div_x - G_X,
-        v_t + u * v_x + v * v_y + p_y - div_y - G_Y,
-        u_x + v_y,
-    ]
+    def viscosity(gamma_dot: Array, p: Array) -> tuple[Array, Array, Array]:
+        eta, pull = jax.vjp(lambda g, q: _eta(g, q, theta), gamma_dot, p)
+        return (eta, *pull(jnp.ones_like(eta)))
+
+    return taylor.strong(jet, viscosity, jnp.sqrt)
 
 
 def _mixed(jet: list[Array], theta: Array) -> list[Array]:
-    u, u_x, u_y, u_t = (U * c[:, 0] for c in jet)
-    v, v_x, v_y, v_t = (U * c[:, 1] for c in jet)
-    slope = P * jax.nn.sigmoid(jet[0][:, 2])
-    p, p_x, p_y = P * jax.nn.softplus(jet[0][:, 2]), slope * jet[1][:, 2], slope * jet[2][:, 2]
-    s1, s1_x, s1_y, _ = (c[:, 3] for c in jet)
-    s2, s2_x, s2_y, _ = (c[:, 4] for c in jet)
-    two_D_1, two_D_2 = u_x - v_y, u_y + v_x
-    gamma_dot = jnp.sqrt(two_D_1**2 + two_D_2**2 + SMOOTHING)
-    rate = gamma_dot / _friction(gamma_dot, p, theta)
-    return [
-        u_t + u * u_x + v * u_y + p_x - p_x * s1 - p * s1_x - p_y * s2 - p * s2_y - G_X,
-        v_t + u * v_x + v * v_y + p_y - p_x * s2 - p * s2_x + p_y * s1 + p * s1_y - G_Y,
-        u_x + v_y,
-        rate * s1 - two_D_1,
-        rate * s2 - two_D_2,
-    ]
+    def friction(gamma_dot: Array, p: Array) -> Array:
+        return _friction(gamma_dot, p, theta)
+
+    return taylor.mixed(jet, friction, jnp.sqrt, jax.nn.sigmoid, jax.nn.softplus)
 
 
 def jax_training(task: Task) -> tuple[Callable[[Any], Any], Any]:

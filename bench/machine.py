@@ -15,10 +15,7 @@ import granpinn
 
 @cache
 def describe() -> dict[str, Any]:
-    """Processor, cores that this process may use, versions, the kernels in use and their ceiling.
-
-    fma_peak_gflops is the measured rate of independent float32 multiply-adds on one core.
-    """
+    """Processor, cores that this process may use, versions, and the kernels in use."""
     from granpinn import _C
 
     return {
@@ -29,7 +26,6 @@ def describe() -> dict[str, Any]:
         "torch": torch.__version__,
         "granpinn": granpinn.__version__,
         "kernels": _C.cpu_capability(),
-        "fma_peak_gflops": round(_C.fma_peak(1.0), 1),
         "compiler": _C.build_info()["compiler"],
     }
 

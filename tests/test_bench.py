@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import torch
 
 from bench import (
     device,
+    fma_peak,
     gpu_accuracy,
     gpu_step,
     gpu_table,
@@ -19,11 +21,11 @@ from bench import (
     parallel,
     processes,
     rivals,
-    simulated_pressure,
 )
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
+from bench.studies.simulated_pressure import run as simulated_pressure
 from granpinn.config import Config
 from granpinn.data import write_flow
 from granpinn.identification.case import pose
@@ -222,6 +224,16 @@ def test_lines_of_a_process_that_fails() -> None:
     assert reason == "out of memory"
 
 
+def test_the_multiply_add_peak_is_that_of_a_core() -> None:
+    assert 1 < fma_peak.fma_peak(0.02) < 1000
+
+
+def test_a_peak_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(RuntimeError, match="must be a C\\+\\+ compiler, got No such file"):
+        fma_peak.fma_peak(0.03)
+
+
 def test_numbers_of_the_file_are_rounded() -> None:
     assert gpu_step.rounded({"a": [0.123456, 7, "x"], "b": None}) == {
         "a": [0.1235, 7, "x"],
@@ -244,5 +256,37 @@ def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
     ]
     assert (variant["seed"], variant["steps"]) == (0, 2)
     assert variant["network"] == rows[0]["network"] != rows[1]["network"]
-    assert 0 < variant["closed"]["all"] != rows[0]["closed"]["all"]
-    assert variant["closed"]["stagnant"] is None  # nothing rests in this flow
+    assert 0 < variant["simulated"]["all"] != rows[0]["simulated"]["all"]
+    assert variant["simulated"]["stagnant"] is None  # nothing rests in this flow
+
+
+STUDIES = Path(__file__).parents[1] / "bench" / "studies"
+NOTES = sorted(STUDIES.glob("*/note.md"))
+
+
+@pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
+def test_a_note_has_question_setting_and_answer(note: Path) -> None:
+    lines = note.read_text().splitlines()
+    assert len(lines) <= 120
+    assert re.fullmatch(r"# .+\?", lines[0])
+    assert "## Setting" in lines
+    assert any(line.startswith("## Answer") for line in lines)
+
+
+@pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
+def test_a_note_names_results_and_commands_that_exist(note: Path) -> None:
+    text = note.read_text()
+    for name in re.findall(r"`(results/[^`]+)`", text):
+        assert list(note.parent.glob(name)), name
+    for link in re.findall(r"\]\((\.\.?/[^)#]+|results/[^)#]+)\)", text):
+        if "docs/" not in link:
+            assert (note.parent / link).exists(), link
+    for module in re.findall(r"python -m (bench\.[\w.]+)", text):
+        assert (STUDIES.parents[1] / f"{module.replace('.', '/')}.py").exists(), module
+
+
+def test_every_study_has_a_note_in_the_index_of_the_evidence() -> None:
+    index = (STUDIES.parents[1] / "docs" / "evidence" / "index.md").read_text()
+    studies = {path.name for path in STUDIES.iterdir() if path.is_dir() and path.name[0] != "_"}
+    assert studies == {note.parent.name for note in NOTES}
+    assert studies == set(re.findall(r"bench/studies/(\w+)/note\.md", index))

@@ -2,8 +2,8 @@
 
 With residuals at the vectors alone, the network overfits the equations there. There are no points
 between the lowest two rows. The shear layer over the ground is often thinner than one row, and no
-vector lies in it: residuals there would fit the law to an arbitrary layer (docs/method.md,
-section 8).
+vector lies in it: residuals there would fit the law to an arbitrary layer
+(bench/studies/collocation).
 
 Tracked particles need no such points, since their vectors are at random places.
 """

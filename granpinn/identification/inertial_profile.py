@@ -14,7 +14,7 @@ of the grid is held fixed in several trainings (seeds), all as one batch, and a 
 
 2. the law differs, max |mu(I) - mu_best(I)| > 0.005 (--profile.law_accuracy) for some I between the
    5 % and 95 % quantiles of the grains: laws that agree to what an identification is worth there
-   (docs/method.md) are not told apart by optimization, however small its scatter.
+   (bench/studies/inertial_number) are not told apart by optimization, however small its scatter.
 
 Both ends of the grid excluded: I0 is separable, and its estimate is the vertex of the parabola
 through the three values around the least loss, in log I0. One end: a bound. None: not separable.

@@ -15,7 +15,7 @@ $\kappa$ and the cap are calibrated on the bounds of a forward model for two col
 mu(I), (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84), with noise of 2 and of 20 %. They reproduce its
 standard deviations within a factor 1.25. They are not measured for other flows and laws. The error
 of a training is larger than the bound and has a scatter of its own. The constants of both, below,
-are measured (docs/method.md). Systematic errors are not included.
+are measured (bench/studies/noise). Systematic errors are not included.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from granpinn.physics.law_values import CompleteLaw
 
 KAPPA = 0.097
 LARGEST_RATE = 15.0  # sqrt(|g| / H0)
-# Scatter over seeds of the default training of mu(I) without noise, relative (docs/method.md,
-# section 2). A parameter of another law is taken for the worse one.
+# Scatter over seeds of the default training of mu(I) without noise, relative
+# (bench/studies/recipe). A parameter of another law is taken for the worse one.
 TRAINING_SCATTER = {"mu_s": 0.003, "mu_2": 0.015}
-# Its rms error with noise of 20 % over the bound (section 5, three materials).
+# Its rms error with noise of 20 % over the bound, three materials (bench/studies/noise).
 TRAINING_EXCESS = {"mu_s": 1.5, "mu_2": 5.0}
 LARGEST_CONDITION = 1e12
 

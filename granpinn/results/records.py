@@ -11,7 +11,7 @@ class Members:
 
     Attributes:
         seed, mu_s, mu_2: of each.
-        redrawn: whether its data have the known measurement noise once more (docs/method.md).
+        redrawn: whether its data have the known noise once more (bench/studies/coverage).
         shown: index here of the member that is nearest to the center; fields are its.
         lost: how many diverged.
     """

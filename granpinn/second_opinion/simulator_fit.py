@@ -2,8 +2,8 @@ r"""The law by which the simulator comes closest to the measured velocity.
 
 A second opinion that shares nothing with the network: it knows the initial column, the walls and
 the equations of the whole box, and where the data come from such a box it uses noisy ones better
-(docs/method.md, section 5). Where shear bands decide (mu_s of 0.6), or the walls are others, it is
-the one that errs.
+(bench/studies/simulator_fit). Where shear bands decide (mu_s of 0.6), or the walls are others, it
+is the one that errs.
 
 The simulated velocity is taken as a quadratic function of the law q at every point
 (response_surface.py), fitted to runs at the nodes of a lattice around the start (law_runs.py): nine

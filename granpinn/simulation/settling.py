@@ -6,7 +6,7 @@ and without its pressure. Then the rotational form of the pressure update
 (csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
 
 The pressure changes by up to 1 % in that time, so a caller starts earlier by `settled_after`.
-STEPS and STEP were measured on six collapses (docs/method.md, section 9).
+STEPS and STEP were measured on six collapses (bench/studies/simulated_pressure).
 """
 
 from __future__ import annotations

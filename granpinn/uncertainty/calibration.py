@@ -1,9 +1,9 @@
 """The table behind the error bars: how far off identifications of simulated collapses are.
 
-calibration.json in this folder is measured by `python -m bench.coverage`; its provenance says on
-what. Covariances are those of z = (error of mu_s, error of mu_2) / mu_s: in this unit the scatter
-along the valley between mu_s and mu_2 is the same for every material, while the relative error of
-mu_2 grows as mu_2 / mu_s falls (docs/method.md).
+calibration.json in this folder is made by `python -m bench.studies.coverage.calibrate`; its
+provenance says from what. Covariances are those of z = (error of mu_s, error of mu_2) / mu_s: in
+this unit the scatter along the valley between mu_s and mu_2 is the same for every material, while
+the relative error of mu_2 grows as mu_2 / mu_s falls (bench/studies/coverage).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ MUCH_NOISE = 0.1  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
 MANY_INVALID = 0.1
-# Of the shear rate. PIV of an incompressible flow left 8 % (docs/experiment.md).
+# Of the shear rate. PIV of an incompressible flow left 8 % (bench/studies/experiment).
 PIV_DIVERGENCE, LARGE_DIVERGENCE = 0.08, 0.12
 TILT = 2.0  # degrees
 

@@ -16,7 +16,7 @@ TOO_LITTLE = (
     "errors as large as the values"
 )
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # they do not matter (docs/method.md)
+STARTS = ("rheology.start", "rheology.random_start")  # they do not matter (bench/studies/recipe)
 
 
 class Judgement(NamedTuple):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from bench.collapse_residual import frames, merge, momentum_balance, regression
+from bench.studies.simulator_validation.balance import frames, merge, momentum_balance, regression
 from granpinn.simulation import Collapse
 
 
 def test_friction_law_comes_back_by_regression_with_the_true_pressure() -> None:
-    """On 256 cells, to about twice the errors of 512 cells (bench.collapse_validation)."""
+    """On 256 cells, to about twice the errors of 512 cells (bench.studies.simulator_validation)."""
     collapse = Collapse(mu_s=0.4, mu_2=0.64, cells=256, threads=1)
     times = [1.0, 1.6, 2.2, 2.8, 3.4]
     triples = frames(collapse, times, 0.025)

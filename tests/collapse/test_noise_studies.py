@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import inertial_study, noise_study
+from bench.studies.draws import read_bounds, read_study, statistics, thinned, with_bounds
+from bench.studies.inertial_number import run as inertial_study
+from bench.studies.noise import run as noise_study
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
 from granpinn.results import Parameter, Parameters, Result, plain
@@ -50,28 +52,28 @@ def result(mu_s: float, mu_2: float, I0: float, seed: int, loss: float) -> Resul
 
 
 def test_rmse_is_bias_and_scatter() -> None:
-    found = noise_study.statistics([1.0, 3.0, 2.0])
+    found = statistics([1.0, 3.0, 2.0])
     assert found["rmse"] == pytest.approx(math.sqrt(14 / 3))
     assert (found["bias"], found["sd"]) == pytest.approx((2.0, 1.0))
     assert found["rmse"] ** 2 == pytest.approx(found["bias"] ** 2 + found["sd"] ** 2 * 2 / 3)
-    assert math.isnan(noise_study.statistics([1.0])["rmse"])
+    assert math.isnan(statistics([1.0])["rmse"])
 
 
 def test_the_standard_error_of_the_rmse_is_its_scatter() -> None:
     rng = np.random.default_rng(1)
-    draws = [noise_study.statistics(rng.normal(0.5, 1, 20)) for _ in range(4000)]
+    draws = [statistics(rng.normal(0.5, 1, 20)) for _ in range(4000)]
     spread = float(np.std([d["rmse"] for d in draws]))
     assert np.mean([d["rmse_error"] for d in draws]) == pytest.approx(spread, rel=0.1)
 
 
 def test_thinning_keeps_as_many_vectors_and_changes_none() -> None:
-    some, again = (noise_study.thinned(FLOW, 100) for _ in range(2))
+    some, again = (thinned(FLOW, 100) for _ in range(2))
     assert some.valid.sum() == 100
     np.testing.assert_array_equal(some.valid, again.valid)
     np.testing.assert_array_equal(some.u[some.valid], FLOW.u[some.valid])
-    assert noise_study.thinned(FLOW, 0) is FLOW
+    assert thinned(FLOW, 0) is FLOW
     with pytest.raises(ConfigError, match=f"at most {FLOW.valid.sum()}, the vectors of a flow"):
-        noise_study.thinned(FLOW, 10**6)
+        thinned(FLOW, 10**6)
 
 
 def test_the_bound_goes_with_noise_and_points() -> None:
@@ -80,7 +82,7 @@ def test_the_bound_goes_with_noise_and_points() -> None:
     (found,) = noise_study.with_bounds([row], [KNOWN])
     assert found["bound_percent"]["mu_s"] == pytest.approx({"one_grid": 1.0, "two_grids": 1.1})
     assert found["rmse_over_bound"] == pytest.approx({"mu_s": 3.0, "mu_2": 1.5})
-    (found,) = inertial_study.with_bounds([row], [KNOWN])
+    (found,) = with_bounds([row], [KNOWN])
     assert found["bound_percent"] == pytest.approx({"mu_s": 1.5, "mu_2": 6.0, "I0": 20.0})
     (found,) = noise_study.with_bounds([row | {"mu_2": 0.52}], [KNOWN])
     assert "bound_percent" not in found
@@ -128,7 +130,7 @@ def test_the_study_of_I0_has_a_verdict_and_ratios(tmp_path: Path) -> None:
     assert [point["I0"] for point in row["profile"]["points"]] == pytest.approx([0.15, 0.3, 0.6])
     path = tmp_path / "bound.json"
     path.write_text(json.dumps({"rows": [KNOWN]}))
-    text = inertial_study.text(inertial_study.with_bounds([row], noise_study.read_bounds([path])))
+    text = inertial_study.text(with_bounds([row], read_bounds([path])))
     assert "ratio" in text
     assert row["profile"]["verdict"] in text
 
@@ -140,10 +142,10 @@ def test_an_earlier_study_without_statistics_is_read_and_shown(
     study = noise_study if names == noise_study.NAMES else inertial_study
     row = {"mu_s": 0.4, "mu_2": 0.64, "noise": 0.2, "points": 400, "draws": 1, "at_an_end": 1}
     row |= {"failed": 0, "median_percent": {"pressure": None}, "profile": {"verdict": "none"}}
-    row |= {"errors_percent": {name: noise_study.statistics([]) for name in names}}
+    row |= {"errors_percent": {name: statistics([]) for name in names}}
     (tmp_path / "study.json").write_text(json.dumps(plain({"rows": [row]}), allow_nan=False))
     (tmp_path / "bound.json").write_text(json.dumps({"rows": [KNOWN | {"two_grids": NO_BOUND}]}))
-    rows = noise_study.read_study(tmp_path / "study.json")["rows"]
-    rows = study.with_bounds(rows, noise_study.read_bounds([tmp_path / "bound.json"]))
+    rows = read_study(tmp_path / "study.json")["rows"]
+    rows = study.with_bounds(rows, read_bounds([tmp_path / "bound.json"]))
     assert math.isnan(rows[0]["rmse_over_bound"]["mu_s"])
     assert "nan" in study.text(rows)

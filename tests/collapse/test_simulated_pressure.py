@@ -96,7 +96,7 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
     for k, p in closed.items():
         rest = stagnant(flow, k)
-        # About what another solver of the same collapse differs by (docs/simulator.md).
+        # What another solver differs by, about (bench/studies/simulator_validation).
         assert error(p, flow, k, flow.valid[k]) < 4
         assert error(p, flow, k, rest) < 4
         depth = (flow.c[k] > 0.5).sum(axis=0) * (flow.y[1] - flow.y[0]) - flow.y[:, None]

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.regression_yardstick import identify, smooth
-from bench.simulator_fit import bound, fit_draws, sensitivities, with_bounds
+from bench.studies.draws import with_bounds
+from bench.studies.regression.run import identify, smooth
+from bench.studies.simulator_fit.bound import bound, sensitivities
+from bench.studies.simulator_fit.run import fit_draws
 from granpinn.data import read_flow, write_flow
 from granpinn.identification.scoring import difference
 from granpinn.simulation import Collapse, demo_path, simulate

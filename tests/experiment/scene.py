@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.velocity_field import VelocityField
+from bench.studies.experiment.velocity_field import VelocityField
 from granpinn.data import Flow, Surface
 
 SIDE = 64  # cells of size 1

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench import experiment
-from bench.experiment_commands import ExperimentError, run
-from bench.experiment_film import Film
-from bench.experiment_losses import table
-from bench.units_invariance import demonstration
+from bench.studies.experiment import run as experiment
+from bench.studies.experiment.commands import ExperimentError, run
+from bench.studies.experiment.film import Film
+from bench.studies.experiment.losses import table
+from bench.studies.units_invariance.run import demonstration
 from granpinn.data import read_flow, write_flow
 
 WINDOW = 8

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from bench.particle_images import (
+from bench.studies.experiment.particle_images import (
     Camera,
     advect,
     expose,

@@ -1,4 +1,4 @@
-"""The four flows of bench.units_invariance are one flow, and the study compares the right ones."""
+"""The study units_invariance: its four flows are one flow, and it compares the right ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from bench.units_invariance import PAIRS, cases, study, table
+from bench.studies.units_invariance.run import PAIRS, cases, study, table
 from granpinn import Config
 from granpinn.config import Batch, Network
 from granpinn.data import Flow, TrainingSet, read_flow, training_set, write_flow

@@ -261,7 +261,7 @@ def test_units_do_not_matter(demo: Flow, seed: int) -> None:
 
 
 def test_noise_that_limits_mu_2(demo: Flow, seed: int) -> None:
-    """docs/method.md, section 5: errors of about 1 and 6 % with noise of 20 %, good to a factor 2.
+    """bench/studies/noise: errors of about 1 and 6 % with noise of 20 %, good to a factor 2.
 
     The shipped collapse has half the vectors of those that were measured.
     """

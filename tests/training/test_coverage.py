@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from bench import coverage, coverage_fit
-from bench.coverage_fit import Case
+from bench.studies import raw
+from bench.studies.coverage import calibrate, judge, materials
+from bench.studies.coverage.judge import Case
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.results.records import Members, Residuals
@@ -41,12 +42,12 @@ def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[C
         members = Members(
             tuple(range(K)), tuple(found[:, 0].tolist()), tuple(found[:, 1].tolist()), (False,) * K
         )
-        cases.append(Case(coverage.LAW, mu, members, residuals, 40_000))
+        cases.append(Case(materials.LAW, mu, members, residuals, 40_000))
     return cases
 
 
 def rows_of(cases: list[Case]) -> list[dict[str, Any]]:
-    """As bench.coverage writes them."""
+    """As bench.studies.coverage.run writes them."""
     return [
         {
             "law": case.law,
@@ -62,7 +63,7 @@ def rows_of(cases: list[Case]) -> list[dict[str, Any]]:
 
 def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
     cases = make_cases(1500, np.random.default_rng(seed))
-    table = coverage_fit.fit(cases, calibration.load(), "made up")
+    table = calibrate.fit(cases, calibration.load(), "made up")
     np.testing.assert_allclose(table.scatter, SCATTER, rtol=0.1)
     expected = SPREAD + np.outer(OFFSET, OFFSET)
     for mu_s in (0.25, 0.4, 0.55):
@@ -79,8 +80,8 @@ def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
 
 def test_it_covers_90_percent_of_others(seed: int) -> None:
     generator = np.random.default_rng(seed)
-    table = coverage_fit.fit(make_cases(100, generator), calibration.load(), "made up")
-    scores = [coverage_fit.score(case, table) for case in make_cases(1000, generator)]
+    table = calibrate.fit(make_cases(100, generator), calibration.load(), "made up")
+    scores = [judge.score(case, table) for case in make_cases(1000, generator)]
     covered = np.mean([score.covered for score in scores], axis=0)
     # The quantile of 100 truths is itself off by 3 % (one sd).
     assert covered == pytest.approx(0.9, abs=0.1)
@@ -98,14 +99,14 @@ def test_heavy_tails_widen_the_intervals(seed: int) -> None:
             grown.append(case._replace(mu=mu + (case.mu - mu) * factor))
         return grown
 
-    table = coverage_fit.fit(heavy(200), calibration.load(), "made up")
-    covered = [coverage_fit.score(case, table).covered for case in heavy(1000)]
+    table = calibrate.fit(heavy(200), calibration.load(), "made up")
+    covered = [judge.score(case, table).covered for case in heavy(1000)]
     assert np.mean(covered, axis=0) == pytest.approx(0.9, abs=0.08)
 
 
 def test_a_table_needs_truths() -> None:
     with pytest.raises(ValueError, match="at least 4 truths, got 3"):
-        coverage_fit.fit(make_cases(3, np.random.default_rng(0)), calibration.load(), "made up")
+        calibrate.fit(make_cases(3, np.random.default_rng(0)), calibration.load(), "made up")
 
 
 def test_the_command_writes_a_table_that_can_be_loaded(
@@ -120,12 +121,12 @@ def test_the_command_writes_a_table_that_can_be_loaded(
         "members": 3,
         "steps": 40_000,
         "settings": [],
-        "rows": [*rows_of([*cases, other]), {"law": coverage.LAW, "failure": "diverged"}],
+        "rows": [*rows_of([*cases, other]), {"law": materials.LAW, "failure": "diverged"}],
     }
     (tmp_path / "study.json").write_text(json.dumps(study))
     out = tmp_path / "table.json"
     monkeypatch.setattr("sys.argv", ["x", str(tmp_path / "study.json"), "--write", str(out)])
-    assert coverage_fit.main() == 0
+    assert calibrate.main() == 0
     printed = capsys.readouterr().out
     assert "60 truths" in printed
     assert "viscous: 0 follow mu(I), 1 contradict it, 0 cannot be told" in printed
@@ -134,10 +135,10 @@ def test_the_command_writes_a_table_that_can_be_loaded(
 
 
 def test_the_materials_are_a_function_of_the_seed() -> None:
-    few, many = (coverage.draw(n, 1, 5, cells=64) for n in (2, 4))
+    few, many = (materials.draw(n, 1, 5, cells=64) for n in (2, 4))
     assert few[:2] == many[:2]
     assert few[2:] == many[4:]
-    assert [task.law for task in few] == [coverage.LAW] * 2 + ["viscous", "cohesive", "reversed"]
+    assert [task.law for task in few] == [materials.LAW] * 2 + ["viscous", "cohesive", "reversed"]
     for task in many:
         assert 0.2 <= task.collapse.mu_s <= 0.6
         assert 0.1 <= task.collapse.mu_2 - task.collapse.mu_s <= 0.3
@@ -149,8 +150,8 @@ def test_the_materials_are_a_function_of_the_seed() -> None:
 def test_a_flow_is_read_as_an_experiment_would_give_it(flow: Flow, tmp_path: Path) -> None:
     write_flow(flow, tmp_path / "flow.h5")
     forward, back = (
-        coverage.read(coverage.Task("x", law, Collapse()), tmp_path / "flow.h5")
-        for law in (coverage.LAW, "reversed")
+        materials.read(materials.Task("x", law, Collapse()), tmp_path / "flow.h5")
+        for law in (materials.LAW, "reversed")
     )
     assert (forward.eta_min, forward.eta_max) == (None, None)
     np.testing.assert_array_equal(back.u, -forward.u[::-1])
@@ -162,8 +163,8 @@ def test_a_flow_is_read_as_an_experiment_would_give_it(flow: Flow, tmp_path: Pat
 
 def test_settings_go_to_the_identification() -> None:
     words = ["--steps", "200", "--network.widths", "8,8", "--log-every", "7"]
-    values = coverage.settings_of(words)
+    values = raw.settings_of(words)
     assert values == {"steps": 200, "network.widths": (8, 8), "log_every": 7}
     for wrong in (["--stepz", "3"], ["--steps"]):
         with pytest.raises(ConfigError, match="must be a setting of granpinn.train"):
-            coverage.settings_of(wrong)
+            raw.settings_of(wrong)

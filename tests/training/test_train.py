@@ -11,7 +11,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import torch
 
 from granpinn import results, train
 from granpinn.command.arguments import parse

@@ -1,0 +1,1 @@
+"""Studies: a folder answers one question with its script, raw results and a note."""

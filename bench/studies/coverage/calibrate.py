@@ -1,0 +1,200 @@
+"""Makes the shipped calibration of the error bars from coverage studies.
+
+python -m bench.studies.coverage.calibrate coverage.json --write
+python -m bench.studies.coverage.calibrate half.json --test other_half.json
+
+--write writes granpinn/uncertainty/calibration.json, or the file that it names.
+The coverage that is printed is always that of truths which the table was not made from: those of
+--test, or else each half of the truths with the table of the other half. The table that is written
+is made from all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bench.studies.coverage.judge import Case, cases_of, report
+from bench.studies.coverage.materials import LAW
+from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty.calibration import Calibration, Range
+
+Array = npt.NDArray[np.float64]
+
+KNOTS = (0.2, 0.4, 0.5, 0.6)  # mu_s; above 0.5 the errors grow fast (ill-posedness)
+CONFIDENCE = 0.9
+BEYOND = 1.1  # materials outside of the study by more than this factor are called so
+ALARM = 1.2  # times the largest residual of a study: others will have larger ones
+FEWEST = 4  # truths to make a table from
+
+
+def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibration:
+    """The table of a study; what a study cannot say is taken from `base`.
+
+    Args:
+        cases: of flows that obey mu(I).
+    """
+    if len(cases) < FEWEST:
+        raise ValueError(f"a table needs at least {FEWEST} truths, got {len(cases)}")
+    table = dataclasses.replace(
+        base,
+        provenance=provenance,
+        provisional=False,
+        widening=(1.0, 1.0),
+        scatter=_scatter(cases, base),
+    )
+    errors = [error_bars.velocity_error(case.residuals, table) for case in cases]
+    table = dataclasses.replace(
+        table,
+        misfit=float(np.quantile(errors, CONFIDENCE)),
+        steps=min(base.steps, *(case.steps for case in cases)),
+    )
+    table = _with_ranges(table, cases)
+    table = _with_discrepancy(table, cases)
+    reaches = np.array([_reach(case, table) for case in cases])
+    missed = np.array([_missed(case) for case in cases])
+    return dataclasses.replace(table, widening=_pair(_upper_quantile(missed / reaches)))
+
+
+def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
+    """Pooled covariance of z of members with the data as measured."""
+    total, freedom = np.zeros((2, 2)), 0
+    for case in cases:
+        kept = ~np.array(case.members.redrawn)
+        mu = np.stack([case.members.mu_s, case.members.mu_2], axis=1)[kept]
+        z = (mu - mu.mean(axis=0)) / error_bars.center(case.members)[0]
+        total, freedom = total + z.T @ z, freedom + max(0, len(z) - 1)
+    return _matrix(total / freedom) if freedom >= 2 else base.scatter
+
+
+def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
+    """Residuals: the median is 1x, ALARM times the largest the limit. The range of the materials.
+
+    The truths of one study have much the same misfit: the slope stays as it is.
+    """
+    errors = np.array([error_bars.velocity_error(case.residuals, table) for case in cases])
+    found = {}
+    for name in ("momentum", "constitutive"):
+        old: Range = getattr(table, name)
+        rms = np.array([getattr(case.residuals, name) for case in cases])
+        over = np.log10(rms) - old.slope * np.log10(errors)
+        middle = float(np.median(over))
+        found[name] = Range(middle, old.slope, float(ALARM * 10 ** (np.max(over) - middle)))
+    mu = np.array([case.mu for case in cases])
+    ranges = {"valid_mu_s": mu[:, 0], "valid_ratio": mu[:, 1] / mu[:, 0]}
+    limits = {
+        name: (float(values.min() / BEYOND), float(values.max() * BEYOND))
+        for name, values in ranges.items()
+    }
+    return dataclasses.replace(table, **found, **limits)  # type: ignore[arg-type]
+
+
+def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
+    """Second moments of z beyond the scatter, over s^2, averaged around each knot."""
+    beyond, mu_s = [], []
+    for case in cases:
+        center = np.array(error_bars.center(case.members))
+        z = (center - case.mu) / center[0]
+        scale = error_bars.discrepancy_scale(case.residuals, case.steps, table)
+        scatter, _ = error_bars.scatter(case.members, table)
+        beyond.append((np.outer(z, z) - scatter) / scale**2)
+        mu_s.append(center[0])
+    matrices, counts = [], []
+    for k in range(len(KNOTS)):
+        hat = np.interp(mu_s, KNOTS, np.eye(len(KNOTS))[k])
+        if hat.sum() == 0:  # no truth near this knot
+            hat = np.ones(len(cases))
+        matrices.append(_matrix(np.tensordot(hat, np.array(beyond), 1) / hat.sum()))
+        counts.append(hat.sum() ** 2 / np.sum(hat**2))
+    return dataclasses.replace(
+        table, mu_s=KNOTS, discrepancy=tuple(matrices), discrepancy_weight=float(min(counts))
+    )
+
+
+def _reach(case: Case, table: Calibration) -> Array:
+    """Half of the 90 % intervals, in log mu."""
+    found = error_bars.estimate(case.members, case.residuals, case.steps, table)
+    return np.array(
+        [math.log(high / mu) for mu, (_, high) in zip(found.mu, found.intervals, strict=True)]
+    )
+
+
+def _missed(case: Case) -> Array:
+    return np.abs(np.log(np.array(error_bars.center(case.members)) / case.mu))
+
+
+def _upper_quantile(values: Array) -> Array:
+    """Of each column, the value that the next one stays below with 90 % probability."""
+    place = min(len(values), math.ceil((len(values) + 1) * CONFIDENCE)) - 1
+    return np.asarray(np.sort(values, axis=0)[place])
+
+
+def _matrix(values: Array) -> calibration.Matrix:
+    """The nearest symmetric matrix without negative eigenvalues."""
+    size, directions = np.linalg.eigh((values + values.T) / 2)
+    a = directions * np.maximum(size, 0.0) @ directions.T
+    return (float(a[0, 0]), float(a[0, 1])), (float(a[0, 1]), float(a[1, 1]))
+
+
+def _pair(values: Array) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("studies", nargs="+", type=Path, help="files of coverage.run")
+    parser.add_argument("--test", nargs="+", type=Path, default=[], help="studies to test it on")
+    parser.add_argument(
+        "--write",
+        type=Path,
+        nargs="?",
+        const=calibration.PATH,
+        metavar="FILE",
+        help="write the table of all studies; without a name: the shipped calibration",
+    )
+    own = parser.parse_args()
+    studies = [json.loads(path.read_text()) for path in own.studies]
+    cases = cases_of([row for study in studies for row in study["rows"]])
+    law = [case for case in cases if case.law == LAW]
+    base, note = calibration.load(), _provenance(studies, len(law))
+    try:
+        table = fit(law, base, note)
+        if own.test:
+            rows = [row for path in own.test for row in json.loads(path.read_text())["rows"]]
+            tested = [(case, table) for case in cases_of(rows)]
+        else:
+            halves = [fit(law[k::2], base, note) for k in (1, 0)]
+            tested = [(case, halves[i % 2]) for i, case in enumerate(law)]
+            tested += [(case, table) for case in cases if case.law != LAW]
+    except ValueError as error:
+        parser.error(str(error))
+    print(report(tested))
+    text = json.dumps(dataclasses.asdict(table), indent=1)
+    text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+    print(text)
+    if own.write:
+        own.write.write_text(text + "\n")
+    return 0
+
+
+def _provenance(studies: Sequence[dict[str, Any]], truths: int) -> str:
+    facts = {
+        f"{s['date']}, {s['simulation']['cells']} cells, {s['members']} members, {s['steps']} steps"
+        + (f", {' '.join(s['settings'])}" if s["settings"] else "")
+        for s in studies
+    }
+    return f"bench.studies.coverage on {truths} simulated collapses: {'; '.join(sorted(facts))}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,85 @@
+"""The flows of the coverage study: materials drawn at random, and controls that break mu(I).
+
+Controls are a fluid of constant viscosity, cohesive grains, and collapses played backwards.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.data import Flow, read_flow
+from granpinn.simulation import Collapse, simulate
+
+MU_S, SLOPE = (0.2, 0.6), (0.1, 0.3)  # slope: mu_2 - mu_s
+VISCOSITY = (0.3, 3.0)  # of the viscous control, log-uniform; 10 sqrt(10) is the unit of the column
+COHESION = (0.5, 2.0)  # of the cohesive control; the weight of the column is 10
+LAW = "mu(I)"
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """One flow to be made: its law ("mu(I)" or the kind of control) and the collapse."""
+
+    name: str
+    law: str
+    collapse: Collapse
+
+
+def draw(truths: int, controls: int, seed: int, **settings: Any) -> list[Task]:
+    """The collapses of a study, a function of the arguments; the first truths of two studies of
+    one seed are the same.
+    """
+    generator = np.random.default_rng(seed)
+
+    def material() -> dict[str, Any]:
+        mu_s, slope = (float(generator.uniform(*limits)) for limits in (MU_S, SLOPE))
+        return {"mu_s": mu_s, "mu_2": mu_s + slope}
+
+    tasks = [
+        Task(f"law-{seed}-{i:04d}", LAW, Collapse(**material(), **settings)) for i in range(truths)
+    ]
+    generator = np.random.default_rng((seed, 1))
+    for i in range(controls):
+        eta = float(np.exp(generator.uniform(*np.log(VISCOSITY))))
+        changes: dict[str, dict[str, Any]] = {
+            "viscous": {"eta_min": eta * (1 - 1e-6), "eta_max": eta},
+            "cohesive": {"cohesion": float(generator.uniform(*COHESION))},
+            "reversed": {},
+        }
+        tasks += [
+            Task(f"{law}-{seed}-{i:04d}", law, Collapse(**material() | change, **settings))
+            for law, change in changes.items()
+        ]
+    return tasks
+
+
+def make(task: Task, folder: Path) -> Path:
+    """Simulate a task unless an earlier study has left its file."""
+    path = folder / f"{task.name}-{task.collapse.cells}-{task.collapse.frames}.h5"
+    if not path.exists():
+        simulate(task.collapse, out=path)
+    return path
+
+
+def read(task: Task, path: Path) -> Flow:
+    """The flow as an experiment would give it: without the limits of the viscosity."""
+    flow = read_flow(path)
+    flow = dataclasses.replace(flow, eta_min=None, eta_max=None, p=None)
+    return backwards(flow) if task.law == "reversed" else flow
+
+
+def backwards(flow: Flow) -> Flow:
+    """The film played backwards: friction then drives the grains."""
+    end, surface = flow.t[-1] + flow.t[0], flow.surface
+    assert surface is not None
+    return dataclasses.replace(
+        flow,
+        u=-flow.u[::-1],
+        v=-flow.v[::-1],
+        c=flow.c[::-1],
+        surface=dataclasses.replace(surface, t=end - surface.t),
+    )

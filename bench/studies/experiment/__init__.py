@@ -1,0 +1,1 @@
+"""How much of the friction law survives a camera, a PIV program and a conversion?"""

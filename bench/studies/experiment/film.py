@@ -1,0 +1,95 @@
+"""The simulated collapse of the experiment and the pictures that an imaginary camera takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from bench.studies.experiment.particle_images import (
+    Camera,
+    grain_level,
+    smoothed,
+    surface_points,
+    take_pair,
+)
+from bench.studies.experiment.velocity_field import VelocityField
+from granpinn.data import Flow
+from granpinn.simulation import Collapse, simulate
+
+TRUTH = {"mu_s": 0.4, "mu_2": 0.64}
+HEIGHT = 0.1  # m, of the column; its shape is that of the paper
+GRAVITY = 9.81
+FRACTION = 0.6  # of the volume: grains
+GRAIN_DENSITY = 2500.0
+# I has the density of a grain and the simulation the bulk density: d sqrt(rho_g / rho) agree.
+GRAIN = 0.0025 * HEIGHT * math.sqrt(FRACTION)
+FASTEST = 99.5  # percentile of the speed that makes the largest displacement
+MARGIN = 16  # px of dark above and beside the grains
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Pairs of pictures: at times[k], `delay` apart, in `folder`."""
+
+    field: VelocityField
+    camera: Camera
+    times: Sequence[float]
+    delay: float
+    folder: Path
+
+
+def column(cells: int, frames: int) -> Flow:
+    """The paper's collapse (0.4, 0.64) in SI units, with every cell of the grid."""
+    return simulate(
+        Collapse(
+            mu_s=TRUTH["mu_s"],
+            mu_2=TRUTH["mu_2"],
+            d=0.0025 * HEIGHT,
+            height=HEIGHT,
+            density=FRACTION * GRAIN_DENSITY,
+            gravity=(0.0, -GRAVITY),
+            cells=cells,
+            frames=frames,
+            stride=1,
+            length_unit="m",
+            time_unit="s",
+        )
+    )
+
+
+def shoot(flow: Flow, pairs: int, pixel: float, displacement: float, out: Path, seed: int) -> Film:
+    """Films `pairs` pairs, evenly spaced in time, at frames of the simulation.
+
+    Args:
+        pixel: m.
+        displacement: of the fastest grains in a pair, px; it sets the delay.
+    """
+    field = VelocityField(flow)
+    speed = np.hypot(flow.u, flow.v)
+    delay = displacement * pixel / float(np.nanpercentile(speed, FASTEST))
+    every = flow.t.size // pairs
+    times = flow.t[every - 1 :: every][:pairs].tolist()
+    width, height = (float(a[-1]) / pixel + MARGIN for a in (flow.x, flow.y))
+    camera = Camera(pixel, rows=8 * math.ceil(height / 8), columns=8 * math.ceil(width / 8))
+    folder = out / "pictures"
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = ["frame,x,y"]
+    for k, t in enumerate(times):
+        pair = take_pair(field, t, delay, camera, np.random.default_rng([seed, k]))
+        level = grain_level(pair)
+        # The PIV measures half a window beyond the grains, or its predictor would be 0 there.
+        masks = {"grains": level > 0.5, "mask": smoothed(level, 8.0) > 0.16}
+        for name, picture in zip("ab", pair, strict=True):
+            Image.fromarray(picture).save(folder / f"pair_{k:04d}_{name}.png")
+        for name, mask in masks.items():
+            Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(
+                folder / f"pair_{k:04d}_{name}.png"
+            )
+        lines += [f"{k},{x:.3f},{y:.3f}" for x, y in surface_points(level).T]
+    (out / "surface.csv").write_text("\n".join(lines) + "\n")
+    return Film(field, camera, times, delay, folder)

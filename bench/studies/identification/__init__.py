@@ -1,0 +1,1 @@
+"""How accurate is the default identification?"""

@@ -1,0 +1,1 @@
+"""Do velocities determine I0?"""

@@ -1,0 +1,1 @@
+"""How far off is the law with noisy velocities?"""

@@ -1,0 +1,1 @@
+"""What do differences and a regression find without a network?"""

@@ -1,0 +1,1 @@
+"""Is the simulated pressure right where nothing flows?"""

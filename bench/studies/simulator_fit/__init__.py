@@ -1,0 +1,1 @@
+"""What can a method reach that may use the simulator? And what do the data hold at most?"""

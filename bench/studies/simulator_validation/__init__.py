@@ -1,0 +1,1 @@
+"""Is the simulator right, and how fast is it?"""

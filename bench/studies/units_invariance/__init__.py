@@ -1,0 +1,1 @@
+"""Do units or a tilted camera change the law?"""
