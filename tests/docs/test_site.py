@@ -14,10 +14,11 @@ import yaml
 
 import granpinn
 import granpinn.data
+from granpinn.config import Config, flatten
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted(path.name for path in DOCS.glob("*.md"))
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 GENERATED = {"contributing.md", "changelog.md"}
 
 
@@ -42,16 +43,16 @@ def test_navigation_has_every_page_once() -> None:
     assert sorted(listed) == sorted({*PAGES, *GENERATED})
 
 
-def test_a_new_page_goes_to_the_end_of_its_section() -> None:
+def test_a_new_page_goes_to_the_end_of_the_section_of_its_folder() -> None:
     navigation = hook("navigation")
-    nav = [{"Start": "index.md"}, {"How to": ["a.md"]}, {"Reference": ["b.md"]}]
-    done = navigation.completed(nav, ["a.md", "b.md", "index.md", "new.md"])
-    assert done == [{"Start": "index.md"}, {"How to": ["a.md", "new.md"]}, {"Reference": ["b.md"]}]
+    nav = [{"Home": "index.md"}, {"Guides": ["guides/a.md"]}, {"Reference": ["reference/b.md"]}]
+    done = navigation.completed(nav, ["guides/a.md", "guides/new.md", "index.md", "reference/b.md"])
+    assert done == [nav[0], {"Guides": ["guides/a.md", "guides/new.md"]}, nav[2]]
 
 
-def test_the_section_for_the_rest_exists() -> None:
-    sections = [name for item in settings()["nav"] for name in item]
-    assert hook("navigation").REST in sections
+def test_an_empty_section_is_left_out() -> None:
+    nav = [{"Home": "index.md"}, {"Evidence": []}]
+    assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
 
 
 def test_all_hooks_are_listed() -> None:
@@ -75,13 +76,25 @@ def test_command_section_is_the_help_itself(name: str) -> None:
 
 
 def test_command_page_has_the_mark() -> None:
-    assert hook("commands").MARK in (DOCS / "commands.md").read_text()
+    assert hook("commands").MARK in (DOCS / "reference" / "commands.md").read_text()
+
+
+def test_settings_page_has_every_setting_and_every_recipe() -> None:
+    made = hook("settings")
+    page = (DOCS / "reference" / "settings.md").read_text()
+    text = made.on_page_markdown(page, None, None, None)
+    assert made.SETTINGS not in text
+    assert made.RECIPE_TABLE not in text
+    for key in flatten(Config()):
+        assert f"| `{key.rsplit('.', 1)[-1]}` |" in text
+    assert "| setting | default | noisy | paper |" in text
+    assert "| `batch.interior` | `2048` | `4096` | `512` |" in text
 
 
 def test_python_page_has_every_public_function_and_flow_class() -> None:
     shown = {
         line.rsplit(".", 1)[-1]
-        for line in (DOCS / "api.md").read_text().splitlines()
+        for line in (DOCS / "reference" / "api.md").read_text().splitlines()
         if line.startswith("::: ")
     }
     assert set(granpinn.__all__) - {"__version__"} <= shown
