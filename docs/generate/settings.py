@@ -41,7 +41,7 @@ def table(fields: Any) -> Iterator[str]:
     """Name, default and help of settings."""
     yield from ("| setting | default | meaning |", "|---|---|---|")
     for f in fields:
-        yield f"| `{f.name}` | {value(f.default)} | {f.metadata['help'].replace('|', chr(92) + '|')} |"
+        yield f"| `{f.name}` | {value(f.default)} | {f.metadata['help']} |"
 
 
 def recipes() -> Iterator[str]:

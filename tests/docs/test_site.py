@@ -19,7 +19,7 @@ from granpinn.config import Config, flatten
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
-GENERATED = {"contributing.md", "changelog.md"}
+GENERATED = {"readme.md", "contributing.md", "changelog.md"}
 
 
 def hook(name: str) -> Any:
