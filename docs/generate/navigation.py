@@ -1,25 +1,20 @@
-"""The navigation of mkdocs.yml, completed: every page of docs/ is in it, once.
+"""The navigation of mkdocs.yml, completed: every page is in it, once.
 
-A section takes the pages of the folder with its name: those of docs/evidence/ that mkdocs.yml does
+A section takes the pages of the folder with its name. The pages of evidence/ that mkdocs.yml does
 not list come at the end of the section Evidence, by name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 
-def on_config(config: Any) -> Any:
-    """Called by mkdocs before anything else."""
-    config.nav = completed(config.nav, pages(Path(config.docs_dir)))
-    return config
-
-
-def pages(docs: Path) -> list[str]:
-    """Every page below `docs`, such as "start/install.md"."""
-    return sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.md"))
+def on_files(files: Any, config: Any) -> Any:
+    """Called by mkdocs with all pages, those from outside docs/ too."""
+    pages = sorted(file.src_uri for file in files.documentation_pages())
+    config.nav = completed(config.nav, pages)
+    return files
 
 
 def completed(nav: list[Any], pages: list[str]) -> list[Any]:

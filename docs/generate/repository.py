@@ -1,8 +1,8 @@
 """Files of the repository outside docs/ on the site, so that links to them work.
 
-README.md, CONTRIBUTING.md and CHANGELOG.md become pages. Any other file that a page links to, such
-as ../bench/results/cpu_step.json, is copied. Of links to a folder only the text stays, because a
-site has no folders.
+README.md, CONTRIBUTING.md, CHANGELOG.md and the notes of the studies become pages. Any other file
+that a page links to, such as ../bench/results/cpu_step.json, is copied. Of links to a folder only
+the text stays, because a site has no folders.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ PAGES = {
     "CHANGELOG.md": "changelog.md",
 }
 COPIES = "repository"  # folder of the copies on the site
+NOTES = "bench/studies/*/note.md"  # that of simulator_fit is evidence/simulator-fit.md
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds the pages and copies."""
     root = Path(config.docs_dir).parent
-    for source, page in PAGES.items():
+    for source, page in pages(root).items():
         files.append(File.generated(config, page, abs_src_path=str(root / source)))
     for target in sorted({t for f in files.documentation_pages() for t in targets(f, root)}):
         if (root / target).is_file():
@@ -53,10 +54,18 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     return _LINK.sub(turned, markdown)
 
 
+def pages(root: Path) -> dict[str, str]:
+    """The page of every file of the repository that becomes one."""
+    notes = [path.relative_to(root) for path in sorted(root.glob(NOTES))]
+    return PAGES | {
+        note.as_posix(): f"evidence/{note.parent.name.replace('_', '-')}.md" for note in notes
+    }
+
+
 def place_on_site(target: str, root: Path) -> str | None:
     """Where a file of the repository is on the site; None for a folder."""
-    if target in PAGES:
-        return PAGES[target]
+    if target in (page := pages(root)):
+        return page[target]
     if target.startswith("docs/"):
         return target.removeprefix("docs/")
     return f"{COPIES}/{target}" if (root / target).is_file() else None
@@ -66,7 +75,7 @@ def targets(file: Any, root: Path) -> set[str]:
     """The files and folders outside docs/ that a page links to, without those that are pages."""
     found = {in_repository(file, match[3], root) for match in _LINK.finditer(file.content_string)}
     outside = {target for target in found if target is not None and not target.startswith("docs/")}
-    return outside - set(PAGES)
+    return outside - set(pages(root))
 
 
 def in_repository(file: Any, link: str, root: Path) -> str | None:

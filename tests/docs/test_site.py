@@ -19,7 +19,6 @@ from granpinn.config import Config, flatten
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
-GENERATED = {"readme.md", "contributing.md", "changelog.md"}
 
 
 def hook(name: str) -> Any:
@@ -39,8 +38,20 @@ def settings() -> dict[str, Any]:
 
 def test_navigation_has_every_page_once() -> None:
     navigation = hook("navigation")
-    listed = list(navigation.listed(navigation.completed(settings()["nav"], PAGES)))
-    assert sorted(listed) == sorted({*PAGES, *GENERATED})
+    pages = [*PAGES, *hook("repository").pages(ROOT).values()]
+    listed = list(navigation.listed(navigation.completed(settings()["nav"], pages)))
+    assert sorted(listed) == sorted(pages)
+
+
+def test_the_note_of_a_study_is_a_page(tmp_path: Path) -> None:
+    repository = hook("repository")
+    note = tmp_path / "bench" / "studies" / "simulator_fit" / "note.md"
+    note.parent.mkdir(parents=True)
+    note.write_text("# Fit\n")
+    source = "bench/studies/simulator_fit/note.md"
+    assert repository.pages(tmp_path)[source] == "evidence/simulator-fit.md"
+    assert repository.place_on_site(source, tmp_path) == "evidence/simulator-fit.md"
+    assert repository.place_on_site("docs/index.md", tmp_path) == "index.md"
 
 
 def test_a_new_page_goes_to_the_end_of_the_section_of_its_folder() -> None:
