@@ -1,7 +1,7 @@
 """The navigation of mkdocs.yml, completed: every page is in it, once.
 
 A section takes the pages of the folder with its name. The pages of evidence/ that mkdocs.yml does
-not list come at the end of the section Evidence, by name.
+not list come at the end of the section Evidence: its index.md first, the others by name.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from typing import Any
 
 def on_files(files: Any, config: Any) -> Any:
     """Called by mkdocs with all pages, those from outside docs/ too."""
-    pages = sorted(file.src_uri for file in files.documentation_pages())
-    config.nav = completed(config.nav, pages)
+    config.nav = completed(config.nav, [file.src_uri for file in files.documentation_pages()])
     return files
 
 
 def completed(nav: list[Any], pages: list[str]) -> list[Any]:
     """`nav` with the missing ones of `pages` in the sections of their folders; no empty section."""
-    missing = [page for page in pages if page not in set(listed(nav))]
+    missing = sorted(set(pages) - set(listed(nav)), key=lambda p: (not p.endswith("/index.md"), p))
     filled = [
         {
             name: [*part, *(page for page in missing if page.startswith(f"{name.lower()}/"))]

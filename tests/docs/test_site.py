@@ -61,6 +61,11 @@ def test_a_new_page_goes_to_the_end_of_the_section_of_its_folder() -> None:
     assert done == [nav[0], {"Guides": ["guides/a.md", "guides/new.md"]}, nav[2]]
 
 
+def test_the_index_of_a_folder_comes_first() -> None:
+    done = hook("navigation").completed([{"Evidence": []}], ["evidence/a.md", "evidence/index.md"])
+    assert done == [{"Evidence": ["evidence/index.md", "evidence/a.md"]}]
+
+
 def test_an_empty_section_is_left_out() -> None:
     nav = [{"Home": "index.md"}, {"Evidence": []}]
     assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
