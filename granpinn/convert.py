@@ -33,7 +33,7 @@ EXAMPLES = """examples:
       a simulation without units, times in the names of the files
 
 units: any that make sense ("0.12 mm/px", "8.3 px/mm", "2 ms", "2.5 g/cm^3"); the flow file has SI.
-What is missing is named. docs/importing.md has the steps for every instrument."""
+What is missing is named. docs/guides/importing.md has the steps for every instrument."""
 
 GROUPS = {
     "files": "which files, and what of them",

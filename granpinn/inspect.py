@@ -37,7 +37,7 @@ EXAMPLES = """examples:
       the precision for a material that is roughly known
   python -m granpinn.inspect flow.h5 --law coulomb
       the precision of constant friction"""
-# Arguments of a conversion besides the files; docs/importing.md has the steps for every instrument.
+# Arguments of a conversion besides the files; docs/guides/importing.md has the steps.
 CONVERT = (
     '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
     '--grain-density "2500 kg/m^3" --solid-fraction 0.6'

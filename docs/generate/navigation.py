@@ -1,28 +1,34 @@
-"""The navigation of mkdocs.yml, completed: every page of docs/ is in it, once."""
+"""The navigation of mkdocs.yml, completed: every page is in it, once.
+
+A section takes the pages of the folder with its name. The pages of evidence/ that mkdocs.yml does
+not list come at the end of the section Evidence: its index.md first, the others by name.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-REST = "How to"  # the section of pages that mkdocs.yml does not list
 
-
-def on_config(config: Any) -> Any:
-    """Called by mkdocs before anything else."""
-    pages = sorted(path.name for path in Path(config.docs_dir).glob("*.md"))
-    config.nav = completed(config.nav, pages)
-    return config
+def on_files(files: Any, config: Any) -> Any:
+    """Called by mkdocs with all pages, those from outside docs/ too."""
+    config.nav = completed(config.nav, [file.src_uri for file in files.documentation_pages()])
+    return files
 
 
 def completed(nav: list[Any], pages: list[str]) -> list[Any]:
-    """`nav` with the missing ones of `pages` at the end of its section for the rest."""
-    missing = [page for page in pages if page not in set(listed(nav))]
-    return [
-        {REST: [*item[REST], *missing]} if isinstance(item, dict) and REST in item else item
+    """`nav` with the missing ones of `pages` in the sections of their folders; no empty section."""
+    missing = sorted(set(pages) - set(listed(nav)), key=lambda p: (not p.endswith("/index.md"), p))
+    filled = [
+        {
+            name: [*part, *(page for page in missing if page.startswith(f"{name.lower()}/"))]
+            if isinstance(part, list)
+            else part
+            for name, part in item.items()
+        }
         for item in nav
     ]
+    return [item for item in filled if any(item.values())]
 
 
 def listed(nav: list[Any]) -> Iterator[str]:

@@ -1,28 +1,33 @@
-"""Files of the repository outside docs/ on the site, so that links to them lead somewhere.
+"""Files of the repository outside docs/ on the site, so that links to them work.
 
-CONTRIBUTING.md and CHANGELOG.md become pages. Any other file that a page links to, such as
-../bench/results/cpu_step.json, is copied. Of links to a folder or to README.md only the text stays:
-a site has no folders, and README.md is the front page of the repository as index.md is that of the
-site.
+README.md, CONTRIBUTING.md, CHANGELOG.md and the notes of the studies become pages. Any other file
+that a page links to, such as ../bench/results/cpu_step.json, is copied. Of links to a folder only
+the text stays, because a site has no folders.
 """
 
 from __future__ import annotations
 
+import posixpath
 import re
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File
 
-PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
-COPIES = "repository"  # their folder on the site
-_LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
+PAGES = {
+    "README.md": "readme.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+}
+COPIES = "repository"  # folder of the copies on the site
+NOTES = "bench/studies/*/note.md"  # that of simulator_fit is evidence/simulator-fit.md
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds the pages and copies."""
     root = Path(config.docs_dir).parent
-    for source, page in PAGES.items():
+    for source, page in pages(root).items():
         files.append(File.generated(config, page, abs_src_path=str(root / source)))
     for target in sorted({t for f in files.documentation_pages() for t in targets(f, root)}):
         if (root / target).is_file():
@@ -32,31 +37,50 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Turns the links of a page to what `on_files` has added."""
+    """Turns the links between docs/ and the rest of the repository into links of the site."""
     root = Path(config.docs_dir).parent
+    here = posixpath.dirname(page.file.src_uri)
 
     def turned(match: re.Match[str]) -> str:
-        text, _, anchor = match.groups()
-        target = outside(page.file, match[2], root)
+        image, text, link, anchor = match.groups()
+        target = in_repository(page.file, link, root)
         if target is None:
             return match[0]
-        if target in PAGES:
-            return f"[{text}]({PAGES[target]}{anchor or ''})"
-        return f"[{text}]({COPIES}/{target})" if (root / target).is_file() else text
+        place = place_on_site(target, root)
+        if place is None:
+            return text
+        return f"{image}[{text}]({posixpath.relpath(place, here or '.')}{anchor or ''})"
 
     return _LINK.sub(turned, markdown)
 
 
+def pages(root: Path) -> dict[str, str]:
+    """The page of every file of the repository that becomes one."""
+    notes = [path.relative_to(root) for path in sorted(root.glob(NOTES))]
+    return PAGES | {
+        note.as_posix(): f"evidence/{note.parent.name.replace('_', '-')}.md" for note in notes
+    }
+
+
+def place_on_site(target: str, root: Path) -> str | None:
+    """Where a file of the repository is on the site; None for a folder."""
+    if target in (page := pages(root)):
+        return page[target]
+    if target.startswith("docs/"):
+        return target.removeprefix("docs/")
+    return f"{COPIES}/{target}" if (root / target).is_file() else None
+
+
 def targets(file: Any, root: Path) -> set[str]:
     """The files and folders outside docs/ that a page links to, without those that are pages."""
-    found = {outside(file, match[2], root) for match in _LINK.finditer(file.content_string)}
-    return {target for target in found if target is not None and target not in PAGES}
+    found = {in_repository(file, match[3], root) for match in _LINK.finditer(file.content_string)}
+    outside = {target for target in found if target is not None and not target.startswith("docs/")}
+    return outside - set(pages(root))
 
 
-def outside(file: Any, link: str, root: Path) -> str | None:
-    """`link` of a page as a path in the repository; None if it stays in docs/ or leads nowhere."""
-    source = Path(file.abs_src_path)
-    path = (source.parent / link).resolve()
-    if not path.exists() or not path.is_relative_to(root) or path.is_relative_to(root / "docs"):
+def in_repository(file: Any, link: str, root: Path) -> str | None:
+    """`link` of a page as a path in the repository; None if nothing is there."""
+    path = (Path(file.abs_src_path).parent / link).resolve()
+    if not path.exists() or not path.is_relative_to(root):
         return None
-    return str(PurePosixPath(path.relative_to(root)))
+    return path.relative_to(root).as_posix()

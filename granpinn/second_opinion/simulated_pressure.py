@@ -1,6 +1,6 @@
 """The pressure where nothing flows, as the simulator has it.
 
-Where nothing shears, the velocity does not fix the pressure (docs/limits.md), and that of the
+Where nothing shears, the velocity does not fix the pressure (docs/explanation/pressure.md), and that of the
 network is a smooth continuation. The simulator has one: started from the velocity of the network
 at one time, with the grains where they are then and the identified law, it finds the pressure that
 momentum balance, the law clamped at eta_max, the floor and the plane of symmetry demand

@@ -85,7 +85,7 @@ def velocity_relaxation(
     sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too
     strict: the network then bends its strain rate to the noise. It rises geometrically over the
     first part `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself is
-    far too much: the friction law then bends the velocity (docs/method.md).
+    far too much: the friction law then bends the velocity (bench/studies/noise).
 
     Args:
         weight: 1/sigma_velocity^2, of one or of many members.

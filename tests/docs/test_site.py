@@ -14,11 +14,11 @@ import yaml
 
 import granpinn
 import granpinn.data
+from granpinn.config import Config, flatten
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted(path.name for path in DOCS.glob("*.md"))
-GENERATED = {"contributing.md", "changelog.md"}
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 
 
 def hook(name: str) -> Any:
@@ -38,20 +38,37 @@ def settings() -> dict[str, Any]:
 
 def test_navigation_has_every_page_once() -> None:
     navigation = hook("navigation")
-    listed = list(navigation.listed(navigation.completed(settings()["nav"], PAGES)))
-    assert sorted(listed) == sorted({*PAGES, *GENERATED})
+    pages = [*PAGES, *hook("repository").pages(ROOT).values()]
+    listed = list(navigation.listed(navigation.completed(settings()["nav"], pages)))
+    assert sorted(listed) == sorted(pages)
 
 
-def test_a_new_page_goes_to_the_end_of_its_section() -> None:
+def test_the_note_of_a_study_is_a_page(tmp_path: Path) -> None:
+    repository = hook("repository")
+    note = tmp_path / "bench" / "studies" / "simulator_fit" / "note.md"
+    note.parent.mkdir(parents=True)
+    note.write_text("# Fit\n")
+    source = "bench/studies/simulator_fit/note.md"
+    assert repository.pages(tmp_path)[source] == "evidence/simulator-fit.md"
+    assert repository.place_on_site(source, tmp_path) == "evidence/simulator-fit.md"
+    assert repository.place_on_site("docs/index.md", tmp_path) == "index.md"
+
+
+def test_a_new_page_goes_to_the_end_of_the_section_of_its_folder() -> None:
     navigation = hook("navigation")
-    nav = [{"Start": "index.md"}, {"How to": ["a.md"]}, {"Reference": ["b.md"]}]
-    done = navigation.completed(nav, ["a.md", "b.md", "index.md", "new.md"])
-    assert done == [{"Start": "index.md"}, {"How to": ["a.md", "new.md"]}, {"Reference": ["b.md"]}]
+    nav = [{"Home": "index.md"}, {"Guides": ["guides/a.md"]}, {"Reference": ["reference/b.md"]}]
+    done = navigation.completed(nav, ["guides/a.md", "guides/new.md", "index.md", "reference/b.md"])
+    assert done == [nav[0], {"Guides": ["guides/a.md", "guides/new.md"]}, nav[2]]
 
 
-def test_the_section_for_the_rest_exists() -> None:
-    sections = [name for item in settings()["nav"] for name in item]
-    assert hook("navigation").REST in sections
+def test_the_index_of_a_folder_comes_first() -> None:
+    done = hook("navigation").completed([{"Evidence": []}], ["evidence/a.md", "evidence/index.md"])
+    assert done == [{"Evidence": ["evidence/index.md", "evidence/a.md"]}]
+
+
+def test_an_empty_section_is_left_out() -> None:
+    nav = [{"Home": "index.md"}, {"Evidence": []}]
+    assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
 
 
 def test_all_hooks_are_listed() -> None:
@@ -75,13 +92,25 @@ def test_command_section_is_the_help_itself(name: str) -> None:
 
 
 def test_command_page_has_the_mark() -> None:
-    assert hook("commands").MARK in (DOCS / "commands.md").read_text()
+    assert hook("commands").MARK in (DOCS / "reference" / "commands.md").read_text()
+
+
+def test_settings_page_has_every_setting_and_every_recipe() -> None:
+    made = hook("settings")
+    page = (DOCS / "reference" / "settings.md").read_text()
+    text = made.on_page_markdown(page, None, None, None)
+    assert made.SETTINGS not in text
+    assert made.RECIPE_TABLE not in text
+    for key in flatten(Config()):
+        assert f"| `{key.rsplit('.', 1)[-1]}` |" in text
+    assert "| setting | default | noisy | paper |" in text
+    assert "| `batch.interior` | `2048` | `4096` | `512` |" in text
 
 
 def test_python_page_has_every_public_function_and_flow_class() -> None:
     shown = {
         line.rsplit(".", 1)[-1]
-        for line in (DOCS / "api.md").read_text().splitlines()
+        for line in (DOCS / "reference" / "api.md").read_text().splitlines()
         if line.startswith("::: ")
     }
     assert set(granpinn.__all__) - {"__version__"} <= shown

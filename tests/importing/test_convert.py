@@ -227,7 +227,7 @@ def test_help_teaches() -> None:
         text=True,
         check=True,
     )
-    for word in ("examples:", "--scale", "plumb line", "pivlab-mat", "docs/importing.md"):
+    for word in ("examples:", "--scale", "plumb line", "pivlab-mat", "docs/guides/importing.md"):
         assert word in done.stdout
 
 

@@ -1,0 +1,62 @@
+"""The reference of settings: their defaults, their help and the recipes, from granpinn.config."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+from granpinn.config import Config, flatten
+from granpinn.config.recipes import RECIPES
+
+SETTINGS = "<!-- generated: settings -->"
+RECIPE_TABLE = "<!-- generated: recipes -->"
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Puts the tables in the places of their marks."""
+    for mark, lines in ((SETTINGS, settings), (RECIPE_TABLE, recipes)):
+        if mark in markdown:
+            markdown = markdown.replace(mark, "\n".join(lines()))
+    return markdown
+
+
+def settings() -> Iterator[str]:
+    """A table for the settings without a section, then one for each section."""
+    config = Config()
+    sections = [f for f in dataclasses.fields(config) if is_section(config, f)]
+    yield from table([f for f in dataclasses.fields(config) if f not in sections])
+    for section in sections:
+        group = getattr(config, section.name)
+        yield from ("", f"### [{section.name}]", "", group.__doc__.strip(), "")
+        yield from table(dataclasses.fields(group))
+
+
+def is_section(config: Config, field: dataclasses.Field[Any]) -> bool:
+    """Whether a field of the settings is a group of settings."""
+    return dataclasses.is_dataclass(getattr(config, field.name))
+
+
+def table(fields: Any) -> Iterator[str]:
+    """Name, default and help of settings."""
+    yield from ("| setting | default | meaning |", "|---|---|---|")
+    for f in fields:
+        yield f"| `{f.name}` | {value(f.default)} | {f.metadata['help']} |"
+
+
+def recipes() -> Iterator[str]:
+    """The settings that a recipe changes, one column for each recipe."""
+    default = flatten(Config())
+    changed = [key for key in default if any(key in recipe for recipe in RECIPES.values())]
+    yield f"| setting | {' | '.join(RECIPES)} |"
+    yield "|---|" + "---|" * len(RECIPES)
+    for key in changed:
+        cells = (value(recipe.get(key, default[key])) for recipe in RECIPES.values())
+        yield f"| `{key}` | {' | '.join(cells)} |"
+
+
+def value(given: Any) -> str:
+    """A value as on the command line."""
+    if given is None:
+        return "none"
+    return f"`{','.join(map(str, given)) if isinstance(given, tuple) else given}`"
