@@ -1,7 +1,7 @@
 """Coverage study of the error bars: known materials, drawn at random, simulated and identified.
 
 python -m bench.coverage --truths 100 --members 2 --controls 4 --json coverage.json
-python -m bench.coverage_fit coverage.json --write granpinn/identification/calibration.json
+python -m bench.coverage_fit coverage.json --write granpinn/uncertainty/calibration.json
 
 The first command draws mu_s in 0.2 to 0.6 and mu_2 - mu_s in 0.1 to 0.3, simulates each collapse
 (one core each, all cores), identifies all of them as one batch and writes values and residuals of
@@ -36,6 +36,7 @@ from granpinn.config import Config, ConfigError, kinds_of, recipes
 from granpinn.config.toml import convert
 from granpinn.data import Flow, read_flow
 from granpinn.results import Result
+from granpinn.results.decoding import encode
 from granpinn.simulation import Collapse, simulate
 from granpinn.training.progress import Lines
 
@@ -118,8 +119,8 @@ def row(task: Task, result: Result) -> dict[str, Any]:
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
-        "members": dataclasses.asdict(result.members),
-        "residuals": None if residuals is None else dataclasses.asdict(residuals),
+        "members": encode(result.members),
+        "residuals": residuals,
         "velocity_error_percent": result.error_percent.velocity,
         "steps": result.timing.steps,
         "n_points": result.data.n_points,

@@ -40,6 +40,7 @@ from bench.machine import describe
 from bench.noise_study import read_bounds, statistics, thinned, where_bounded
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
+from granpinn.physics.laws import DEFAULT
 from granpinn.results import plain
 from granpinn.results.findings import SimulatorFit
 from granpinn.second_opinion.comparison import interpolation
@@ -210,7 +211,7 @@ def bounds(options: argparse.Namespace) -> list[dict[str, Any]]:
         if isinstance(column, str):
             raise SystemExit(f"bench.simulator_fit: {column}")
         law = (mu_s, mu_2, (truth.I0 if truth else None) or options.I0)
-        collapse = collapse_of(flow, column, law, options.cells)
+        collapse = collapse_of(flow, column, DEFAULT, law, options.cells)
     J, speed = sensitivities(collapse, options.nudge)
     rows = []
     print(

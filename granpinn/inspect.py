@@ -25,7 +25,7 @@ from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file
 from granpinn.inspection import Inspection, Law, inspect
 from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.data_verdict import verdict
+from granpinn.uncertainty.of_data import verdict
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5

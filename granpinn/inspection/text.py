@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from granpinn.inspection.inspection import Inspection
-from granpinn.uncertainty.data_verdict import FREE_FALL, NEGLIGIBLE_NOISE, verdict
+from granpinn.uncertainty.of_data import FREE_FALL, NEGLIGIBLE_NOISE, verdict
 
 WIDTH = 100
 MOST_LINES = 28  # the command adds one or two

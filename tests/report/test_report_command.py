@@ -14,13 +14,15 @@ import pytest
 from granpinn import report
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
+from granpinn.physics.laws import DEFAULT
 from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
 from granpinn.results import write_results
-from granpinn.training.history import COLUMNS
+from granpinn.training.history import columns
 from tests.report.examples import make_result
 from tests.report.page import Page
 
+COLUMNS = columns(DEFAULT)
 HEADER = ",".join(COLUMNS) + "\n"
 ROW = ",".join(map(str, range(1, 13))) + "\n"
 
@@ -74,7 +76,7 @@ def test_a_damaged_history_is_said(run_dir: Path) -> None:
     page = build(run_dir)
     assert page.values("img", "alt")[1:] == [
         "Inertial number",
-        "Pressure, closed where nothing flows",
+        "Simulated pressure",
     ]
     assert "history.csv could not be read: 'utf-8' codec" in page.text
 
@@ -145,7 +147,7 @@ def test_no_fields_for_paraview_are_refused(
         ("", "could not be read as strict JSON"),
         ('{"format_name": "granpinn-results", ', "could not be read as strict JSON"),
         ("[]", "must hold an object"),
-        ('{"format_name": "granpinn-results", "format_version": 1}', "parameters is missing"),
+        ('{"format_name": "granpinn-results", "format_version": 2}', "parameters is missing"),
     ],
 )
 def test_a_folder_without_a_valid_run(
