@@ -28,7 +28,7 @@ from granpinn import reference
 from granpinn.config import Config, ConfigError, Network
 from granpinn.config.toml import read_toml
 from granpinn.identification.case import Case, pose
-from granpinn.identification.identify import start
+from granpinn.identification.single import start
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.simulation import demo_path

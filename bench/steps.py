@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid, silu
 
-from granpinn.physics.rheology import inertial_number, mu_of_I, viscosity
+from granpinn.reference import inertial_number, viscosity
 
 HIDDEN = [250, 250, 250]
 D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = PHYSICS = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
     from granpinn.identification.batch import identify_many
-    from granpinn.identification.identify import identify
+    from granpinn.identification.single import identify
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -35,7 +35,7 @@ __all__ = [
 _HOMES = {
     "Config": "granpinn.config",
     "Result": "granpinn.results",
-    "identify": "granpinn.identification.identify",
+    "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",

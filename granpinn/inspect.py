@@ -26,7 +26,7 @@ from granpinn.importers.formats import detect, is_flow_file
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.physics.law_values import PARAMETERS
-from granpinn.uncertainty.data_verdict import verdict
+from granpinn.uncertainty.of_data import verdict
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5

@@ -21,8 +21,9 @@ from granpinn.command.arguments import parse
 from granpinn.command.exit_codes import exit_code
 from granpinn.config import Config
 from granpinn.data import add_noise, read_flow
-from granpinn.identification.identify import identify
-from granpinn.identification.inertial_profile import profile_I0
+from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
+from granpinn.identification.single import identify
+from granpinn.physics.laws import LAWS
 from granpinn.results.findings import Resimulation
 from granpinn.second_opinion import comparison, resimulation, simulator_fit
 from granpinn.second_opinion.law_runs import LawRuns
@@ -50,6 +51,8 @@ def _identify(config: Config, rank: int) -> results.Result:
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
+    if config.free_I0:
+        require_mu_of_i(config)
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
@@ -81,13 +84,15 @@ def _conclude(config: Config, result: results.Result) -> None:
 def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:
     """The check by simulation and the fit of the simulator, in resimulation.json."""
     assert config.flow is not None
-    flow, cells, found = read_flow(config.flow), config.resimulation.cells, result.parameters
-    summary, compared = resimulation.resimulate(flow, found, cells, simulation_progress.automatic())
-    if summary.column is not None:
+    flow, cells, law = read_flow(config.flow), config.resimulation.cells, LAWS[result.law]
+    summary, compared = resimulation.resimulate(
+        flow, law, result.theta, cells, simulation_progress.automatic()
+    )
+    if summary.column is not None and simulator_fit.exists_for(law):
         seen = add_noise(flow, config.noise, config.seed)
-        start = found.mu_s.value, found.mu_2.value
-        runs = LawRuns(seen, Column(*summary.column), found.I0.value, cells, config.free_I0)
-        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, runs, start))
+        mu_s, mu_2, I0 = result.theta
+        runs = LawRuns(seen, Column(*summary.column), I0, cells, config.free_I0)
+        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, runs, (mu_s, mu_2)))
     comparison.write_comparison(summary, compared, folder / comparison.FILE)
     return summary
 

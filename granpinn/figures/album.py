@@ -20,7 +20,7 @@ History = Mapping[str, npt.NDArray[np.floating]]
 
 
 class Source(NamedTuple):
-    """What a run folder holds; `frame` is the index of the time that maps and profiles show."""
+    """The contents of a run folder; `frame` is the index of the time of maps and profiles."""
 
     result: Result
     fields: Fields | None
@@ -81,13 +81,13 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
 
 
 def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
-    """The figures of what a run does only where it can, or when it is asked to."""
+    """The figures of optional checks."""
     found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
     profile, comparison = source.result.profile, source.comparison
     simulated_pressure = source.result.simulated_pressure
     if simulated_pressure is not None and simulated_pressure.frames:
         found["pressure_simulated"] = (
-            "Pressure, closed where nothing flows",
+            "Simulated pressure",
             lambda s: maps.simulated_pressure(fields_of(s), s.frame),
         )
     if profile is not None:

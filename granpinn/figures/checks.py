@@ -18,6 +18,7 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
+from granpinn.physics.laws import mu_of_i
 from granpinn.results import Result
 from granpinn.results.fields import Units
 from granpinn.results.findings import Profile
@@ -26,7 +27,7 @@ from granpinn.second_opinion.comparison import Comparison
 
 @styled
 def profile_of_I0(profile: Profile, result: Result) -> Drawing:
-    """The rise of the loss, and mu_s, mu_2 and the slope, over the grid of I0."""
+    """The rise of the loss, and mu_s, mu_2 and the slope of mu(I), over the grid of I0."""
     I0 = np.array([p.I0 for p in profile.points])
     excluded = np.array([p.excluded for p in profile.points])
     rises = np.array([p.loss_rise for p in profile.points])
@@ -39,7 +40,8 @@ def profile_of_I0(profile: Profile, result: Result) -> Drawing:
     loss.set_xscale("log")
     loss.set_ylabel("rise of the loss")
     loss.set_title("(a) loss over the best")
-    for name, symbol, color in (("mu_s", r"$\mu_s$", BLUE), ("mu_2", r"$\mu_2$", ORANGE)):
+    for name, color in (("mu_s", BLUE), ("mu_2", ORANGE)):
+        symbol = f"${mu_of_i.LAW.parameter(name).symbol}$"
         values.plot(I0, [getattr(p, name) for p in profile.points], "o-", color=color, label=symbol)
     slope = [p.slope for p in profile.points]
     values.plot(I0, slope, "o-", color=GREEN, label=r"$(\mu_2 - \mu_s)/I_0$")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,59 +14,56 @@ from granpinn.figures.style import (
     BLACK,
     BLUE,
     GREEN,
+    GREY,
     ORANGE,
     PURPLE,
     SKY,
+    YELLOW,
     Drawing,
     NothingToDraw,
     new_figure,
     styled,
 )
 from granpinn.identification.scoring import after_start, flowing
+from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
-from granpinn.results.summary import friction, half_width
+from granpinn.results.summary import half_width, true_theta
 
 Array = npt.NDArray[np.floating]
 
-I_EDGES = np.logspace(-4, 1, 51).tolist()  # mu(I) is flat below, and few points lie above
-TERM_COLORS = {
-    "loss": BLACK,
-    "velocity": BLUE,
-    "surface": SKY,
-    "momentum": ORANGE,
-    "continuity": GREEN,
-    "constitutive": PURPLE,
-}
+I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
+COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
+PARAMETER_COLORS = (BLUE, ORANGE, GREEN, PURPLE)  # of the identified parameters, in order
 
 
 @styled
 def friction_law(result: Result, fields: Fields) -> Drawing:
-    """mu(I), identified and true, over the I that the data cover; the share of each I below."""
+    """The law, identified and true, over the I that the data cover; the share of each I below."""
     if result.inertial_number is None:
         raise NothingToDraw("the band of the inertial number that the data cover is not known")
     lowest = max(result.inertial_number.q05, I_EDGES[0])
     I = np.geomspace(lowest, max(result.inertial_number.q95, 2 * lowest), 300)  # noqa: E741
-    p = result.parameters
+    law, truth = LAWS[result.law], true_theta(result)
     figure = new_figure(5.4)
-    law, histogram = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    curve, histogram = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     caption = "Friction law over the inertial numbers of 5 % to 95 % of the grain points"
 
-    mu = friction(I, p.mu_s.value, p.mu_2.value, p.I0.value)
-    law.plot(I, mu, color=BLUE, lw=2.2, label="identified", zorder=3)
+    mu = law.friction(I, *result.theta)
+    curve.plot(I, mu, color=BLUE, lw=2.2, label="identified", zorder=3)
     if result.covariance is not None:
         half = half_width(I, result, result.covariance)
-        law.fill_between(
+        curve.fill_between(
             I, np.maximum(mu - half, 0), mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band"
         )
-    truth = result.truth
-    if truth is not None and truth.mu_s is not None and truth.mu_2 is not None:
-        true = friction(I, truth.mu_s, truth.mu_2, truth.I0 or p.I0.value)
-        law.plot(I, true, color=BLACK, lw=1.4, ls=(0, (4, 3)), label="true", zorder=4)
+    if truth is not None:
+        true = law.friction(I, *truth)
+        curve.plot(I, true, color=BLACK, lw=1.4, ls=(0, (4, 3)), label="true", zorder=4)
         caption += ", against the law that generated the data"
-    law.set_ylabel(r"$\mu(I)$")
-    law.set_title("(a) friction law")
-    law.legend(loc="upper left")
-    law.grid(True)
+    curve.set_ylabel(r"$\mu(I)$")
+    curve.set_title(f"(a) friction law: {law.title}")
+    curve.legend(loc="upper left")
+    curve.grid(True)
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
     return Drawing(figure, f"{caption}. {_share_below(fields)}")
@@ -73,21 +71,20 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
 
 @styled
 def inertial_number(result: Result, fields: Fields) -> Drawing:
-    """Histogram of I in the grains, with I0 and the median."""
+    """Histogram of I in the grains, with the median and I0 of mu(I)."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     _histogram_of_I(axes, fields)
-    I_0 = result.parameters.I0.value
-    axes.axvline(I_0, color=BLACK, lw=1.2, ls=(0, (4, 3)), label=f"$I_0$ = {I_0:.3g}")
+    caption = f"Inertial number in the grains. {_share_below(fields)}"
+    if result.law == mu_of_i.LAW.name:
+        I_0 = result.parameters.I0.value
+        axes.axvline(I_0, color=BLACK, lw=1.2, ls=(0, (4, 3)), label=f"$I_0$ = {I_0:.3g}")
+        caption += " The data determine mu_2 only where I comes near I0."
     median = float(np.median(fields.values["I"][after_start(fields)]))
     if median > I_EDGES[0]:
         axes.axvline(median, color=ORANGE, lw=1.2, label=f"median {median:.2g}")
     axes.legend()
-    return Drawing(
-        figure,
-        f"Inertial number in the grains. {_share_below(fields)} "
-        "mu_2 is seen only as far as I comes near I0.",
-    )
+    return Drawing(figure, caption)
 
 
 def _histogram_of_I(axes: Axes, fields: Fields) -> None:
@@ -111,13 +108,15 @@ def _share_below(fields: Fields) -> str:
 
 @styled
 def evolution(result: Result, history: Mapping[str, Array]) -> Drawing:
-    """mu_s, mu_2 and the terms of the loss against the step."""
+    """The identified parameters and the terms of the loss against the step."""
     step = history["step"]
     if step.size == 0:
         raise NothingToDraw("history.csv has no rows")
     figure = new_figure(5.6)
     scalars, terms = figure.subplots(2, 1, sharex=True)
-    for name, symbol, color in (("mu_s", r"$\mu_s$", BLUE), ("mu_2", r"$\mu_2$", ORANGE)):
+    law = LAWS[result.law]
+    for name, color in zip(law.free, itertools.cycle(PARAMETER_COLORS), strict=False):
+        symbol = f"${law.parameter(name).symbol}$"
         scalars.plot(step, history[name], color=color, label=symbol)
         true = getattr(result.truth, name, None)
         if true is not None:
@@ -125,7 +124,8 @@ def evolution(result: Result, history: Mapping[str, Array]) -> Drawing:
     scalars.set_ylabel("friction coefficient")
     scalars.set_title("(a) identified parameters")
     scalars.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    for name, color in TERM_COLORS.items():
+    lines = [("loss", BLACK), *zip(NAMES, itertools.cycle(COLORS), strict=False)]
+    for name, color in lines:
         value = np.where(history[name] > 0, history[name], np.nan)
         if np.isfinite(value).any():
             wide = 2.0 if name == "loss" else 1.2

@@ -94,39 +94,39 @@ def pressure_fields(fields: Fields, k: int) -> Drawing:
 
 @styled
 def simulated_pressure(fields: Fields, k: int) -> Drawing:
-    """The pressure that the simulator closes, at the time nearest to frame k that has one.
+    """The simulated pressure, at the time nearest to frame k that has one.
 
-    Beside it how far the predicted one is from it, and its error where there is a reference.
+    Beside it, its difference from the predicted pressure, and from a reference where there is one.
     """
     frames = frames_with(fields, "p_simulated")
     if not frames:
-        raise NothingToDraw("fields.h5 has no closed pressure")
+        raise NothingToDraw("fields.h5 has no simulated pressure")
     k = min(frames, key=lambda other: abs(float(fields.t[other] - fields.t[k])))
     window, unit = grain_window(fields, k), fields.units.of("pressure")
-    closed, has_reference = fields.frame("p_simulated", k), "p_reference" in fields.values
-    open_ = np.abs(fields.frame("p", k) - closed)
+    simulated, has_reference = fields.frame("p_simulated", k), "p_reference" in fields.values
+    gap = np.abs(fields.frame("p", k) - simulated)
     figure, panels = new_maps(fields, window, 3 if has_reference else 2)
-    values = Normalize(min(0.0, _quantile(closed, 0.002)), _quantile(closed, 0.998))
-    draw_map(panels[0], fields, window, closed, values, VALUE_MAP, label("$p$", unit))
-    panels[0].set_title("(a) given by the simulator")
-    reach = _quantile(open_, 0.99) or 1.0
+    values = Normalize(min(0.0, _quantile(simulated, 0.002)), _quantile(simulated, 0.998))
+    draw_map(panels[0], fields, window, simulated, values, VALUE_MAP, label("$p$", unit))
+    panels[0].set_title("(a) simulated")
+    reach = _quantile(gap, 0.99) or 1.0
     text = label(r"$|\Delta p|$", unit)
-    draw_map(panels[1], fields, window, open_, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
-    panels[1].set_title("(b) predicted, less closed")
+    draw_map(panels[1], fields, window, gap, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
+    panels[1].set_title("(b) predicted and simulated: difference")
     caption = f"Pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
-    caption += "(a) given by the simulator, (b) how far the predicted one is from it"
+    caption += "(a) simulated, (b) its difference from the predicted pressure"
     if has_reference:
-        error = closed - fields.frame("p_reference", k)
+        error = simulated - fields.frame("p_reference", k)
         reach = _quantile(np.abs(error), 0.99) or 1.0
         limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
         draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
-        panels[2].set_title("(c) closed, less reference")
+        panels[2].set_title("(c) simulated, less reference")
         caption += ", (c) its difference from the reference"
     return Drawing(
         figure,
-        f"{caption}. Where the two differ, kinematics does not fix the pressure; the closed one is "
-        "that of a material that creeps at the largest viscosity, with the simulator's floor and "
-        "plane of symmetry. Black: free surface.",
+        f"{caption}. Where (b) is large, the motion does not fix the pressure. There the simulated "
+        "pressure is that of a material that creeps at the largest viscosity between the "
+        "simulator's floor and plane of symmetry. Black: free surface.",
     )
 
 
@@ -273,6 +273,6 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     return Drawing(
         figure,
         "Residual of the strong form of the momentum equation (second derivatives of the network,"
-        f" eta from the identified law), in units of the weight: (a) at t = {fields.t[k]:.3g},"
+        f" eta of the identified law), in units of the weight: (a) at t = {fields.t[k]:.3g},"
         " (b) at all times.",
     )

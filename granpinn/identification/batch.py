@@ -15,7 +15,7 @@ from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.identification.case import Case, choose_device, fixed_values, members, pose
-from granpinn.identification.identify import finish, histories, prepare, start
+from granpinn.identification.single import finish, histories, prepare, start
 from granpinn.results import Result
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress
@@ -45,13 +45,11 @@ def identify_many(
     Args:
         flows: a flow or the path of a flow file for every member.
         config: settings of all, by default the default recipe.
-        seeds: one for every member, by default that of the settings.
-        I0: likewise.
-        noise: likewise.
+        seeds, I0, noise: one for every member, by default that of the settings.
         run_dir: folder for the checkpoints of the batch and, in 000, 001, ..., what `identify`
             leaves of every member.
         keep_fields: whether fields.h5, tens of megabytes for each member, is among that.
-        progress: a listener; it is shown the medians over the members.
+        progress: a listener; it gets the medians over the members.
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`, and the others
@@ -98,19 +96,19 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
 
-        # All share the cores that close pressures, so that none is idle while there are frames.
-        with ThreadPoolExecutor(max(1, _cores() // group.size)) as closing:
+        # All share the cores that simulate pressures, so that none is idle while there are frames.
+        with ThreadPoolExecutor(max(1, _cores() // group.size)) as pool:
 
             def finished(e: int) -> Result:
                 own = every[e * K : (e + 1) * K]
-                return finish(own, run, e * K, parts[e], closing, keep_fields)
+                return finish(own, run, e * K, parts[e], pool, keep_fields)
 
             found = _side_by_side(finished, range(len(cases)), config.device)
     return found if group.size == 1 else _in_order(found, len(flows))
 
 
 def _in_order(found: Sequence[Result], count: int) -> list[Result]:
-    """The results of all processes, which have every so-many-th member each."""
+    """The results of all processes, in the order of the flows."""
     texts = gather_texts(json.dumps([result.to_dict() for result in found]))
     shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
     return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
@@ -121,7 +119,7 @@ T = TypeVar("T")
 
 
 def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
-    """`work` on every item: with a GPU on all cores, on a CPU one by one, as torch takes them."""
+    """`work` on every item: with a GPU on all cores; on a CPU one by one, for torch uses all."""
     with ThreadPoolExecutor(_cores() if choose_device(device).type == "cuda" else 1) as pool:
         return list(pool.map(work, items))
 
@@ -139,7 +137,7 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 
 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
-    """The cases; a flow that comes again is not read again, and without noise shares its data."""
+    """The cases; a repeated flow is read once, and without noise its cases share the data."""
     keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
     clean: dict[object, Case] = {}
     for key, flow, config in zip(keys, flows, configs, strict=True):

@@ -23,7 +23,8 @@ from granpinn.data import (
     with_collocation,
 )
 from granpinn.data.scaling import scales_of
-from granpinn.physics.laws import LAWS
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
@@ -32,11 +33,11 @@ from granpinn.training.problem import Problem
 
 @dataclass(frozen=True)
 class Case:
-    """A flow, the settings to identify it with, and what training sees of it.
+    """A flow, the settings to identify it with, and the part of it that training uses.
 
     Attributes:
         config: with the seed and the I0 of this case.
-        seen: the flow as training sees it, with added noise.
+        seen: the flow that training uses: with added noise, without the truth.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
         redrawn: whether its data have the known noise once more.
     """
@@ -57,7 +58,7 @@ class Model:
     Attributes:
         problem: network and constants of the residuals.
         params: parameters of the network [P].
-        theta: (mu_s, mu_2, I0) [3].
+        theta: parameters of the law, in its order [N].
         scales: units of everything dimensionless.
     """
 
@@ -65,6 +66,12 @@ class Model:
     params: Tensor
     theta: Tensor
     scales: Scales
+    law: Law
+
+    @property
+    def physics(self) -> Physics:
+        """The constants of the equations by name."""
+        return Physics(*self.problem.physics)
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
@@ -74,7 +81,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
         check_flow(flow)
     else:
         flow = read_flow(flow)
-    # What training sees has neither the true parameters nor the reference pressure.
+    # Training gets neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
     scales = scales_of(seen)
@@ -90,10 +97,10 @@ def fixed_values(config: Config) -> dict[str, float]:
 
 
 def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
-    """What the network is fitted to: the data of a flow, and points between them for the equations.
+    """The points of a fit: the data of a flow, and points between them for the equations alone.
 
     Raises:
-        FlowFileError: the flow has not what the level needs.
+        FlowFileError: the flow lacks data that the level needs.
     """
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     return with_collocation(data, flow, scales, config.batch.collocation)
@@ -102,7 +109,8 @@ def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
 def members(case: Case) -> list[Case]:
     """The ensemble of a case: its first member, and others that differ in their seeds.
 
-    Where the noise of the data is known, the second half gets it once more (uncertainty.py).
+    Where the noise of the data is known, the second half gets it once more
+    (uncertainty/error_bars.py).
     """
     config, made = case.config, [case]
     for k in range(1, config.members):

@@ -1,8 +1,4 @@
-"""From trained networks to a result: the center of the ensemble, its error bars, the verdict.
-
-Error bars and verdict are given for the settings that they were calibrated for: the default recipe
-at level V1 or V2. With others the result has none, and says why.
-"""
+"""From trained networks to a result: the center of the ensemble, its error bars, the verdict."""
 
 from __future__ import annotations
 
@@ -14,41 +10,41 @@ from granpinn import results
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
-from granpinn.results import Fields, Parameter, Parameters, Result
+from granpinn.physics.laws import LAWS
+from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.findings import Loss, SimulatedPressure
-from granpinn.results.records import Members, Residuals
+from granpinn.results.records import Members
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import calibration, error_bars
-from granpinn.uncertainty.judgement import judge
+from granpinn.uncertainty import of_training
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
-    """What the members from `first` on have identified, and which of them is to be shown.
+    """The values of the members from `first` on, and the place of the one that is shown.
 
-    Those that diverged are left out; where all did, the first one stands with its last good state.
+    Those that diverged are left out; if all did, the first one is kept in its last good state.
     """
+    config, law = cases[0].config, LAWS[cases[0].config.law]
     places = range(len(cases))
     sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
-    values = [run.trainer.solution(first + k)[1].tolist() for k in sound]
+    theta = [run.trainer.solution(first + k)[1].tolist() for k in sound]
     members = Members(
         seed=tuple(cases[k].member.seed for k in sound),
-        mu_s=tuple(value[0] for value in values),
-        mu_2=tuple(value[1] for value in values),
+        values={name: tuple(t[law.names.index(name)] for t in theta) for name in law.free},
         redrawn=tuple(cases[k].redrawn for k in sound),
-        lost=sum(first + k in run.trainer.diverged for k in places),
+        diverged=sum(first + k in run.trainer.diverged for k in places),
     )
-    shown = error_bars.nearest(members, calibration.load())
+    shown = of_training.shown(members, config)
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 
 def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
-    """What a trained member leaves of its data and equations, None where that is not finite."""
+    """The residuals of a trained member, None where one is not finite."""
     if loss is None:
         return None
     rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
     measured = math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
     noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
-    return Residuals(**rms | {"velocity": rms["velocity"] / measured, "noise": noise / measured})
+    return Residuals(rms, velocity=rms["velocity"] / measured, noise=noise / measured)
 
 
 def result(
@@ -65,16 +61,18 @@ def result(
     Args:
         case, e: the member that is shown, and its place in the run.
         model, maps: its network and fields.
-        simulated_pressure: the record of the closed pressure among the fields.
+        simulated_pressure: the record of the simulated pressure among the fields.
     """
     flow, config, data = case.flow, case.config, case.member.data
-    loss, lost = final_loss(run.trainer, e), run.trainer.diverged.get(e)
+    loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals = residuals_of(case, loss)
-    judged = judge(members, residuals, run.trainer.step, config, lost)
-    parameters = Parameters(*judged.free, Parameter(config.I0, fixed=True))
-    at_particles = prediction.velocity_at_particles(
-        flow, model.problem.spec, model.params, model.problem.physics, model.scales
+    judged = of_training.judge(members, residuals, run.trainer.step, config, failure is not None)
+    fixed = case.member.fixed
+    parameters = Parameters(
+        (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
+        for name in model.law.names
     )
+    at_particles = prediction.velocity_at_particles(flow, model)
     scores = scoring.score(flow, maps, parameters, at_particles)
     steps = run.trainer.step
     return Result(
@@ -93,9 +91,10 @@ def result(
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
+        law=model.law.name,
         settings=dataclasses.asdict(config),
-        stopped=run.stopped if lost is None else "diverged",
-        failure=lost,
+        stopped=run.stopped if failure is None else "diverged",
+        failure=failure,
         truth=flow.truth,
         error_percent=scores.error_percent,
         zones=scores.zones,

@@ -1,7 +1,6 @@
 """The loss at the end of a training, over the same many points for every member with that flow.
 
-The loss of a step is that of a small batch, and its scatter hides what one law explains better than
-another.
+The loss of a step is that of a small batch. Its scatter hides the differences between two laws.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import math
 import torch
 
 from granpinn.kernels import ops
-from granpinn.physics.terms import NAMES as TERMS
+from granpinn.physics.terms import NAMES
 from granpinn.results.findings import Loss
 from granpinn.training.trainer import Trainer
 
@@ -30,7 +29,7 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     params, theta = trainer.trained(e)
     data = objective.data(e)
     inside, surface = _every_kth(len(data.points)), _every_kth(len(data.surface_points))
-    sums = [0.0] * len(TERMS)
+    sums = [0.0] * len(NAMES)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
         _, terms, _, _ = ops.residual_loss(
@@ -47,10 +46,11 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
             objective.input_scale[e],
             objective.physics[e],
             form,
+            objective.law.name,
         )
-        for k, (name, term) in enumerate(zip(TERMS, terms.tolist(), strict=True)):
+        for k, (name, term) in enumerate(zip(NAMES, terms.tolist(), strict=True)):
             sums[k] += term * len(j if name == "surface" else i)
-    counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in TERMS]
+    counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in NAMES]
     means = [total / n for total, n in zip(sums, counts, strict=True)]
     if not all(map(math.isfinite, means)):
         return None
@@ -58,7 +58,7 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
 
 
 def _named(values: list[float]) -> dict[str, float]:
-    return dict(zip(TERMS, values, strict=True))
+    return dict(zip(NAMES, values, strict=True))
 
 
 def _every_kth(count: int) -> torch.Tensor:

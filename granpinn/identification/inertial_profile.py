@@ -1,8 +1,8 @@
-r"""Which I0 the data allow: the loss over a grid of I0, each value trained on its own.
+r"""Which I0 of mu(I) the data allow: the loss over a grid of I0, each value trained on its own.
 
-Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0, and only the slope (mu_2 - mu_s)/I0 is seen:
-mu_2 and I0 then grow together, and a number for either alone would be an invention. So every value
-of the grid is held fixed in several trainings (seeds), all as one batch, and a value is
+Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0, and the data determine only the slope
+(mu_2 - mu_s)/I0: mu_2 and I0 grow together, and a number for either alone would be an invention. So
+every value of the grid is held fixed in several trainings (seeds), all as one batch, and a value is
 **excluded** only if both hold:
 
 1. the loss is higher than at the best value by more than three standard errors of the mean over
@@ -13,8 +13,8 @@ of the grid is held fixed in several trainings (seeds), all as one batch, and a 
       s^2 = \sum_{v,k} (L_{vk} - \bar L_v - \bar L_k + \bar L)^2 / ((V - 1)(n - 1)); $$
 
 2. the law differs, max |mu(I) - mu_best(I)| > 0.005 (--profile.law_accuracy) for some I between the
-   5 % and 95 % quantiles of the grains: laws that agree to what an identification is worth there
-   (bench/studies/inertial_number) are not told apart by optimization, however small its scatter.
+   5 % and 95 % quantiles of the grains: laws that agree to the accuracy of an identification there
+   (bench/studies/inertial_number) count as equal, however small the scatter of the losses.
 
 Both ends of the grid excluded: I0 is separable, and its estimate is the vertex of the parabola
 through the three values around the least loss, in log I0. One end: a bound. None: not separable.
@@ -32,12 +32,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.config import Config
+from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.identification.batch import identify_many
+from granpinn.physics.laws import mu_of_i
 from granpinn.results import Result
 from granpinn.results.findings import Profile, ProfilePoint
-from granpinn.results.summary import BAND_POINTS, friction
+from granpinn.results.summary import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
 
@@ -54,6 +55,15 @@ def grid_of(config: Config) -> list[float]:
     return [config.I0 * math.exp(x) for x in exponents.tolist()]
 
 
+def require_mu_of_i(config: Config) -> None:
+    """ConfigError where the law has no profile of I0."""
+    if config.law != mu_of_i.LAW.name:
+        raise ConfigError(
+            f"--free-I0 is for {mu_of_i.LAW.title} alone, got --law {config.law}: leave out one of "
+            "the two"
+        )
+
+
 def profile_I0(
     flow: Flow | str | os.PathLike[str],
     config: Config,
@@ -62,7 +72,7 @@ def profile_I0(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Profile:
-    """Train the grid of I0 as one batch, and judge it.
+    """Train the grid of I0 as one batch, and weigh it up.
 
     Args:
         flow, run_dir, progress: as for `identify_many`.
@@ -70,8 +80,10 @@ def profile_I0(
         steps: of every training, by default what the settings say.
 
     Raises:
-        As `identify_many`; NonFiniteError where too few trainings came to their end.
+        As `identify_many`; NonFiniteError where too few trainings came to their end; ConfigError
+        where the law is not mu(I).
     """
+    require_mu_of_i(config)
     average = max(LEAST_AVERAGE, config.optimizer.average)
     config = dataclasses.replace(
         config,
@@ -92,14 +104,14 @@ def profile_I0(
         keep_fields=False,
         progress=progress,
     )
-    return judge(found, config.profile.law_accuracy, config.I0)
+    return profile_from(found, config.profile.law_accuracy, config.I0)
 
 
-def judge(results: Sequence[Result], law_accuracy: float, given: float) -> Profile:
+def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -> Profile:
     """The profile of trainings at every pair of an I0 and a seed.
 
     Args:
-        law_accuracy: differences of mu(I) up to this are not told apart.
+        law_accuracy: laws that differ by no more than this count as equal.
         given: I0 of the run, at which slope and d mu_2 / d I0 are taken.
 
     Raises:
@@ -122,9 +134,9 @@ def judge(results: Sequence[Result], law_accuracy: float, given: float) -> Profi
     mu_s = np.array([[r.parameters.mu_s.value for r in row] for row in table])
     mu_2 = np.array([[r.parameters.mu_2.value for r in row] for row in table])
     low, high = _covered(results)
-    laws = np.stack(
-        [_law(*c, low, high) for c in zip(mu_s.mean(1), mu_2.mean(1), grid, strict=True)]
-    )
+    I = np.linspace(low, high, BAND_POINTS)  # noqa: E741
+    means = zip(mu_s.mean(1), mu_2.mean(1), grid, strict=True)
+    laws = np.stack([mu_of_i.friction(I, *theta) for theta in means])
     difference = np.abs(laws - laws[best]).max(axis=1)
     excluded = (rises > smallest) & (difference > law_accuracy)
     points = tuple(
@@ -183,14 +195,10 @@ def _covered(results: Sequence[Result]) -> tuple[float, float]:
     return low, max(float(np.median([band.q95 for band in bands])), low)
 
 
-def _law(mu_s: float, mu_2: float, I0: float, low: float, high: float) -> Array:
-    return friction(np.linspace(low, high, BAND_POINTS), mu_s, mu_2, I0)
-
-
 def _status(
     grid: Array, rises: Array, excluded: npt.NDArray[np.bool_], best: int
 ) -> tuple[str, tuple[float | None, float | None], float | None]:
-    """What is known of I0, the values that are allowed, and an estimate where there is one."""
+    """The status of I0, the values that are allowed, and an estimate where there is one."""
     kept = np.flatnonzero(~excluded)
     open_below, open_above = not excluded[0], not excluded[-1]
     # The bound lies between the last value that is allowed and the first that is not.
@@ -240,7 +248,7 @@ def _verdict(
     if status == "separable":
         return f"I0 = {estimate:.3g}, between {low:.3g} and {high:.3g} ({covers})"
     if status == "lower bound":
-        return f"I0 is above {low:.3g}, and no upper end is seen in these data: {covers}"
+        return f"I0 is above {low:.3g}, and these data show no upper end: {covers}"
     if status == "upper bound":
-        return f"I0 is below {high:.3g}, and no lower end is seen in these data: {covers}"
+        return f"I0 is below {high:.3g}, and these data show no lower end: {covers}"
     return f"I0 is not separable in these data: {covers}"

@@ -11,7 +11,6 @@ the residual of the strong momentum equation, whatever form was trained.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
@@ -19,11 +18,14 @@ import torch
 from torch import Tensor
 
 from granpinn.data import Flow, test_grid
+from granpinn.identification.case import Model
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
-from granpinn.physics import rheology
 from granpinn.physics.axes import Axes
-from granpinn.physics.scales import Quantity, Scales
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import Law
+from granpinn.physics.rheology import inertial_number
+from granpinn.physics.scales import Quantity
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, Float32, Float64, Units
 
@@ -31,29 +33,19 @@ CHUNK = 32768  # points per evaluation: bounds the memory, does not change the v
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
 
 
-def predict(
-    flow: Flow,
-    spec: NetworkSpec,
-    params: Tensor,
-    theta: Tensor,
-    physics: Sequence[float],
-    scales: Scales,
-    chunk: int = CHUNK,
-) -> Fields:
-    """The fields of a trained network at all points inside the grains, in the units of `flow`.
+def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
+    """The fields of a model at all points inside the grains, in the units of `flow`.
 
     Args:
         flow: the file's own flow, without added noise: u, v and p become the reference values.
-        params: flat parameters [P].
-        theta: (mu_s, mu_2, I0) [3], with the dtype and device of `params`.
-        physics: [d, g_x, g_y, eta_min, eta_max, U, P, p_floor], dimensionless.
         chunk: points per evaluation.
     """
+    scales, network = model.scales, (model.problem.spec, model.params)
     grid, axes = test_grid(flow, scales), Axes.of(flow.gravity)
     values: dict[str, Float32] = {}
     for start in range(0, len(grid.points), chunk):
-        points = _turned(grid.points[start : start + chunk], axes).to(params)
-        found = evaluate(points, spec, params, theta, physics)
+        points = _turned(grid.points[start : start + chunk], axes).to(model.params)
+        found = evaluate(points, *network, model.law, model.theta, model.physics)
         for name, value in _turned_back(found, axes).items():
             if name not in values:
                 values[name] = np.empty(len(grid.points), np.float32)
@@ -77,26 +69,17 @@ def predict(
     )
 
 
-def velocity_at_particles(
-    flow: Flow, spec: NetworkSpec, params: Tensor, physics: Sequence[float], scales: Scales
-) -> Float64 | None:
+def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
     """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
     p = flow.particles
     if p is None:
         return None
-    points = scales.points_to_dimensionless(p.x, p.y, p.t)
-    return velocity(points, Axes.of(flow.gravity), spec, params, physics, scales)
+    points = model.scales.points_to_dimensionless(p.x, p.y, p.t)
+    return velocity(points, Axes.of(flow.gravity), model)
 
 
 @torch.no_grad()
-def velocity(
-    points: Float64,
-    axes: Axes,
-    spec: NetworkSpec,
-    params: Tensor,
-    physics: Sequence[float],
-    scales: Scales,
-) -> Float64:
+def velocity(points: Float64, axes: Axes, model: Model) -> Float64:
     """Predicted (u, v) [2, N] in the units and axes of a flow.
 
     Args:
@@ -104,14 +87,15 @@ def velocity(
         axes: of the training.
     """
     turned_points = _turned(torch.as_tensor(points), axes)
+    spec, params = model.problem.spec, model.params
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     parts = [
         ops.network_value(part.to(params), params, *network)[:, :2].cpu()
         for part in torch.split(turned_points, CHUNK)
     ]
-    turned = physics[5] * torch.cat(parts).double().numpy().T
+    turned = model.physics.velocity_scale * torch.cat(parts).double().numpy().T
     predicted = np.stack(axes.undo(turned[0], turned[1]))
-    return np.asarray(scales.to_physical(predicted, "velocity"))
+    return np.asarray(model.scales.to_physical(predicted, "velocity"))
 
 
 def _turned(points: Tensor, axes: Axes) -> Tensor:
@@ -121,7 +105,7 @@ def _turned(points: Tensor, axes: Axes) -> Tensor:
 
 
 def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
-    """What `evaluate` finds, in the axes of the file."""
+    """The values of `evaluate` in the axes of the file."""
     found = dict(values)
     for x, y in (("u", "v"), ("momentum_residual_x", "momentum_residual_y")):
         found[x], found[y] = axes.undo(values[x], values[y])
@@ -132,13 +116,13 @@ def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def evaluate(
-    points: Tensor, spec: NetworkSpec, params: Tensor, theta: Tensor, physics: Sequence[float]
+    points: Tensor, spec: NetworkSpec, params: Tensor, law: Law, theta: Tensor, physics: Physics
 ) -> dict[str, Tensor]:
     """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
 
     All in the axes of the training.
     """
-    d, _, _, eta_min, eta_max, U, P, p_floor = physics
+    U, P = physics.velocity_scale, physics.pressure_scale
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     z, z_x, z_y, _ = ops.network_jet(points, params, *network, 1)
     u, v = U * z[:, 0], U * z[:, 1]
@@ -147,12 +131,17 @@ def evaluate(
     p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
     D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
-    eta = ops.viscosity(gamma_dot, p, theta, d, eta_min, eta_max, p_floor)
+    d, limits, floor = (
+        physics.grain_diameter,
+        (physics.eta_min, physics.eta_max),
+        physics.pressure_floor,
+    )
+    eta = ops.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
     if spec.form == "mixed":
         tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
     else:
         tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
-    residual = ops.strong_residual(points, params, theta, *network, list(physics))
+    residual = ops.strong_residual(points, params, theta, *network, list(physics), law.name)
     e_u, e_v, divergence = residual.unbind(1)
     return {
         "u": u,
@@ -161,7 +150,7 @@ def evaluate(
         "tau_xx": tau_xx,
         "tau_xy": tau_xy,
         "D2": torch.sqrt(D_squared),
-        "I": rheology.inertial_number(gamma_dot, p, d, p_floor),
+        "I": inertial_number(gamma_dot, p, d, floor),
         "eta": eta,
         "momentum_residual_x": e_u,
         "momentum_residual_y": e_v,

@@ -6,11 +6,11 @@ grains after the start,
 $$ \epsilon = 100 \sqrt{\sum |f_{predicted} - f_{reference}|^2 / \sum |f_{reference}|^2}. $$
 
 **Flowing and stagnant.**  Where the material does not shear, kinematics does not fix the pressure,
-so a mean over everything hides what is known.  A point flows where
-D2 >= 0.05 sqrt(|g| / H0) and is stagnant (also: moves rigidly) where it is less.  0.05 is the
+so a mean over all points hides the error where the motion does fix it.  A point flows where
+D2 >= 0.05 sqrt(|g| / H0) and is stagnant (at rest or in rigid motion) where it is less. 0.05 is the
 strain-rate error of a velocity field resolved to about 1 %; below it the direction of the stress
-is lost.  A quarter of the points of a column collapse are stagnant by this rule, and D2 is spread
-evenly over the decades around it: no threshold is a natural one, so results.json states it.
+is lost.  A quarter of the points of a column collapse are stagnant by this rule. D2 is spread
+evenly over the decades around it, so that no threshold is natural; results.json states this one.
 
 D2 is taken from finite differences of the velocity in the file, so that the zones do not depend on
 the network, unless the file declares measurement noise (sigma_u, sigma_v): differences of noise
@@ -103,7 +103,7 @@ def flowing(fields: Fields, d2: Array | None = None) -> Mask:
 def score(
     flow: Flow, fields: Fields, parameters: Parameters, at_particles: Array | None = None
 ) -> Scores:
-    """All errors of one identification against what the flow file knows.
+    """All errors of one identification against the reference values of the flow file.
 
     Args:
         flow: the file's own data, without added noise.
@@ -111,12 +111,12 @@ def score(
         at_particles: predicted (u, v) at its scattered vectors [2, n], where it has them.
     """
     counted, values = after_start(fields), fields.values
-    true_s, true_2 = (flow.truth.mu_s, flow.truth.mu_2) if flow.truth else (None, None)
     errors = {
-        "mu_s": scalar_error(parameters.mu_s, true_s),
-        "mu_2": scalar_error(parameters.mu_2, true_2),
-        "velocity": relative_l2(*_velocities(flow, fields, at_particles)),
+        name: scalar_error(parameter, getattr(flow.truth, name, None))
+        for name, parameter in parameters.items()
+        if not parameter.fixed
     }
+    errors["velocity"] = relative_l2(*_velocities(flow, fields, at_particles))
     zones = None
     if "p_reference" in values:
         known = np.isfinite(values["p_reference"]) & counted
@@ -126,8 +126,8 @@ def score(
             reference = values["p_reference"]
             errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
             if "p_simulated" in values:
-                closed = mask & np.isfinite(values["p_simulated"])
-                error = relative_l2(values["p_simulated"][closed], reference[closed])
+                simulated = mask & np.isfinite(values["p_simulated"])
+                error = relative_l2(values["p_simulated"][simulated], reference[simulated])
                 errors[f"pressure_simulated{zone}"] = error
         counts = (int(np.sum(masks[zone])) for zone in ("_flowing", "_stagnant"))
         zones = Zones(D2_STAGNANT, split.source, *counts)

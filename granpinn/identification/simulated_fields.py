@@ -1,4 +1,4 @@
-"""The fields of a trained network with the pressure that the simulator closes (closure.py)."""
+"""The fields of a trained network with the simulated pressure at some frames."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ from granpinn.training.loop import TrainingLoop
 Array = npt.NDArray[np.float64]
 
 AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
-CLOSING = 2.0  # more of them for every frame that is closed, by the cores that share the work
+EACH_FRAME = 2.0  # more of them for every simulated frame, over the cores that share the work
 AFTER_TRAINING_PART = 0.25  # at most this part of a time limit
-CLOSING_PART = 0.5  # of what is kept: no frame is begun to be closed after it
+SIMULATION_PART = 0.5  # of the kept time: no frame is begun after it
 SAY_EVERY = 10.0  # seconds
 
 
 def kept_after_training(config: Config, members: int) -> float:
     """Seconds of a time limit that are left when so many networks are trained; 0 without one.
 
-    Of `config.members` networks one is shown, and its pressure closed.
+    Of `config.members` networks one is shown, and only that one has a simulated pressure.
     """
     frames = config.simulated_pressure.frames * max(1, members // config.members)
-    wanted = AFTER_TRAINING + CLOSING * frames / len(os.sched_getaffinity(0))
+    wanted = AFTER_TRAINING + EACH_FRAME * frames / len(os.sched_getaffinity(0))
     return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
-def close(
+def add(
     case: Case, run: TrainingLoop, model: Model, maps: Fields, pool: Executor
 ) -> tuple[Fields, SimulatedPressure]:
-    """The fields with `p_simulated` where there is any, and the record of it."""
+    """The fields with `p_simulated`, where the simulation gives one, and the record of it."""
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
         nonlocal said
         if time.monotonic() - said > SAY_EVERY:
             said = time.monotonic()
-            run.progress.message(f"closing the pressure {done}/{frames}")
+            run.progress.message(f"simulating the pressure {done}/{frames}")
 
     deadline = None
     if run.deadline is not None:
         kept = kept_after_training(case.config, len(run.trainer.params))
-        deadline = run.deadline + CLOSING_PART * kept
+        deadline = run.deadline + SIMULATION_PART * kept
     flow = case.flow
-    mu_s, mu_2, I0 = model.theta.tolist()
     settings = case.config.simulated_pressure
-    closed, record = simulated_pressure.close(
+    pressures, record = simulated_pressure.at_frames(
         flow,
-        (mu_s, mu_2, I0),
+        model.law,
+        model.theta.tolist(),
         velocity_of(flow, model),
         settings.frames,
         settings.cells,
@@ -70,46 +70,46 @@ def close(
         deadline=deadline,
         listener=say,
     )
-    if not closed:
+    if not pressures:
         return maps, record
-    maps = with_simulated_pressure(maps, closed)
+    maps = with_simulated_pressure(maps, pressures)
     flowing, stagnant = difference(flow, maps)
     return maps, replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
 
 
 def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:
     """The predicted velocity at any point, in the units and axes of a flow."""
-    axes, p, scales = Axes.of(flow.gravity), model.problem, model.scales
+    axes = Axes.of(flow.gravity)
     one_at_a_time = threading.Lock()  # torch takes all cores for each
 
     def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
-        points = scales.points_to_dimensionless(x, y, t)
+        points = model.scales.points_to_dimensionless(x, y, t)
         with one_at_a_time:
-            u, v = prediction.velocity(points, axes, p.spec, model.params, p.physics, scales)
+            u, v = prediction.velocity(points, axes, model)
         return u, v
 
     return velocity
 
 
-def with_simulated_pressure(fields: Fields, closed: dict[int, Array]) -> Fields:
-    """The fields with a closed pressure [Y, X] by frame; `p_simulated` is NaN at the others."""
+def with_simulated_pressure(fields: Fields, pressures: dict[int, Array]) -> Fields:
+    """The fields with a simulated pressure [Y, X] by frame; `p_simulated` is NaN at the others."""
     frame, place = np.divmod(fields.index, fields.y.size * fields.x.size)
     values = np.full(len(fields.index), np.nan, np.float32)
-    for k, p in closed.items():
+    for k, p in pressures.items():
         values[frame == k] = p.ravel()[place[frame == k]]
     return replace(fields, values=fields.values | {"p_simulated": values})
 
 
 def difference(flow: Flow, fields: Fields) -> tuple[float | None, float | None]:
-    """rms of the predicted less the closed pressure over that of the closed one, in %.
+    """rms difference of predicted and simulated pressure over the rms of the simulated one, in %.
 
-    Where grains flow, and where they do not; None for no points.
+    For flowing grains, and for the others; None for no points.
     """
-    p, closed = fields.values["p"], fields.values["p_simulated"]
-    known = np.isfinite(closed)
+    p, simulated = fields.values["p"], fields.values["p_simulated"]
+    known = np.isfinite(simulated)
     split = scoring.zones_of(flow, fields)
     flowing, stagnant = (
-        relative_l2(p[known & zone], closed[known & zone])
+        relative_l2(p[known & zone], simulated[known & zone])
         for zone in (split.flowing, split.stagnant)
     )
     return flowing, stagnant

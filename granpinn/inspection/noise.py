@@ -10,8 +10,8 @@ gives the number of independent vectors.
 
 This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
-large (docs/guides/inspecting.md). Errors that are the same in every frame, such as means over windows,
-cancel.
+large (docs/guides/inspecting.md). Errors that are the same in every frame, such as means over
+windows, cancel.
 
 For particles: residuals of local parabolas in x and y among the neighbors of one frame. The random
 motion of grains about the mean flow counts as noise.

@@ -1,8 +1,8 @@
 """The report of a run: `python -m granpinn.report DIR`.
 
-Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there) and
-writes results.csv, figures/*.png and report.html, one page that needs no other file and no network.
-What is missing is said on the page.  With --paraview also fields.vtkhdf.
+It needs nothing but the run folder: results.json, and fields.h5 and history.csv if they are there.
+It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
+network. The page lists what is missing. With --paraview it writes fields.vtkhdf too.
 """
 
 from __future__ import annotations

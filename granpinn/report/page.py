@@ -1,7 +1,7 @@
 """From a run folder to report.html, one page that needs no other file and no network.
 
-Reads nothing but the run folder (results.json, and fields.h5 and history.csv if they are there).
-What is missing is said on the page.
+It needs nothing but the run folder: results.json, and fields.h5 and history.csv if they are there.
+The page lists what is missing.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import csv
 import hashlib
 import math
 import sys
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,12 @@ from typing import Any
 import jinja2
 import numpy as np
 import numpy.typing as npt
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from granpinn.atomic import atomic_path
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
@@ -38,11 +39,11 @@ from granpinn.results import (
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
 from granpinn.training.history import columns
-from granpinn.uncertainty.assessment import assess
+from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
 PAGE = 2_900_000  # bytes that figures and film may make of the page
-OWN_PLACE = ("flow", "out")  # settings that name folders of one machine: no matter for readers
+OWN_PLACE = ("flow", "out")  # settings that name folders of one machine, of no use to a reader
 
 
 class HistoryFileError(ValueError):
@@ -69,7 +70,7 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     except FieldsFileError as error:
         problems.append(str(error))
     try:
-        history = read_history(folder / "history.csv")
+        history = read_history(folder / "history.csv", LAWS[result.law])
     except HistoryFileError as error:
         problems.append(str(error))
     compared: Comparison | None = None
@@ -108,8 +109,9 @@ def for_paraview(run_dir: str | Path) -> Path:
     return path
 
 
-def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
+def read_history(path: Path, law: Law = DEFAULT) -> dict[str, npt.NDArray[np.float64]]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
+    names = columns(law)
     try:
         text = path.read_text(encoding="utf-8")
         rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
@@ -117,21 +119,19 @@ def read_history(path: Path) -> dict[str, npt.NDArray[np.float64]]:
         raise HistoryFileError(f"{path.name} does not exist") from None
     except (OSError, ValueError, csv.Error) as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    header = tuple(rows[0]) if rows else ()
-    if header not in map(columns, LAWS.values()):
-        expected = ", ".join(columns(DEFAULT))
-        raise HistoryFileError(f"{path.name} must start with the columns {expected}")
+    if not rows or tuple(rows[0]) != names:
+        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(names)}")
     for row in rows[1:]:
-        if len(row) != len(header):
-            raise HistoryFileError(f"{path.name} must have {len(header)} cells a line, got {row}")
+        if len(row) != len(names):
+            raise HistoryFileError(f"{path.name} must have {len(names)} cells a line, got {row}")
     try:
         table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
     except ValueError as error:
         raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
-    table = table.reshape(-1, len(header))
+    table = table.reshape(-1, len(names))
     if not np.isfinite(table[:, 0]).all():
         raise HistoryFileError(f"{path.name} must have a step in every line")
-    return dict(zip(header, table.T, strict=True))
+    return dict(zip(names, table.T, strict=True))
 
 
 def render(
@@ -151,12 +151,15 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "duration": duration, "base64": encoded}
+    environment.filters |= {"symbol": symbol}
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
-    summary = summarize(result, history)
+    summary, law = summarize(result, history), LAWS[result.law]
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     digest = hashlib.sha256(script.encode()).digest()
     return environment.get_template("report.html").render(
         r=result,
+        law=law,
+        has_truth=any(result.error_percent.get(name) is not None for name in law.names),
         s=summary,
         a=assess(result, summary),
         film=film,
@@ -167,6 +170,12 @@ def render(
         problems=problems,
         settings=settings,
     )
+
+
+def symbol(text: str) -> Markup:
+    """The symbol of a parameter, such as "μₛ", with a real index: it is easier to read."""
+    index = escape(unicodedata.normalize("NFKD", text[1:]))
+    return Markup("<i>{}</i><sub>{}</sub>").format(text[:1], index)
 
 
 def encoded(path: Path) -> str:

@@ -1,7 +1,13 @@
-"""What a run leaves: the result and its files results.json, results.csv and fields.h5."""
+"""What a run leaves: the result and its files results.json, results.csv and fields.h5.
+
+In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
+bars, verdict), findings (checks and simulations), result (all of it, and results.json), decoding
+(its JSON), summary (numbers behind the words of a report), results_csv, fields.
+"""
 
 from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
-from granpinn.results.records import ErrorPercent, Zones
+from granpinn.results.named import ErrorPercent, Residuals
+from granpinn.results.records import Zones
 from granpinn.results.result import (
     Covariance,
     DataSummary,
@@ -31,6 +37,7 @@ __all__ = [
     "Input",
     "Parameter",
     "Parameters",
+    "Residuals",
     "Result",
     "ResultsFileError",
     "Timing",

@@ -1,6 +1,6 @@
-"""Decode JSON values into typed dataclasses, strictly.
+"""JSON values into typed dataclasses, strictly, and back.
 
-Knows exactly the types that results.json needs: dataclasses, float, int, bool, str, `X | None`,
+Exactly the types that results.json needs: dataclasses, `Named`, float, int, bool, str, `X | None`,
 tuples, dict[str, X] and Any.  An unknown key, a missing one or a wrong type is a ValueError that
 names the place, what was expected and what was found.
 """
@@ -13,12 +13,30 @@ import types
 import typing
 from typing import Any, TypeVar
 
+from granpinn.results.named import Named
+
 T = TypeVar("T")
 
 
-def decode(cls: type[T], value: Any) -> T:
-    """An instance of the dataclass `cls` from a dict of JSON values."""
-    return typing.cast(T, _decode(cls, value, ""))
+OTHERS = {"others": True}  # metadata of a dict field: the keys of the JSON object without a field
+
+
+def encode(value: Any) -> Any:
+    """The inverse of `decode`, with tuples as lists."""
+    if dataclasses.is_dataclass(value):
+        content: dict[str, Any] = {}
+        for f in dataclasses.fields(value):
+            item = encode(getattr(value, f.name))
+            content |= item if "others" in f.metadata else {f.name: item}
+        return content
+    if isinstance(value, dict):
+        return {name: encode(item) for name, item in value.items()}
+    return [encode(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def decode(cls: type[T], value: Any, where: str = "") -> T:
+    """An instance of the dataclass `cls` from a dict of JSON values; `where`: its place."""
+    return typing.cast(T, _decode(cls, value, where))
 
 
 def _decode(kind: Any, value: Any, where: str) -> Any:
@@ -33,10 +51,17 @@ def _decode(kind: Any, value: Any, where: str) -> Any:
     if origin is tuple:
         return _tuple(arguments, value, where)
     if origin is dict:
-        if not isinstance(value, dict):
-            raise _wrong(where, "an object", value)
-        return {k: _decode(arguments[1], item, f"{where}.{k}") for k, item in value.items()}
+        return _items(arguments[1], value, where)
+    if issubclass(kind, Named):
+        (inner,) = typing.get_args(kind.__orig_bases__[0])
+        return _made(kind, (_items(inner, value, where),), {}, f"{where}.")
     return _scalar(kind, value, where)
+
+
+def _items(kind: Any, value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise _wrong(where, "an object", value)
+    return {k: _decode(kind, item, f"{where}.{k}") for k, item in value.items()}
 
 
 def _dataclass(cls: type, value: Any, where: str) -> Any:
@@ -44,6 +69,11 @@ def _dataclass(cls: type, value: Any, where: str) -> Any:
         raise _wrong(where, "an object", value)
     fields = {f.name: f for f in dataclasses.fields(cls)}
     prefix = f"{where}." if where else ""
+    for name, f in fields.items():
+        if "others" in f.metadata:
+            value = {k: v for k, v in value.items() if k in fields} | {
+                name: {k: v for k, v in value.items() if k not in fields}
+            }
     for key in value:
         if key not in fields:
             raise ValueError(f"{prefix}{key} is not known; expected {', '.join(fields)}")
@@ -51,13 +81,18 @@ def _dataclass(cls: type, value: Any, where: str) -> Any:
     decoded = {}
     for name, f in fields.items():
         if name in value:
-            decoded[name] = _decode(hints[name], value[name], prefix + name)
+            place = where if "others" in f.metadata else prefix + name
+            decoded[name] = _decode(hints[name], value[name], place)
         elif f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
             raise ValueError(f"{prefix}{name} is missing")
+    return _made(cls, (), decoded, f"{where}: " if where else "")
+
+
+def _made(cls: type, values: tuple[Any, ...], named: dict[str, Any], prefix: str) -> Any:
     try:
-        return cls(**decoded)
+        return cls(*values, **named)
     except ValueError as error:
-        raise ValueError(f"{prefix.rstrip('.')}: {error}" if prefix else str(error)) from None
+        raise ValueError(f"{prefix}{error}") from None
 
 
 def _tuple(arguments: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:

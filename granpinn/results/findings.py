@@ -14,7 +14,7 @@ class Loss:
 
     Attributes:
         n_points: points inside the grains.
-        terms: half the mean square of every residual, dimensionless.
+        terms: half the mean square of every residual by `terms.NAMES`, dimensionless.
         weights: 1/sigma^2 of every term at the end of the training.
     """
 
@@ -30,7 +30,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class ProfilePoint:
-    """One value of I0: the law that was identified there, and what speaks against it.
+    """One value of I0 of mu(I): the law that was identified there, and whether it is excluded.
 
     Attributes:
         mu_s, mu_2, slope: means over the seeds; slope = (mu_2 - mu_s) / I0.
@@ -50,13 +50,13 @@ class ProfilePoint:
 
 @dataclass(frozen=True)
 class Profile:
-    """The profile of the loss over I0 and what it says (identification/inertial_profile.py).
+    """The profile of the loss over I0 of mu(I) and its meaning (inertial_profile.py).
 
     Attributes:
         points: in increasing I0.
         n_seeds: trainings at each value that came to their end.
         smallest_rise: a rise of the loss up to this is scatter of the training.
-        law_accuracy: a difference of the laws up to this is not told apart.
+        law_accuracy: laws that differ by no more than this count as equal.
         I_low, I_high: the inertial numbers that the data cover (5 % and 95 % quantiles).
         best: I0 of the least loss where the data separate it, else None.
         allowed: the I0 that are not excluded; None at a side where the grid ends before.
@@ -105,11 +105,11 @@ class Profile:
 
 @dataclass(frozen=True)
 class SimulatorFit:
-    """The law by which the simulator comes closest (identification/simulator_fit.py).
+    """The mu(I) law whose simulation is closest to the data (second_opinion/simulator_fit.py).
 
     Attributes:
         mu_s, mu_2: of the least misfit.
-        std: of both, by noise and the roughness of runs: the error of the simulator is not in it.
+        std: of both, by noise and the roughness of runs, without the error of the simulator.
         misfit_percent: of the velocity, relative to its root mean square.
         common_percent: share of the points that all simulations have.
         inside: whether the least misfit lies among the laws that were simulated.
@@ -132,7 +132,7 @@ class SimulatorFit:
 
     def __str__(self) -> str:
         """The line for the terminal."""
-        doubt = "" if self.inside else "; NOT a minimum: the laws tried do not enclose it"
+        doubt = "" if self.inside else "; NOT a minimum: it lies outside of the simulated laws"
         third = "" if self.I0 is None else f", I0 {self.I0:.4f}"
         third_std = "" if self.I0_std is None else f", {self.I0_std:.4f}"
         if self.correlation is not None:
@@ -146,7 +146,7 @@ class SimulatorFit:
 
 @dataclass(frozen=True)
 class Resimulation:
-    """The data against a simulation with the identified law (identification/resimulation.py).
+    """The data against a simulation with the identified law (second_opinion/resimulation.py).
 
     `objection` says why there is no simulation, and all numbers are then None.
 
@@ -186,18 +186,18 @@ class Resimulation:
 
 @dataclass(frozen=True)
 class SimulatedPressure:
-    """The pressure as the simulator has it at some frames (identification/closure.py).
-
-    `objection` says why it was not closed, and all numbers are then None.
+    """The simulated pressure at some frames (second_opinion/simulated_pressure.py).
 
     Attributes:
+        objection: why there is none; all numbers are then None.
         cells: across the box.
-        frames: indices of the frames that were closed.
+        frames: indices of the frames that have a simulated pressure.
         failed: frames at which a solve did not converge.
         late: frames for which the time limit left no time.
         seconds: for all frames.
-        flowing_percent, stagnant_percent: rms of the predicted less the closed pressure over that
-            of the closed one, by zones (identification/scoring.py); None for an empty zone.
+        flowing_percent, stagnant_percent: rms difference of the predicted and the simulated
+            pressure over the rms of the simulated one, by zones (identification/scoring.py); None
+            for an empty zone.
     """
 
     objection: str | None
@@ -212,14 +212,14 @@ class SimulatedPressure:
     def __str__(self) -> str:
         """The line for the terminal."""
         if self.objection is not None:
-            return f"pressure not closed where nothing flows: {self.objection}"
+            return f"no simulated pressure: {self.objection}"
         if not self.frames:
-            return f"pressure given by the simulator at no time{self.left_out}"
-        differences = {"flows": self.flowing_percent, "rests": self.stagnant_percent}
-        parts = [f"{p:.1f} % where it {zone}" for zone, p in differences.items() if p is not None]
+            return f"no simulated pressure{self.left_out}"
+        zones = {"flowing": self.flowing_percent, "resting": self.stagnant_percent}
+        parts = [f"{p:.1f} % in {zone} grains" for zone, p in zones.items() if p is not None]
         return (
-            f"pressure given by the simulator at {len(self.frames)} times: it differs from the "
-            f"predicted one by {' and '.join(parts) or 'an unknown amount'}{self.left_out}"
+            f"simulated pressure at {len(self.frames)} times: the predicted pressure differs by "
+            f"{' and '.join(parts) or 'an unknown amount'}{self.left_out}"
         )
 
     @property

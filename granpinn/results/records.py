@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from granpinn.results.decoding import OTHERS
 
 
 @dataclass(frozen=True)
@@ -10,21 +12,21 @@ class Members:
     """The members of an ensemble that ended well, in their order.
 
     Attributes:
-        seed, mu_s, mu_2: of each.
+        seed: of each.
+        values: of each, by the names of the identified parameters; in JSON beside the seed.
         redrawn: whether its data have the known noise once more (bench/studies/coverage).
-        shown: index here of the member that is nearest to the center; fields are its.
-        lost: how many diverged.
+        shown: index of the member that is nearest to the center; the fields are those of it.
+        diverged: how many did.
     """
 
     seed: tuple[int, ...]
-    mu_s: tuple[float, ...]
-    mu_2: tuple[float, ...]
+    values: dict[str, tuple[float, ...]] = field(metadata=OTHERS)
     redrawn: tuple[bool, ...]
     shown: int = 0
-    lost: int = 0
+    diverged: int = 0
 
     def __post_init__(self) -> None:
-        lengths = {len(self.seed), len(self.mu_s), len(self.mu_2), len(self.redrawn)}
+        lengths = {len(self.seed), len(self.redrawn), *map(len, self.values.values())}
         if lengths != {len(self.seed)} or not self.seed:
             raise ValueError(f"members must have one value each, got {sorted(lengths)}")
         if not 0 <= self.shown < len(self.seed):
@@ -32,41 +34,24 @@ class Members:
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Root mean squares of what a trained network leaves, over many points, dimensionless.
+class Verdict:
+    """Whether the data follow the law at all.
 
     Attributes:
-        velocity: misfit of the data that were fitted, relative to their root mean square.
-        noise: known measurement noise in these data, in the same unit; 0 where none is known.
-        surface: pressure on the free surface.
-        momentum: in units of rho |g|.
-        continuity, constitutive: strain rates.
-    """
-
-    velocity: float
-    noise: float
-    surface: float
-    momentum: float
-    continuity: float
-    constitutive: float
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether the data follow the law at all; `follows` is None where this cannot be told.
-
-    `momentum` and `constitutive` are the residuals as multiples of what data of this law leave.
+        follows: None where no answer is possible.
+        words: the same in a sentence.
+        ratios: residuals relative to those of simulated flows of the law, by terms of the loss; in
+            JSON beside the words.
     """
 
     follows: bool | None
     words: str
-    momentum: float | None = None
-    constitutive: float | None = None
+    ratios: dict[str, float | None] = field(default_factory=dict, metadata=OTHERS)
 
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """What the standard deviations of (mu_s, mu_2) consist of.
+    """What the standard deviations of (mu_s, mu_2) consist of; for mu(I) alone.
 
     Attributes:
         scatter: sd that comes from seeds and measurement noise.
@@ -83,24 +68,6 @@ class ErrorBars:
     half_width: tuple[float, float]
     provenance: str
     provisional: bool
-
-
-@dataclass(frozen=True)
-class ErrorPercent:
-    """Relative errors in %: of a scalar |value - true| / |true|, of a field eq. (errorL2).
-
-    Those of the closed pressure are over the frames at which it was closed.
-    """
-
-    mu_s: float | None = None
-    mu_2: float | None = None
-    velocity: float | None = None
-    pressure: float | None = None
-    pressure_flowing: float | None = None
-    pressure_stagnant: float | None = None
-    pressure_simulated: float | None = None
-    pressure_simulated_flowing: float | None = None
-    pressure_simulated_stagnant: float | None = None
 
 
 @dataclass(frozen=True)

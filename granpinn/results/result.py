@@ -4,12 +4,12 @@ A number that means nothing is None here and null in the file, never 0: an error
 reference, a standard deviation without a covariance.  The file is strict JSON (no NaN, no
 Infinity), written atomically, and validated when it is read back.
 
-Format version 1.  A field may be added with a default; any other change needs a new version.
+Format version 2.  A field may be added with a default; any other change needs a new version.
+Version 2 has the friction law (mu(I) where a file names none), and `members.diverged`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import os
@@ -23,16 +23,15 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.config import LEVELS
 from granpinn.data import Truth
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
-from granpinn.results.decoding import decode
+from granpinn.results.decoding import decode, encode
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
-from granpinn.results.records import ErrorBars, ErrorPercent, Members, Residuals, Verdict, Zones
+from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
+from granpinn.results.records import ErrorBars, Members, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
-FORMAT_VERSION = 1
-PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
-SIMULATED = ("pressure_simulated", "pressure_simulated_flowing", "pressure_simulated_stagnant")
-FIELD_ERRORS = ("velocity", *PRESSURES, *SIMULATED)
+FORMAT_VERSION = 2
 
 
 class ResultsFileError(ValueError):
@@ -41,7 +40,7 @@ class ResultsFileError(ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of mu(I), dimensionless.
+    """One parameter of a friction law, dimensionless.
 
     `fixed` marks a value that was given, not identified; it then has no uncertainty.
     """
@@ -63,15 +62,8 @@ class Parameter:
             raise ValueError(f"interval_90 must be (lower, upper), got {self.interval_90}")
 
 
-@dataclass(frozen=True)
-class Parameters:
-    mu_s: Parameter
-    mu_2: Parameter
-    I0: Parameter
-
-    def __post_init__(self) -> None:
-        if self.I0.value <= 0:
-            raise ValueError(f"I0 must be positive, got {self.I0.value}")
+class Parameters(Named[Parameter]):
+    """The parameters of a friction law by name, in the order of the law."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +74,6 @@ class Covariance:
     matrix: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
-        unknown = set(self.names) - {"mu_s", "mu_2", "I0"}
-        if unknown:
-            raise ValueError(f"names must be mu_s, mu_2 or I0, got {', '.join(sorted(unknown))}")
         n = len(self.names)
         if len(self.matrix) != n or any(len(row) != n for row in self.matrix):
             shape = [len(row) for row in self.matrix]
@@ -100,7 +89,7 @@ class Covariance:
 
 @dataclass(frozen=True)
 class InertialNumber:
-    """Quantiles of I over the grains: mu(I) is known only over this band."""
+    """Quantiles of I over the grains: the friction law is known only over this band."""
 
     q05: float
     median: float
@@ -133,11 +122,20 @@ class Input:
 
 
 @dataclass(frozen=True)
+class LawName:
+    """The friction law as results.json has it."""
+
+    name: str = DEFAULT.name
+
+
+@dataclass(frozen=True)
 class Result:
     """Everything about one identification.
 
-    `failure` says why the training of a member of a batch ended before the others; its numbers are
-    then those of its last good state, and `stopped` is "diverged".
+    Attributes:
+        law: name of the friction law (`granpinn.physics.laws.LAWS`).
+        failure: why the training of a member of a batch ended before the others; its numbers are
+            then those of its last good state, and `stopped` is "diverged".
     """
 
     parameters: Parameters
@@ -150,6 +148,7 @@ class Result:
     device: str
     versions: dict[str, str]
     input: Input
+    law: str = DEFAULT.name
     settings: dict[str, Any] = field(default_factory=dict)
     stopped: str = "steps"
     failure: str | None = None
@@ -168,31 +167,48 @@ class Result:
     verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
-        if self.level not in LEVELS:
-            raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {self.level!r}")
-        if self.form not in FORMS:
-            raise ValueError(f"form must be one of {', '.join(FORMS)}, got {self.form!r}")
+        for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
+            value = getattr(self, name)
+            if value not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
+        law = LAWS[self.law]
+        require_names(self.parameters, law.names, where="parameters.")
+        require_names(self.error_percent, FIELD_ERRORS, law.names, "error_percent.")
+        for p in law.parameters:
+            if p.fixed and self.parameters[p.name].value <= 0:
+                value = self.parameters[p.name].value
+                raise ValueError(f"parameters: {p.name} must be positive, got {value}")
+        if self.members is not None:
+            require_names(self.members.values, law.free, where="members.")
+        for name in self.covariance.names if self.covariance else ():
+            if name not in law.names:
+                known = ", ".join(law.names)
+                raise ValueError(f"covariance.names must be among {known}, got {name}")
+
+    @property
+    def theta(self) -> tuple[float, ...]:
+        """The values of the parameters, in the order of the law."""
+        return tuple(self.parameters[name].value for name in LAWS[self.law].names)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
-        header = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
-        content: dict[str, Any] = plain(dataclasses.asdict(self))
-        return header | content
+        content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "law": None}
+        values: dict[str, Any] = plain(content | encode(self) | {"law": {"name": self.law}})
+        return values
 
     def __str__(self) -> str:
         """The lines that a terminal shows at the end of a run."""
         lines = [
             f"{'':6s}{'value':>9s}{'std':>10s}{'90 % interval':>19s}{'true':>9s}{'error %':>10s}"
         ]
-        for name in ("mu_s", "mu_2", "I0"):
-            p: Parameter = getattr(self.parameters, name)
+        for name, p in self.parameters.items():
             std = "fixed" if p.fixed else number(p.std, ".4f")
             interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
-            error = number(getattr(self.error_percent, name, None), ".2f")
+            error = number(self.error_percent.get(name), ".2f")
             lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
         for name in FIELD_ERRORS:
-            error = number(getattr(self.error_percent, name), ".2f")
+            error = number(self.error_percent[name], ".2f")
             if error != "-" or "simulated" not in name:
                 lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
         if self.verdict is not None:
@@ -276,6 +292,7 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
+        content["law"] = decode(LawName, content.get("law", {}), "law").name
         return decode(Result, content)
     except ValueError as error:
         raise ResultsFileError(f"{where}: {error}") from None

@@ -7,10 +7,11 @@ not known; a fixed parameter has neither standard deviation nor interval.
 from __future__ import annotations
 
 import csv
-import dataclasses
 from pathlib import Path
 
 from granpinn.atomic import atomic_path
+from granpinn.physics.laws import LAWS
+from granpinn.results.named import FIELD_ERRORS
 from granpinn.results.result import Result, plain
 
 Cell = str | int | float | bool | None
@@ -23,12 +24,12 @@ def row(result: Result) -> dict[str, Cell]:
         "sha256": result.input.sha256,
         "level": result.level,
         "form": result.form,
+        "law": result.law,
         "recipe": result.recipe,
         "seed": result.seed,
         "stopped": result.stopped,
     }
-    for name in ("mu_s", "mu_2", "I0"):
-        parameter = getattr(result.parameters, name)
+    for name, parameter in result.parameters.items():
         low, high = parameter.interval_90 or (None, None)
         cells |= {
             name: parameter.value,
@@ -39,8 +40,8 @@ def row(result: Result) -> dict[str, Cell]:
             f"{name}_fixed": parameter.fixed,
             f"{name}_true": getattr(result.truth, name, None),
         }
-    for name, value in dataclasses.asdict(result.error_percent).items():
-        cells[f"error_{name}"] = value
+    for name in (*LAWS[result.law].free, *FIELD_ERRORS):
+        cells[f"error_{name}"] = result.error_percent.get(name)
     cells["error_unit"] = "%"
     band = result.inertial_number
     cells |= {

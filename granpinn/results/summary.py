@@ -1,21 +1,20 @@
 """The numbers behind the words of a report, derived from a result and its history.
 
-What data can say about mu(I) ends where the inertial numbers of the flow end.  Hence the law is
-summed up over the band of I that the middle 90 % of the grains cover, beside mu_s and mu_2, which
-are its limits outside of the band.
+The flow shows its friction law only over the inertial numbers that it has. Hence the law is summed
+up over the band of I that the middle 90 % of the grains cover, beside its parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import torch
 
-from granpinn.physics.rheology import mu_of_I
-from granpinn.results.result import Covariance, Parameters, Result
+from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.results.result import Covariance, Result
 
 LAST_PART = 0.1  # of the steps: how much the parameters still changed
 BAND_POINTS = 200
@@ -23,10 +22,11 @@ NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in
 
 
 class Band(NamedTuple):
-    """mu(I) over the inertial numbers that the data cover.
+    """The friction law over the inertial numbers that the data cover.
 
-    `largest_difference` is that between the identified and the true law, None without a truth;
-    `half_width` is half of the 90 % band where that is widest, None without error bars.
+    Attributes:
+        largest_difference: between the identified and the true law, None without a truth.
+        half_width: half of the 90 % band where that is widest, None without error bars.
     """
 
     I_low: float
@@ -40,60 +40,67 @@ class Band(NamedTuple):
 class Summary(NamedTuple):
     """
     Attributes:
-        slope: (mu_2 - mu_s) / I0, the slope of mu(I) at I = 0.
-        reaches: I_high / I0; mu_2 is an extrapolation where it is far below 1.
+        slope: (mu_2 - mu_s) / I0, the slope of mu(I) at I = 0; None for other laws.
+        reaches: I_high / I0; mu_2 is an extrapolation where it is far below 1; None for other laws.
         stagnant: share of the scored points in stagnant zones.
-        drift: relative change of (mu_s, mu_2) over the last tenth of the steps.
+        drift: relative change of each identified parameter over the last tenth of the steps.
     """
 
-    slope: float
+    slope: float | None
     band: Band | None
     reaches: float | None
     stagnant: float | None
-    drift: tuple[float, float] | None
+    drift: dict[str, float] | None
 
 
 def summarize(
     result: Result, history: Mapping[str, npt.NDArray[np.floating]] | None = None
 ) -> Summary:
     """What the page says in words; None for what is not known."""
-    p = result.parameters
     band = _band(result)
     zones = result.zones
     scored = zones.n_flowing + zones.n_stagnant if zones else 0
+    slope = reaches = None
+    if result.law == mu_of_i.LAW.name:
+        mu_s, mu_2, I0 = result.theta
+        slope = (mu_2 - mu_s) / I0
+        reaches = band.I_high / I0 if band else None
     return Summary(
-        slope=(p.mu_2.value - p.mu_s.value) / p.I0.value,
+        slope=slope,
         band=band,
-        reaches=band.I_high / p.I0.value if band else None,
+        reaches=reaches,
         stagnant=zones.n_stagnant / scored if zones and scored else None,
-        drift=_drift(history) if history else None,
+        drift=_drift(LAWS[result.law].free, history) if history else None,
     )
+
+
+def true_theta(result: Result) -> tuple[float, ...] | None:
+    """The true parameters in the order of the law; None where one of them is not known.
+
+    A fixed parameter whose true value is not known counts as true.
+    """
+    theta = []
+    for name in LAWS[result.law].names:
+        given, true = result.parameters[name], getattr(result.truth, name, None)
+        if true is None and not given.fixed:
+            return None
+        theta.append(given.value if true is None else float(true))
+    return tuple(theta)
 
 
 def _band(result: Result) -> Band | None:
     if result.inertial_number is None:
         return None
     low, high = result.inertial_number.q05, result.inertial_number.q95
-    p, truth = result.parameters, result.truth
     I = np.linspace(low, high, BAND_POINTS)  # noqa: E741
-    mu = friction(I, p.mu_s.value, p.mu_2.value, p.I0.value)
+    law, truth = LAWS[result.law], true_theta(result)
+    mu = law.friction(I, *result.theta)
     largest = None
-    if truth is not None and truth.mu_s is not None and truth.mu_2 is not None:
-        true = friction(I, truth.mu_s, truth.mu_2, truth.I0 or p.I0.value)
-        largest = float(np.max(np.abs(mu - true)))
+    if truth is not None:
+        largest = float(np.max(np.abs(mu - law.friction(I, *truth))))
     known = result.covariance
     half = None if known is None else float(np.max(half_width(I, result, known)))
     return Band(low, high, float(mu[0]), float(mu[-1]), largest, half)
-
-
-def friction(
-    I: npt.NDArray[np.floating],  # noqa: E741
-    mu_s: float,
-    mu_2: float,
-    I_0: float,
-) -> npt.NDArray[np.float64]:
-    """mu(I) [n] in float64."""
-    return mu_of_I(torch.from_numpy(np.asarray(I, np.float64)), mu_s, mu_2, I_0).numpy()
 
 
 def half_width(
@@ -101,43 +108,43 @@ def half_width(
     result: Result,
     covariance: Covariance,
 ) -> npt.NDArray[np.floating]:
-    """Half of the 90 % band of mu(I) [n].
-
-    mu(I) is a mixture of mu_s and mu_2, so the wider of their intervals counts.
-    """
+    """Half of the 90 % band of the law [n]; the widest interval of the parameters counts."""
     bars = result.error_bars
     width = max(bars.half_width) if bars else NORMAL_90
-    return width * friction_sd(I, result.parameters, covariance)
+    return width * friction_sd(I, result, covariance)
 
 
 def friction_sd(
     I: npt.NDArray[np.floating],  # noqa: E741
-    parameters: Parameters,
+    result: Result,
     covariance: Covariance,
 ) -> npt.NDArray[np.floating]:
-    r"""Standard deviation of mu(I) [n] from the covariance C of the parameters, to first order:
+    r"""Standard deviation of the law [n] from the covariance C of its parameters, to first order:
 
-    $$ \sigma_\mu^2 = J\,C\,J^T, \quad \phi = \frac{I}{I_0 + I}, \quad
-       J = \Big(1 - \phi,\ \phi,\ -\frac{(\mu_2 - \mu_s)\,\phi}{I_0 + I}\Big). $$
+    $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
     """
-    mu_s, mu_2, I_0 = parameters.mu_s.value, parameters.mu_2.value, parameters.I0.value
-    phi = I / (I_0 + I)
-    derivative = {"mu_s": 1 - phi, "mu_2": phi, "I0": -(mu_2 - mu_s) * phi / (I_0 + I)}
-    J = np.stack([derivative[name] for name in covariance.names])
-    variance = np.einsum("in,ij,jn->n", J, np.array(covariance.matrix), J)
+    law = LAWS[result.law]
+    theta = torch.tensor(result.theta, dtype=torch.float64)
+    at = torch.as_tensor(np.asarray(I, np.float64))
+    jacobian: Any = torch.autograd.functional.jacobian
+    rows = jacobian(lambda values: law.friction(at, *values), theta)
+    J = rows[:, [law.names.index(name) for name in covariance.names]].numpy()
+    variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _drift(history: Mapping[str, npt.NDArray[np.floating]]) -> tuple[float, float] | None:
-    """|last - value at 0.9 of the steps| / |last|, of mu_s and mu_2."""
+def _drift(
+    names: Sequence[str], history: Mapping[str, npt.NDArray[np.floating]]
+) -> dict[str, float] | None:
+    """|last - value at 0.9 of the steps| / |last| of parameters."""
     step = history["step"]
     if step.size < 2:
         return None
     before = int(np.argmin(np.abs(step - (1 - LAST_PART) * step[-1])))
-    changes = []
-    for name in ("mu_s", "mu_2"):
+    changes = {}
+    for name in names:
         last, then = history[name][-1], history[name][before]
         if before == step.size - 1 or not (np.isfinite(last + then) and last):
             return None
-        changes.append(float(abs(last - then) / abs(last)))
-    return changes[0], changes[1]
+        changes[name] = float(abs(last - then) / abs(last))
+    return changes

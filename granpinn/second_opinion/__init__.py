@@ -1,1 +1,7 @@
-"""Independent checks of an identified law by the simulator: none of them uses the network."""
+"""Independent checks of an identified law by the simulator: none of them uses the network.
+
+In reading order: resimulation (simulate with the identified law), comparison (that simulation
+against the data), law_runs (simulations at the nodes of a lattice of laws), response_surface (a
+quadratic through them), simulator_fit (the law whose simulation is closest to the data; for mu(I)
+alone), simulated_pressure (the pressure of a simulation that starts from a known velocity).
+"""

@@ -1,10 +1,9 @@
-"""Runs of the simulator at nodes of a lattice of laws, at the points of measured data.
+"""Runs of the simulator at the nodes of a lattice of mu(I) laws, at the points of measured data.
 
 A law is a place on the axes q = (log mu_s, log k, log I0) with the slope k = (mu_2 - mu_s)/I0 of
-the law at small I: where I << I0 the data know k and not I0, so that along these axes what is known
-well is not mixed with what is known badly. I0 is in units of the one that was given. Where it stays
-that, there are two unknowns, q = (log mu_s, log(mu_2 - mu_s)), and their nodes are among those of
-three.
+the law at small I. Where I << I0 the data determine k and not I0, so that these axes separate the
+well known from the badly known. I0 is in units of the given one. With I0 held there are two
+unknowns, q = (log mu_s, log(mu_2 - mu_s)), and their nodes are among the nodes of three.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
+from granpinn.physics.laws import mu_of_i
 from granpinn.second_opinion.comparison import interpolation
 from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
 from granpinn.simulation import Collapse
@@ -30,7 +30,7 @@ from granpinn.simulation.run import record
 
 Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
-Law = tuple[float, float, float]  # mu_s, mu_2, I0
+Theta = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
 
 SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
@@ -42,7 +42,7 @@ class AtPoints:
     """Takes the velocity at points of a flow from a simulation, frame by frame.
 
     Attributes:
-        collapse: what is simulated.
+        collapse: the settings of the simulation, resolved.
         points: flat indices into [T, Y, X], in increasing order.
     """
 
@@ -54,7 +54,7 @@ class AtPoints:
         self._taken: list[Array32] = []
 
     def add(self, time: float, state: State) -> None:
-        """Keeps the velocity of the frame whose turn it is; NaN where there are no grains."""
+        """Keeps the velocity of the next frame; NaN where there are no grains."""
         s, h = self.collapse.stride, self.collapse.spacing
         empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
@@ -79,7 +79,7 @@ class LawRuns:
     """Runs at nodes of the lattice, at the points of a flow; each is made once.
 
     Attributes:
-        stages: cells across the box and number of unknowns of the searches, one after the other.
+        stages: (cells across the box, number of unknowns) of the searches, in their order.
         points: flat indices into [T, Y, X], [n].
     """
 
@@ -91,11 +91,11 @@ class LawRuns:
         cells: int | None = None,
         free_I0: bool = False,
     ) -> None:
-        """`I0`: known, or where it is free a guess; `cells`: by default those of the data."""
+        """`I0`: held, or a first guess where it is free; `cells`: by default those of the data."""
         self.flow, self.column, self.I0 = flow, column, I0
         finest = cells or cells_of(flow, column)
         coarse, unknowns = min(finest, COARSE_CELLS), 3 if free_I0 else 2
-        # A coarse grid finds mu_s and mu_2 nearly, but not I0, which its errors move by far.
+        # A coarse grid nearly finds mu_s and mu_2. Its errors move I0 too far for that.
         self.stages = [*dict.fromkeys([(coarse, 2), (finest, unknowns)])]
         there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
         if len(there) > MOST_POINTS:
@@ -110,8 +110,8 @@ class LawRuns:
     def made(self) -> int:
         return len(self._found)
 
-    def law_at(self, q: Array) -> Law:
-        """The law at q, of two or three unknowns."""
+    def law_at(self, q: Array) -> Theta:
+        """(mu_s, mu_2, I0) at q, of two or three unknowns."""
         mu_s, rise, ratio = np.exp([*q, 0.0][:3]).tolist()
         return mu_s, mu_s + rise * ratio, ratio * self.I0
 
@@ -124,18 +124,18 @@ class LawRuns:
     def velocities(self, cells: int, nodes: Sequence[Node]) -> list[Array32]:
         """The velocity at the points for the law of every node, [2, n] each; NaN: no grains.
 
-        Fits in several threads share the runs: a node that one has asked for is not run again.
+        Fits in several threads share the runs: each node is run once.
 
         Args:
-            nodes: indices on the lattice; where there are two, I0 is the given one.
+            nodes: indices on the lattice; with two of them, I0 is the given one.
         """
         nodes = [(*node, 0)[:3] for node in nodes]
         with self._lock:
             missing = [node for node in nodes if (cells, node) not in self._found]
             waiting = len(missing) + sum(not run.done() for run in self._found.values())
             for node in missing:
-                law = self.law_at(np.array(node) * SPACING)
-                collapse = collapse_of(self.flow, self.column, law, cells)
+                theta = self.law_at(np.array(node) * SPACING)
+                collapse = collapse_of(self.flow, self.column, mu_of_i.LAW, theta, cells)
                 threads = max(1, self._cores // waiting)
                 run = self._pool.submit(self._run, replace(collapse, threads=threads))
                 self._found[cells, node] = run

@@ -2,14 +2,15 @@
 
 The simulator (granpinn/simulation) starts from the column of the first frame, with the gravity,
 density and grain diameter of the flow file, and writes its frames at the times of the data. It
-knows nothing of the network. What it cannot start from, anything but a column at rest in the lower
-left corner of a box, is said and not simulated.
+uses nothing of the network. It can start only from a column at rest in the lower left corner of a
+box; for other flows the result holds the reason instead.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,10 +19,10 @@ import numpy.typing as npt
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.norms import rms
-from granpinn.results import Parameters
+from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
 from granpinn.second_opinion.comparison import Comparison, compare
-from granpinn.simulation.parameters import CELLS_MULTIPLE, FEWEST_CELLS, Collapse
+from granpinn.simulation.parameters import CELLS_MULTIPLE, FEWEST_CELLS, Collapse, law_settings
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
@@ -42,7 +43,7 @@ class Column(NamedTuple):
 
 
 def initial_column(flow: Flow) -> Column | str:
-    """The column that a flow starts from, or a sentence that says why it is none."""
+    """The column that a flow starts from, or the reason why there is none."""
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
@@ -117,25 +118,22 @@ def cells_of(flow: Flow, column: Column) -> int:
 
 
 def collapse_of(
-    flow: Flow, column: Column, law: tuple[float, float, float], cells: int | None
+    flow: Flow, column: Column, law: Law, theta: Sequence[float], cells: int | None
 ) -> Collapse:
-    """What to simulate; ConfigError where the simulator cannot.
+    """The settings of the simulation; ConfigError where the simulator refuses them.
 
     Args:
-        law: (mu_s, mu_2, I0).
+        theta: parameters of the law, in its order.
         cells: across the box, None for the grid of the data.
     """
     width, dx = _box_width(flow, column), spacings(flow)[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     cells = cells_of(flow, column) if cells is None else cells
-    mu_s, mu_2, I0 = law
-    # The simulator has one density; that of a grain, in the inertial number, goes into d.
+    # The simulator has one density: the density of a grain, in the inertial number, goes into d.
     denser = (flow.grain_density or flow.density) / flow.density
     narrow = min(column) / (width / cells)
     return Collapse(
-        mu_s=mu_s,
-        mu_2=mu_2,
-        I0=I0,
+        **law_settings(law, theta),
         d=flow.grain_diameter * math.sqrt(denser),
         height=column.height,
         aspect=column.height / column.width,
@@ -158,7 +156,11 @@ def collapse_of(
 
 
 def resimulate(
-    flow: Flow, parameters: Parameters, cells: int | None = None, listener: Silent | None = None
+    flow: Flow,
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None = None,
+    listener: Silent | None = None,
 ) -> tuple[Resimulation, Comparison | None]:
     """Simulate with an identified law and compare with the data.
 
@@ -170,9 +172,8 @@ def resimulate(
     column = initial_column(flow)
     if isinstance(column, str):
         return Resimulation(column), None
-    law = (parameters.mu_s.value, parameters.mu_2.value, parameters.I0.value)
     try:
-        collapse = collapse_of(flow, column, law, cells)
+        collapse = collapse_of(flow, column, law, theta, cells)
     except ConfigError as error:
         return Resimulation(str(error)), None
     begin = time.monotonic()

@@ -1,4 +1,4 @@
-r"""A quadratic surface through runs at some places, and where it comes closest to data.
+r"""A quadratic surface through runs at some places, and its point of least misfit to data.
 
 The values of n points at K places x_k, v_k, are taken for a quadratic in x by least squares. It is
 linear in them: at x it is a mean with weights, of which some are negative,
@@ -11,17 +11,17 @@ are needed in one K x K matrix only, the products of the misfits, however many t
 $$ |d - v(x)|^2 = w^T S w, \quad S_{kl} = (v_k - d) \cdot (v_l - d). $$
 
 A run is rough: a law that differs by a billionth has other bands, and the velocity differs as much
-as from a law at some distance. That is no noise of points, but moves many at once, and the data of
-such a run have their own. What the quadratic leaves of the runs are samples of it: E = V^T Q, with
-the columns of Q the K - dim z combinations of runs that no quadratic has. With its covariance
-C = 2 E E^T / (K - dim z), for the data's own and what the surface has of its runs', and noise of
-variance s^2, the misfit is that with the inverse of s^2 + C between, again by K x K matrices:
+as between two distant laws. This roughness moves many points at once, unlike noise. The data of
+such a run have a roughness of their own. The residuals of the quadratic are samples of it:
+E = V^T Q, where the columns of Q are the K - dim z combinations of runs that no quadratic has. Its
+covariance is C = 2 E E^T / (K - dim z), for the data and for the surface together. With noise of
+variance s^2 the misfit is weighed by the inverse of s^2 + C, again by K x K matrices:
 
 $$ s^2 (d - v)^T (s^2 + C)^{-1} (d - v) = w^T (S - S Q (Q^T S Q + r)^{-1} Q^T S) w,
 \quad r = s^2 (K - dim z)/2. $$
 
-Where the noise is larger than the roughness, that changes nothing; where it is smaller, the
-differences that the runs have among themselves do not count as differences from the data.
+Where the noise is larger than the roughness, this changes nothing. Where it is smaller, the
+differences between the runs do not count as differences from the data.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TINY = 1e-300
 
 
 class Nearest(NamedTuple):
-    """Where a surface comes closest to the data.
+    """The point of least misfit between a surface and the data.
 
     Attributes:
         x: the place [D].

@@ -1,12 +1,12 @@
-"""The pressure where nothing flows, as the simulator has it.
+"""Simulated pressure: the pressure of a simulation that starts from a known velocity.
 
-Where nothing shears, the velocity does not fix the pressure (docs/explanation/pressure.md), and that of the
-network is a smooth continuation. The simulator has one: started from the velocity of the network
-at one time, with the grains where they are then and the identified law, it finds the pressure that
-momentum balance, the law clamped at eta_max, the floor and the plane of symmetry demand
-(simulation/settling.py). Where grains flow the two agree; where they rest, the closed one is that
-of a material that creeps at eta_max between these walls, and their difference shows what the data
-leave open. Frames are closed side by side.
+Where nothing shears, the velocity does not fix the pressure (docs/explanation/pressure.md), and the
+pressure of the network is a smooth continuation. The simulated pressure is defined there too. It
+starts from the velocity of the network at one time, with the grains of that time and the identified
+law. It computes the pressure from the momentum balance, the law clamped at eta_max, the floor and
+the plane of symmetry (simulation/settling.py). In flowing grains the two pressures agree. In
+resting grains the simulated one belongs to a material that creeps at eta_max between these walls.
+Their difference shows how far the data leave the pressure open. Frames are simulated side by side.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import resimulation
 from granpinn.second_opinion.comparison import interpolation
@@ -42,7 +43,7 @@ Listener = Callable[[int, int], None]
 SUBCELLS = 4  # samples along the side of a cell that say how full it is
 NEAR = 3  # cells of air around the grains that have the velocity of the grains
 FAILED, LATE = "failed", "late"
-NO_FRAME = "no frame after the start holds grains that the picture does not cut off"
+NO_FRAME = "no frame after the start shows all of the grains"
 
 
 class Nodes(NamedTuple):
@@ -52,9 +53,10 @@ class Nodes(NamedTuple):
     x: Array
 
 
-def close(
+def at_frames(
     flow: Flow,
-    law: tuple[float, float, float],
+    law: Law,
+    theta: Sequence[float],
     velocity: Velocity,
     frames: int,
     cells: int | None = None,
@@ -66,13 +68,13 @@ def close(
     """The pressure at evenly spaced frames, or the reason why there is none.
 
     Args:
-        law: (mu_s, mu_2, I0).
+        theta: parameters of the law, in its order.
         velocity: of the grains, at any point and any time.
         frames: how many, at most; the last of the flow is one of them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
         pool: of the threads that work side by side; None for all cores at hand.
         deadline: value of time.monotonic() after which no further frame is begun.
-        listener: is told how many frames of how many are done.
+        listener: called with the number of finished frames and of all frames.
 
     Returns:
         The pressure [Y, X] at the grid of the flow by frame, and the record of it.
@@ -81,7 +83,7 @@ def close(
     if isinstance(usable, str):
         return {}, SimulatedPressure(usable)
     try:
-        collapse = collapse_over(flow, usable, law, cells)
+        collapse = collapse_over(flow, usable, law, theta, cells)
     except ConfigError as error:
         return {}, SimulatedPressure(str(error))
     chosen = evenly(usable, frames)
@@ -107,39 +109,39 @@ def close(
 
     own = min(len(os.sched_getaffinity(0)), len(chosen))
     with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
-        # From the last frame on: what a time limit leaves out is early.
+        # From the last frame on: a time limit leaves out early frames.
         found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
-    closed = {k: p for k in chosen if not isinstance(p := found[k], str)}
+    pressures = {k: p for k in chosen if not isinstance(p := found[k], str)}
     missing = [p for p in found.values() if isinstance(p, str)]
     record = SimulatedPressure(
         objection=None,
         cells=collapse.cells,
-        frames=tuple(closed),
+        frames=tuple(pressures),
         failed=missing.count(FAILED),
         late=missing.count(LATE),
         seconds=time.monotonic() - begin,
     )
-    return closed, record
+    return pressures, record
 
 
 def collapse_over(
-    flow: Flow, frames: list[int], law: tuple[float, float, float], cells: int | None
+    flow: Flow, frames: list[int], law: Law, theta: Sequence[float], cells: int | None
 ) -> Collapse:
-    """The box around the grains of some frames, resolved; ConfigError where it cannot be."""
+    """The box around the grains of some frames, resolved; ConfigError where it is refused."""
     ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
     everywhere = resimulation.extent(flow, ever_full)
-    collapse = resimulation.collapse_of(flow, everywhere, law, cells)
+    collapse = resimulation.collapse_of(flow, everywhere, law, theta, cells)
     return replace(collapse, threads=1).resolved()
 
 
 def usable_frames(flow: Flow) -> list[int] | str:
-    """The frames whose pressure can be closed, or a sentence that says why there are none."""
+    """The frames that a simulation can start from, or the reason why there are none."""
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if resimulation.in_corner(flow, k)]
     if after and not standing:
         return f"the grains {resimulation.CORNER}"
     if resimulation.box_of(flow) is None:
-        # A picture may cut grains off. A simulation knows its box, and its grid ends at the grains.
+        # A picture may cut grains off. The file of a simulation states its box instead.
         edges = np.concatenate([flow.c[:, :, -1], flow.c[:, -1]], axis=1)
         cut_off = np.asarray((edges >= 0.5).any(axis=1))
         standing = [k for k in standing if not cut_off[k]]
@@ -158,7 +160,7 @@ def start_of(
 ) -> Start:
     """Frame k on the grid of a resolved collapse: grains, and the velocity on its faces.
 
-    Both are those of the time `before` the frame: that long the simulator will take.
+    Both are those of the time `before` the frame, which is the duration of the simulation.
     """
     nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
     c = fraction_of(flow, k, collapse, before)
@@ -207,12 +209,12 @@ def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
 
 
 def _within(nodes: Nodes, y: Array, x: Array) -> Nodes:
-    """Nodes moved to the ends of other axes where they lie beyond."""
+    """Nodes beyond the ends of other axes, moved to these ends."""
     return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
 
 
 def _grown(mask: Mask, cells: int) -> Mask:
-    """A mask with what is at most so many steps along the axes away."""
+    """A mask, grown by so many steps along the axes."""
     for _ in range(cells):
         wider = mask.copy()
         wider[1:] |= mask[:-1]

@@ -1,9 +1,10 @@
-r"""The law by which the simulator comes closest to the measured velocity.
+r"""The mu(I) law whose simulation is closest to the measured velocity.
 
-A second opinion that shares nothing with the network: it knows the initial column, the walls and
-the equations of the whole box, and where the data come from such a box it uses noisy ones better
-(bench/studies/simulator_fit). Where shear bands decide (mu_s of 0.6), or the walls are others, it
-is the one that errs.
+A second opinion that shares nothing with the network. It uses the initial column, the walls and the
+equations of the whole box. For data of such a box it makes better use of noisy vectors
+(bench/studies/simulator_fit). It errs where shear bands decide (mu_s of 0.6) or the walls differ.
+
+For mu(I) alone: the axes and distances of the lattice (law_runs.py) are those of its parameters.
 
 The simulated velocity is taken as a quadratic function of the law q at every point
 (response_surface.py), fitted to runs at the nodes of a lattice around the start (law_runs.py): nine
@@ -11,14 +12,14 @@ for mu_s and mu_2, 15 where I0 is free,
 
 $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
 
-The nodes move until the least misfit is nearest to their middle. From node to node is at least the
-standard deviation that the data leave along each unknown, so that noise does not lead out of them,
-and at least SPACING, below which the quadratic is no better. The search begins on at most 256 cells
-across the box, with nodes twice as far apart, and ends on those of the data.
+The nodes move until the least misfit is nearest to their middle. The distance of two nodes is at
+least the standard deviation of each unknown, so that the noise does not move the minimum out of
+them, and at least SPACING, below which the quadratic is no better. The search begins on at most 256
+cells across the box, with nodes twice as far apart, and ends on the cells of the data.
 
-A run is rough: bands and splashes of a law that differs by a billionth are others. Where that
-is not far below the noise, there are more nodes in the end, half as far apart (17, or 41), by which
-it is known what runs and data do by themselves; that counts for nothing.
+A run is rough: a law that differs by a billionth has other bands and splashes. Where this roughness
+is not far below the noise, more nodes are added in the end, half as far apart (17, or 41). They
+measure the roughness, which then does not count as a misfit.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data import Flow
+from granpinn.physics.laws import Law, mu_of_i
 from granpinn.results.findings import SimulatorFit
 from granpinn.second_opinion.law_runs import SPACING, Array32, LawRuns, Node
 from granpinn.second_opinion.response_surface import REACH, Place, Surface, composite, filled
@@ -49,14 +51,19 @@ FARTHEST_I0 = 10.0  # times the given one, or a tenth
 CHUNK = 1 << 14  # points at a time
 
 
+def exists_for(law: Law) -> bool:
+    """Whether the fit exists for a friction law; it does for mu(I) alone."""
+    return law.name == mu_of_i.LAW.name
+
+
 class Minimum(NamedTuple):
-    """Of the misfit over the laws.
+    """The least misfit over the laws.
 
     Attributes:
         q: where it is.
         widths: between two nodes along each unknown, in spacings of the lattice.
         x: of q from the middle of the nodes, in those widths.
-        limited: whether I0 is as far from the given one as it may be.
+        limited: whether I0 is at the largest distance from the given one.
         covariance: of q, by the scatter of the misfit and the roughness of the runs.
         misfit: of the velocity, relative to its root mean square.
         common: share of the points that all runs and the data have.
@@ -139,7 +146,7 @@ def settle(
     least: Widths,
     places: Sequence[Place],
 ) -> Minimum:
-    """Moves the nodes, and changes their distances, until they stay where they are."""
+    """Moves the nodes, and changes their distances, until nothing changes any more."""
     seen: set[tuple[Node, Node]] = set()
     nodes = around(q, widths, places)
     while True:

@@ -28,7 +28,7 @@ from granpinn.tables.rows import Case
 from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
-CLOSED_FRAMES = 10  # of every training, unless --config says otherwise
+SIMULATED_FRAMES = 10  # with a simulated pressure, of every training; --config may differ
 EXAMPLES = """examples:
   python -m granpinn.tables --out tables
       tables 1 and 2 of the paper: six collapses are simulated, then everything is trained at once
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse(argv: Sequence[str]) -> Request:
-    """The request of a command line; ConfigError says in one sentence what is wrong with it."""
+    """The request of a command line; ConfigError names its error in one sentence."""
     parser = Parser(
         prog="python -m granpinn.tables",
         description="Run the tables of the paper again, all cases and seeds as one batch.",
@@ -103,7 +103,7 @@ def parse(argv: Sequence[str]) -> Request:
 
 
 def _request(given: argparse.Namespace) -> Request:
-    values = {"simulated_pressure.frames": CLOSED_FRAMES} | (
+    values = {"simulated_pressure.frames": SIMULATED_FRAMES} | (
         read_toml(given.config) if given.config else {}
     )
     for name in PASSED:

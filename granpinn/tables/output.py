@@ -14,22 +14,21 @@ import jinja2
 
 from granpinn.atomic import atomic_path
 from granpinn.config import flatten
-from granpinn.report.page import TEMPLATES, duration
+from granpinn.report.page import TEMPLATES, duration, symbol
 from granpinn.results import number, plain
-from granpinn.results.result import PRESSURES, SIMULATED
+from granpinn.results.named import PRESSURES, SIMULATED
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import Row, Spread
 from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
 FORMAT_VERSION = 1
-MEASURES = ("mu_s", "mu_2", *PRESSURES, "velocity", *SIMULATED)
+FIELDS = (*PRESSURES, "velocity", *SIMULATED)
 IN_TEXT = {
     "pressure_flowing": "flowing",
     "pressure_stagnant": "at rest",
-    "pressure_simulated": "closed",
+    "pressure_simulated": "simulated",
 }
-PAPER_ERRORS = {"mu_s": "error_mu_s", "mu_2": "error_mu_2", "pressure": "error_p"}
 
 
 class Table(NamedTuple):
@@ -61,11 +60,10 @@ def tables_of(rows: Sequence[Row]) -> list[Table]:
 
 
 def case_name(row: Row) -> str:
-    """(mu_s, mu_2) where they are known, else the name of the file."""
-    truth = row.truth
-    if truth is None or truth.mu_s is None or truth.mu_2 is None:
-        return row.name
-    return f"({truth.mu_s:.2f}, {truth.mu_2:.2f})"
+    """The true parameters, such as (0.40, 0.64), where all are known; else the file's name."""
+    true = [getattr(row.truth, name, None) for name in row.values]
+    known = [f"{value:.2f}" for value in true if value is not None]
+    return f"({', '.join(known)})" if len(known) == len(true) else row.name
 
 
 def text(study: Study) -> str:
@@ -73,11 +71,11 @@ def text(study: Study) -> str:
     lines = []
     for table in tables_of(study.rows):
         lines += ["", f"{table.title}, {study.config.recipe} recipe, {study.seeds} seeds"]
-        lines.append(
-            f"{'case':<16}{'noise':>6}{'mu_s':>8}{'mu_2':>8}{'mu_s %':>16}{'paper':>6}"
-            f"{'mu_2 %':>16}{'paper':>6}{'eps_p %':>16}{'paper':>6}"
-            f"{''.join(f'{words:>8}' for words in IN_TEXT.values())}{'scatter %':>14}"
-        )
+        names = "".join(f"{name:>8}" for name in study.law.free)
+        errors = [f"{name} %" for name in study.law.free] + ["eps_p %"]
+        beside = "".join(f"{words:>16}{'paper':>6}" for words in errors)
+        fields = "".join(f"{words:>10}" for words in IN_TEXT.values())
+        lines.append(f"{'case':<16}{'noise':>6}{names}{beside}{fields}{'scatter %':>14}")
         lines += [_line(row, paper) for row, paper in table.rows]
     return "\n".join([*lines, "", summary(study)])
 
@@ -98,15 +96,22 @@ def summary(study: Study) -> str:
 
 def _line(row: Row, paper: PaperRow | None) -> str:
     cells = [f"{case_name(row)[:15]:<16}{row.noise:6.2f}"]
-    cells += [f"{number(value, '.4f'):>8}" for value in (row.mu_s, row.mu_2)]
-    for name, theirs in PAPER_ERRORS.items():
-        known = None if paper is None else getattr(paper, theirs)
+    cells += [f"{number(value, '.4f'):>8}" for value in row.values.values()]
+    for name in (*row.values, "pressure"):
+        known = paper_error(paper, name)
         cells.append(f"{_median_worst(row.errors[name]):>16}{number(known, '.2f'):>6}")
     for name in IN_TEXT:
-        cells.append(f"{number(row.errors[name].median, '.2f'):>8}")
-    scatter = [number(row.errors[name].scatter, ".2f") for name in ("mu_s", "mu_2")]
+        cells.append(f"{number(row.errors[name].median, '.2f'):>10}")
+    scatter = [number(row.errors[name].scatter, ".2f") for name in row.values]
     cells.append(f"{'/'.join(scatter):>14}")
     return "".join(cells) + (f"  {row.failed} diverged" if row.failed else "")
+
+
+def paper_error(paper: PaperRow | None, name: str) -> float | None:
+    """The error in % that the paper has for a parameter, or for "pressure"."""
+    short = "p" if name == "pressure" else name
+    found: float | None = getattr(paper, f"error_{short}", None)
+    return found
 
 
 def _median_worst(spread: Spread) -> str:
@@ -121,9 +126,9 @@ def content(study: Study) -> dict[str, Any]:
             "noise": row.noise,
             "level": row.level,
             "seed": r.seed,
-            "parameters": {n: getattr(r.parameters, n).value for n in ("mu_s", "mu_2", "I0")},
-            "interval_90": {n: getattr(r.parameters, n).interval_90 for n in ("mu_s", "mu_2")},
-            "error_percent": dataclasses.asdict(r.error_percent),
+            "parameters": {name: p.value for name, p in r.parameters.items()},
+            "interval_90": {n: p.interval_90 for n, p in r.parameters.items() if not p.fixed},
+            "error_percent": r.error_percent,
             "loss": None if r.loss is None else dataclasses.asdict(r.loss),
             "failure": r.failure,
         }
@@ -136,6 +141,7 @@ def content(study: Study) -> dict[str, Any]:
             "format_name": FORMAT_NAME,
             "format_version": FORMAT_VERSION,
             "levels": study.levels,
+            "law": {"name": study.law.name},
             "recipe": study.config.recipe,
             "seeds": study.seeds,
             "device": first.device,
@@ -155,7 +161,9 @@ def content(study: Study) -> dict[str, Any]:
 
 def _row_content(row: Row) -> dict[str, Any]:
     papers = {"paper_1": row.paper_1, "paper_2": row.paper_2}
-    return dataclasses.asdict(row) | {
+    content = dataclasses.asdict(row)
+    content |= content.pop("fixed") | content.pop("values")
+    return content | {
         name: None if paper is None else paper._asdict() for name, paper in papers.items()
     }
 
@@ -165,26 +173,19 @@ def csv_text(study: Study) -> str:
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
     statistics = ("median", "worst", "scatter", "rmse", "bias", "signed_median")
-    header = [
-        "table",
-        "case",
-        "noise",
-        "level",
-        "true_mu_s",
-        "true_mu_2",
-        "I0",
-        "n_points",
-        "members",
-    ]
-    header += ["failed", "mu_s", "mu_2"]
-    header += [f"{name}_{what}" for name in MEASURES for what in statistics]
+    free, measures = study.law.free, (*study.law.free, *FIELDS)
+    fixed = [name for name in study.law.names if name not in free]
+    header = ["table", "case", "noise", "level", *(f"true_{name}" for name in free), *fixed]
+    header += ["n_points", "members", "failed", *free]
+    header += [f"{name}_{what}" for name in measures for what in statistics]
     writer.writerow([*header, *(f"paper_{name}" for name in PaperRow._fields)])
     for table in tables_of(study.rows):
         for row, paper in table.rows:
-            truth = (getattr(row.truth, "mu_s", None), getattr(row.truth, "mu_2", None))
-            cells = [table.title.partition(":")[0], row.name, row.noise, row.level, *truth, row.I0]
-            cells += [row.n_points, row.members, row.failed, row.mu_s, row.mu_2]
-            cells += [getattr(row.errors[name], what) for name in MEASURES for what in statistics]
+            cells = [table.title.partition(":")[0], row.name, row.noise, row.level]
+            cells += [getattr(row.truth, name, None) for name in free]
+            cells += [*row.fixed.values(), row.n_points, row.members, row.failed]
+            cells += row.values.values()
+            cells += [getattr(row.errors[name], what) for name in measures for what in statistics]
             writer.writerow([*cells, *(paper or (None,) * len(PaperRow._fields))])
     return out.getvalue()
 
@@ -198,12 +199,12 @@ def html(study: Study) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "case_name": case_name}
+    environment.filters |= {"number": number, "case_name": case_name, "symbol": symbol}
     settings = {name: str(value) for name, value in flatten(study.config).items()}
     return environment.get_template("tables.html").render(
         study=study,
         tables=tables_of(study.rows),
-        paper_errors=PAPER_ERRORS,
+        paper_error=paper_error,
         summary=summary(study),
         settings=settings,
         version=study.results[0][0].versions.get("granpinn", ""),

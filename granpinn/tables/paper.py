@@ -1,4 +1,4 @@
-"""The figures of the paper, typed in from its tables, and where they stand there."""
+"""The numbers of the paper for mu(I), typed in from its tables, with their places there."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 from granpinn.data import Truth
 
 SOURCE_1 = "the paper, table 1 (label tab:id): one training each, pressure measured at the surface"
-SOURCE_2 = "the paper, table 2 (label tab:bruit): one draw of the noise each, likewise"
+SOURCE_2 = "the paper, table 2 (label tab:bruit): one training and one draw of the noise each"
 
 # Section "Identification of mu_s and mu_2", where the paper gives no more than these two numbers.
 VELOCITY_ALONE = "from the velocity alone the paper reports 53 % in mu_s and up to 100 % in mu_2"
@@ -43,18 +43,19 @@ TABLE_2: dict[float, PaperRow] = {
 
 def case_of(truth: Truth | None) -> tuple[float, float] | None:
     """The paper's case with these parameters, None where there is none."""
-    if truth is None or truth.mu_s is None or truth.mu_2 is None:
+    mu_s, mu_2 = getattr(truth, "mu_s", None), getattr(truth, "mu_2", None)
+    if mu_s is None or mu_2 is None:
         return None
-    near = (round(truth.mu_s, 6), round(truth.mu_2, 6))
+    near = (round(mu_s, 6), round(mu_2, 6))
     return near if near in TABLE_1 else None
 
 
 def row_1(truth: Truth | None, noise: float) -> PaperRow | None:
-    """What table 1 has of a case."""
+    """The row of table 1 for a case."""
     case = case_of(truth)
     return TABLE_1[case] if case is not None and noise == 0 else None
 
 
 def row_2(truth: Truth | None, noise: float) -> PaperRow | None:
-    """What table 2 has of a case at a level of noise."""
+    """The row of table 2 for a case at a level of noise."""
     return TABLE_2.get(round(noise, 6)) if case_of(truth) == NOISY_CASE else None

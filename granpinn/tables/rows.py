@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from granpinn.data import Flow, Truth
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.results import Result
-from granpinn.results.result import FIELD_ERRORS
+from granpinn.results.named import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
 
 
@@ -35,7 +36,7 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors in % over the seeds; None where nothing can be said."""
+    """Errors in % over the seeds; None where they are not known."""
 
     median: float | None
     worst: float | None
@@ -50,8 +51,9 @@ class Row:
     """A case over its seeds.
 
     Attributes:
-        mu_s, mu_2: medians of the identified values, None where no training came to its end.
-        errors: by the names mu_s, mu_2 and `FIELD_ERRORS`.
+        fixed: values of the parameters that are held.
+        values: medians of the identified parameters, None where no training came to its end.
+        errors: by the names of the identified parameters and `FIELD_ERRORS`.
         members: trainings that came to their end; failed: those that did not.
     """
 
@@ -59,12 +61,11 @@ class Row:
     noise: float
     level: str
     truth: Truth | None
-    I0: float
+    fixed: dict[str, float]
     n_points: int
     members: int
     failed: int
-    mu_s: float | None
-    mu_2: float | None
+    values: dict[str, float | None]
     errors: dict[str, Spread]
     paper_1: PaperRow | None
     paper_2: PaperRow | None
@@ -73,30 +74,29 @@ class Row:
 def row_of(case: Case, results: Sequence[Result]) -> Row:
     """The row of a case from the results of all its seeds."""
     ended = [r for r in results if r.failure is None]
-    truth = case.flow.truth
+    truth, law = case.flow.truth, LAWS[results[0].law]
     errors: dict[str, Spread] = {}
     medians: dict[str, float | None] = {}
-    for name in ("mu_s", "mu_2"):
-        values = [float(getattr(r.parameters, name).value) for r in ended]
+    for name in law.free:
+        values = [r.parameters[name].value for r in ended]
         medians[name] = statistics.median(values) if values else None
         errors[name] = _spread(values, getattr(truth, name, None))
     for name in FIELD_ERRORS:
-        known = [getattr(r.error_percent, name) for r in ended]
+        known = [r.error_percent[name] for r in ended]
         errors[name] = _of_sizes(value for value in known if value is not None)
     return Row(
         name=case.name,
         noise=case.noise,
         level=case.level,
         truth=truth,
-        I0=results[0].parameters.I0.value,
+        fixed={name: p.value for name, p in results[0].parameters.items() if p.fixed},
         n_points=results[0].data.n_points,
         members=len(ended),
         failed=len(results) - len(ended),
-        mu_s=medians["mu_s"],
-        mu_2=medians["mu_2"],
+        values=medians,
         errors=errors,
-        paper_1=row_1(truth, case.noise),
-        paper_2=row_2(truth, case.noise),
+        paper_1=row_1(truth, case.noise) if law is DEFAULT else None,
+        paper_2=row_2(truth, case.noise) if law is DEFAULT else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""All cases with all seeds as one batch, and what came out of it."""
+"""All cases with all seeds as one batch, and their results."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from granpinn.config import Config
 from granpinn.identification.batch import identify_many
+from granpinn.physics.laws import LAWS, Law
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
 from granpinn.tables.rows import Case, Row, row_of
@@ -34,6 +35,10 @@ class Study:
     results: list[list[Result]]
     training_s: dict[str, float]
     total_s: float
+
+    @property
+    def law(self) -> Law:
+        return LAWS[self.config.law]
 
     @property
     def levels(self) -> list[str]:
@@ -103,7 +108,7 @@ def _train(
         [case.flow for case in many],
         config,
         [config.seed + k for _ in cases for k in range(seeds)],
-        I0=[I0 or (case.flow.truth and case.flow.truth.I0) or I0_UNKNOWN for case in many],
+        I0=[I0 or getattr(case.flow.truth, "I0", None) or I0_UNKNOWN for case in many],
         noise=[case.noise for case in many],
         run_dir=folder,
         keep_fields=False,

@@ -13,7 +13,7 @@ has a mean strain rate where it is ill-posed, and a small weight where errors of
 large. Its weight is 0 closer to the lowest points than the length of that mean, as there is no data
 below.
 
-bench/studies/last_layer/note.md has the measurements behind it. Everything is dimensionless and float64.
+bench/studies/last_layer has the measurements behind it. Everything is dimensionless and float64.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The table behind the error bars: how far off identifications of simulated collapses are.
+"""The table behind the error bars: the errors of identifications of simulated mu(I) collapses.
 
 calibration.json in this folder is made by `python -m bench.studies.coverage.calibrate`; its
 provenance says from what. Covariances are those of z = (error of mu_s, error of mu_2) / mu_s: in
@@ -12,12 +12,13 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.physics import terms
 from granpinn.results.decoding import decode
+from granpinn.results.named import require_names
 
 PATH = Path(__file__).with_suffix(".json")
 
@@ -27,18 +28,18 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Range:
-    """What data of the law leave: rms = 10^intercept misfit^slope, rarely `limit` times that."""
+    """Residual of flows of the law: rms = 10^intercept misfit^slope, rarely `limit` times that."""
 
     intercept: float
     slope: float
     limit: float
 
     def ratio(self, rms: float, misfit: float) -> float:
-        """`rms` as a multiple of what data of the law leave at this misfit of the velocity."""
+        """`rms` relative to that of flows of the law at this misfit of the velocity."""
         return float(rms / (10**self.intercept * misfit**self.slope))
 
     def misfit(self, rms: float) -> float:
-        """The misfit at which data of the law leave this."""
+        """The misfit at which flows of the law have this residual."""
         return float((rms / 10**self.intercept) ** (1 / self.slope))
 
 
@@ -46,6 +47,7 @@ class Range:
 class Calibration:
     """
     Attributes:
+        law: name of the friction law of the study; for no other law there are error bars.
         provenance: which trainings the numbers come from.
         provisional: no coverage study has confirmed them.
         scatter: covariance of z of one member over seeds.
@@ -54,14 +56,15 @@ class Calibration:
         discrepancy: second moment of z at these knots, beyond the scatter.
         discrepancy_weight: number of truths behind each.
         misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
-        steps: of the shortest trainings in the study; likewise for fewer steps.
+        steps: of the shortest trainings in the study; the discrepancy grows for fewer steps.
         noise_part: velocity error of the fit, as a part of the measurement noise.
         widening: factors on the 90 % intervals of mu_s and mu_2, for what is not normal.
-        momentum, constitutive: the residuals.
+        residuals: of the equations, by terms of the loss.
         valid_mu_s, valid_ratio: mu_s and mu_2 / mu_s of the materials in the study.
         largest_misfit: above it the residuals say nothing about the law.
     """
 
+    law: str
     provenance: str
     provisional: bool
     scatter: Matrix
@@ -73,13 +76,13 @@ class Calibration:
     steps: int
     noise_part: float
     widening: tuple[float, float]
-    momentum: Range
-    constitutive: Range
+    residuals: dict[str, Range]
     valid_mu_s: tuple[float, float]
     valid_ratio: tuple[float, float]
     largest_misfit: float
 
     def __post_init__(self) -> None:
+        require_names(self.residuals, (), terms.NAMES, "residuals.")
         if len(self.mu_s) != len(self.discrepancy) or not self.mu_s:
             raise ValueError(
                 f"discrepancy must have one matrix for each of {len(self.mu_s)} knots mu_s, "
@@ -99,8 +102,4 @@ class Calibration:
 @cache
 def load(path: Path = PATH) -> Calibration:
     """The table; ValueError names what is wrong with one of your own."""
-    return from_dict(json.loads(path.read_text(encoding="utf-8")))
-
-
-def from_dict(content: dict[str, Any]) -> Calibration:
-    return decode(Calibration, content)
+    return decode(Calibration, json.loads(path.read_text(encoding="utf-8")))

@@ -11,7 +11,7 @@ import pytest
 
 from granpinn import report, results, train
 from granpinn.data import Flow, write_flow
-from granpinn.results import Parameter, Parameters
+from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion import simulator_fit
 from granpinn.second_opinion.comparison import (
     compare,
@@ -26,10 +26,9 @@ from granpinn.simulation import Collapse, simulate
 from tests.flows import make_flow
 
 
-def law(mu_s: float, mu_2: float) -> Parameters:
-    return Parameters(
-        Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(0.3, fixed=True)
-    )
+def law(mu_s: float, mu_2: float) -> tuple[float, ...]:
+    """The parameters of mu(I) with the paper's I0."""
+    return mu_s, mu_2, 0.3
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +44,7 @@ def flow_file(flow: Flow, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
-    summary, comparison = resimulate(flow, law(0.4, 0.64))
+    summary, comparison = resimulate(flow, DEFAULT, law(0.4, 0.64))
     assert comparison is not None
     assert summary.objection is None
     assert summary.cells == 64
@@ -57,7 +56,7 @@ def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
 
 
 def test_another_law_does_not(flow: Flow) -> None:
-    summary, comparison = resimulate(flow, law(0.2, 0.44))
+    summary, comparison = resimulate(flow, DEFAULT, law(0.2, 0.44))
     assert comparison is not None
     assert summary.velocity_percent is not None
     assert summary.front_percent is not None
@@ -96,7 +95,7 @@ def heap(flow: Flow) -> Flow:
 )
 def test_what_is_no_column_at_rest_is_not_simulated(flow: Flow, change: object, words: str) -> None:
     assert callable(change)
-    summary, comparison = resimulate(change(flow), law(0.4, 0.64))
+    summary, comparison = resimulate(change(flow), DEFAULT, law(0.4, 0.64))
     assert comparison is None
     assert summary.objection is not None
     assert words in summary.objection
@@ -115,12 +114,15 @@ def test_an_experiment_without_attributes_is_measured(flow: Flow) -> None:
 def test_dense_grains_make_the_inertial_number_larger(flow: Flow) -> None:
     column = Column(1.0, 10.0)
     dense = dataclasses.replace(flow, grain_density=4 * flow.density)
-    assert collapse_of(dense, column, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
+    assert collapse_of(dense, column, DEFAULT, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
 
 
 def test_gravity_that_the_simulator_cannot_have_is_said() -> None:
     column = make_flow(gravity=(-9.81, 0.0))
-    assert isinstance(initial_column(column), str) or resimulate(column, law(0.4, 0.6))[1] is None
+    assert (
+        isinstance(initial_column(column), str)
+        or resimulate(column, DEFAULT, law(0.4, 0.6))[1] is None
+    )
 
 
 def test_interpolation_is_exact_for_a_bilinear_field(flow: Flow) -> None:
@@ -153,7 +155,7 @@ def test_front_and_heights_of_a_block(flow: Flow) -> None:
 
 
 def test_the_file_comes_back(flow: Flow, tmp_path: Path) -> None:
-    summary, comparison = resimulate(flow, law(0.3, 0.5))
+    summary, comparison = resimulate(flow, DEFAULT, law(0.3, 0.5))
     assert comparison is not None
     path = tmp_path / "resimulation.json"
     write_comparison(summary, comparison, path)

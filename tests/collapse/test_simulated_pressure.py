@@ -1,4 +1,4 @@
-"""The closed pressure: that of the simulator for its own velocity, and honest where it has none."""
+"""Simulated pressure: equal to that of the simulator for its own velocity, or a reason for none."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import simulated_fields
 from granpinn.identification.scoring import D2_STAGNANT, strain_rate
+from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion import simulated_pressure
 from granpinn.second_opinion.resimulation import Column, collapse_of
 from granpinn.simulation import Collapse, Engine, SimulationError, State
@@ -28,7 +29,7 @@ from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.settling import settled_after
 
 Array = npt.NDArray[np.float64]
-LAW = (0.4, 0.64, 0.3)
+THETA = (0.4, 0.64, 0.3)
 TIMES = (0.5, 1.5, 2.5, 3.5)
 
 
@@ -41,7 +42,7 @@ class Known(NamedTuple):
 
 @pytest.fixture(scope="module")
 def known() -> Known:
-    recorder = Recorder(Collapse(*LAW[:2], cells=128, stride=2, threads=1))
+    recorder = Recorder(Collapse(*THETA[:2], cells=128, stride=2, threads=1))
     engine, starts = Engine(recorder.collapse), list[State]()
     before = settled_after(recorder.collapse)
 
@@ -87,14 +88,20 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
     flow = known.flow
     told: list[tuple[int, int]] = []
     with ThreadPoolExecutor(2) as pool:
-        closed, record = simulated_pressure.close(
-            flow, LAW, known.velocity, 4, pool=pool, listener=lambda *done: told.append(done)
+        simulated, record = simulated_pressure.at_frames(
+            flow,
+            DEFAULT,
+            THETA,
+            known.velocity,
+            4,
+            pool=pool,
+            listener=lambda *done: told.append(done),
         )
     assert record.objection is None
     assert (record.cells, record.frames) == (128, (0, 1, 2, 3))
     assert (record.failed, record.late) == (0, 0)
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    for k, p in closed.items():
+    for k, p in simulated.items():
         rest = stagnant(flow, k)
         # What another solver differs by, about (bench/studies/simulator_validation).
         assert error(p, flow, k, flow.valid[k]) < 4
@@ -103,18 +110,22 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
         assert error(depth, flow, k, rest) > 20
 
 
-def test_threads_that_others_use_too_close_the_same(known: Known) -> None:
+def test_shared_threads_give_the_same_pressure(known: Known) -> None:
     with ThreadPoolExecutor(1) as one:
-        alone, _ = simulated_pressure.close(known.flow, LAW, known.velocity, 2, pool=one)
+        alone, _ = simulated_pressure.at_frames(
+            known.flow, DEFAULT, THETA, known.velocity, 2, pool=one
+        )
     with ThreadPoolExecutor(2) as pool:
         together = [
-            simulated_pressure.close(known.flow, LAW, known.velocity, 2, pool=pool)[0]
+            simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 2, pool=pool)[
+                0
+            ]
             for _ in range(2)
         ]
         assert pool.submit(sum, (1, 2)).result() == 3
-    for closed in together:
-        assert list(closed) == list(alone) == [1, 3]
-        for k, p in closed.items():
+    for simulated in together:
+        assert list(simulated) == list(alone) == [1, 3]
+        for k, p in simulated.items():
             np.testing.assert_array_equal(p, alone[k])
 
 
@@ -123,9 +134,9 @@ def test_a_time_limit_leaves_time_for_every_case() -> None:
     one, many = (simulated_fields.kept_after_training(config, members) for members in (2, 60))
     cores = len(os.sched_getaffinity(0))
     assert one == pytest.approx(
-        simulated_fields.AFTER_TRAINING + simulated_fields.CLOSING * 10 / cores
+        simulated_fields.AFTER_TRAINING + simulated_fields.EACH_FRAME * 10 / cores
     )
-    assert many - one == pytest.approx(simulated_fields.CLOSING * 29 * 10 / cores)
+    assert many - one == pytest.approx(simulated_fields.EACH_FRAME * 29 * 10 / cores)
     limited = dataclasses.replace(config, max_time=10.0)
     assert simulated_fields.kept_after_training(limited, 60) == 2.5
     assert simulated_fields.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
@@ -133,8 +144,8 @@ def test_a_time_limit_leaves_time_for_every_case() -> None:
 
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:
     last = known.flow.valid[3]
-    other, _ = simulated_pressure.close(known.flow, (0.1, 0.2, 0.3), known.velocity, 1)
-    still, _ = simulated_pressure.close(known.flow, LAW, nothing, 1)
+    other, _ = simulated_pressure.at_frames(known.flow, DEFAULT, (0.1, 0.2, 0.3), known.velocity, 1)
+    still, _ = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, nothing, 1)
     assert list(other) == list(still) == [3]
     assert error(other[3], known.flow, 3, last) > 8
     assert error(still[3], known.flow, 3, last) > 8
@@ -153,7 +164,7 @@ def test_the_grains_of_a_frame_are_those_of_the_solver() -> None:
 
 
 def test_grains_before_a_frame_are_between_two_frames(known: Known) -> None:
-    collapse = collapse_of(known.flow, Column(1.0, 10.0), LAW, None)
+    collapse = collapse_of(known.flow, Column(1.0, 10.0), DEFAULT, THETA, None)
     step = float(known.flow.t[2] - known.flow.t[1])
     earlier, later = (simulated_pressure.fraction_of(known.flow, k, collapse) for k in (1, 2))
     found = simulated_pressure.fraction_of(known.flow, 2, collapse, step)
@@ -192,24 +203,28 @@ def upwards(flow: Flow) -> Flow:
     ("change", "words"),
     [
         (elsewhere, "the grains do not stand in the corner of wall and floor"),
-        (before, "no frame after the start holds grains that the picture does not cut off"),
-        (cut_off, "no frame after the start holds grains that the picture does not cut off"),
+        (before, "no frame after the start shows all of the grains"),
+        (cut_off, "no frame after the start shows all of the grains"),
         (upwards, "gravity must point down"),
     ],
 )
 def test_what_the_simulator_cannot_have_is_said(
     change: Callable[[Flow], Flow], words: str, known: Known
 ) -> None:
-    closed, record = simulated_pressure.close(change(known.flow), LAW, known.velocity, 3)
-    assert closed == {}
+    simulated, record = simulated_pressure.at_frames(
+        change(known.flow), DEFAULT, THETA, known.velocity, 3
+    )
+    assert simulated == {}
     assert record.objection is not None
     assert words in record.objection
     assert record.frames == ()
-    assert str(record) == f"pressure not closed where nothing flows: {record.objection}"
+    assert str(record) == f"no simulated pressure: {record.objection}"
 
 
 def test_cells_that_the_simulator_cannot_have_are_said(known: Known) -> None:
-    _, record = simulated_pressure.close(known.flow, LAW, known.velocity, 3, cells=33)
+    _, record = simulated_pressure.at_frames(
+        known.flow, DEFAULT, THETA, known.velocity, 3, cells=33
+    )
     assert record.objection is not None
     assert "cells must be a multiple of 8" in record.objection
 
@@ -222,18 +237,18 @@ def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.Monkey
             raise SimulationError("a solve did not converge")
         return settle(collapse, start)
 
-    collapse = collapse_of(known.flow, Column(1.0, 10.0), LAW, None)
+    collapse = collapse_of(known.flow, Column(1.0, 10.0), DEFAULT, THETA, None)
     first = simulated_pressure.fraction_of(known.flow, 0, collapse, settled_after(collapse)).sum()
     monkeypatch.setattr(simulated_pressure, "settle", failing)
-    closed, record = simulated_pressure.close(known.flow, LAW, known.velocity, 4)
-    assert list(closed) == [1, 2, 3]
+    simulated, record = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 4)
+    assert list(simulated) == [1, 2, 3]
     assert record.failed == 1
     assert "(left out: 1 did not converge)" in str(record)
 
 
 def test_no_frame_is_begun_after_the_deadline(known: Known) -> None:
-    closed, record = simulated_pressure.close(
-        known.flow, LAW, known.velocity, 4, deadline=time.monotonic() - 1
+    simulated, record = simulated_pressure.at_frames(
+        known.flow, DEFAULT, THETA, known.velocity, 4, deadline=time.monotonic() - 1
     )
-    assert (closed, record.frames, record.late) == ({}, (), 4)
+    assert (simulated, record.frames, record.late) == ({}, (), 4)
     assert "(left out: 4 had no time left)" in str(record)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
+from granpinn.physics.laws import DEFAULT
 from granpinn.results.decoding import decode
 from granpinn.results.findings import Resimulation
 from granpinn.second_opinion import law_runs, simulator_fit
@@ -169,7 +170,7 @@ def test_the_last_search_is_on_the_cells_of_the_data(
 def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
     column = initial_column(flow)
     assert isinstance(column, Column)
-    collapse = law_runs.collapse_of(flow, column, (*LAW, 0.3), 56)
+    collapse = law_runs.collapse_of(flow, column, DEFAULT, (*LAW, 0.3), 56)
     points = np.flatnonzero(flow.valid)[::7]
     taken = AtPoints(collapse, flow, points)
     record(taken, Silent(), flow.t.tolist())

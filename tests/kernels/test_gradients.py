@@ -13,7 +13,6 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.physics import rheology
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Form, Problem, Regime, problem, small
@@ -93,7 +92,9 @@ def test_gradient_on_both_sides_of_every_switch(
     p_floor = float(p.abs().quantile(0.5))
     u_x, u_y, v_x, v_y = (U * jet[channel, :, k] for k in (0, 1) for channel in (1, 2))
     gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + (u_y + v_x) ** 2 + SMOOTHING)
-    mu = rheology.mu_of_I(rheology.inertial_number(gamma_dot, p, d, p_floor), *case.theta)
+    mu = reference.friction(
+        "mu_of_i", reference.inertial_number(gamma_dot, p, d, p_floor), case.theta
+    )
     eta_min, eta_max = (float((mu * p / gamma_dot).quantile(q)) for q in (0.3, 0.7))
     case = replace(case, physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor])
     for got, exact in zip(

@@ -74,7 +74,7 @@ def test_json_has_every_training(out: Path) -> None:
     assert not (out / "runs" / "005" / "fields.h5").exists()
 
 
-def test_settings_say_how_many_times_are_closed(tmp_path: Path) -> None:
+def test_settings_say_how_many_times_are_simulated(tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text("[simulated_pressure]\nframes = 0\n")
     argv = ["--out", str(tmp_path / "o")]
     assert parse(argv).config.simulated_pressure.frames == 10
@@ -111,7 +111,7 @@ def test_the_page_stands_alone(out: Path) -> None:
     assert not {"script", "link", "iframe", "object", "base", "form", "a"} & set(page.tags)
     assert not re.search("https?:|url\\(|@import", html)
     assert "Table 2: identification with noise" in page.text
-    assert "p, at rest p, closed velocity" in page.text
+    assert "p, at rest p, simulated velocity" in page.text
     assert "13.4" not in page.text  # 80 % was not asked for
     assert "1.24" in page.text
 
@@ -124,7 +124,7 @@ def test_the_terminal_shows_both(
     shown = capsys.readouterr().out
     assert re.search(r"^\(0\.40, 0\.64\) +0\.00 +0\.\d{4}", shown, re.MULTILINE)
     assert "Table 2" not in shown
-    assert re.search(r"flowing at rest +closed +scatter %$", shown, re.MULTILINE)
+    assert re.search(r"flowing +at rest +simulated +scatter %$", shown, re.MULTILINE)
     assert "1 trainings of 20 steps as one batch on cpu" in shown
 
 

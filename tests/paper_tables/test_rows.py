@@ -22,7 +22,7 @@ def flow_of(mu_s: float | None, mu_2: float | None) -> Flow:
 
 def result_of(mu_s: float, mu_2: float, seed: int, p: float | None = 1.0) -> Result:
     parameters = Parameters(
-        Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(0.3, fixed=True)
+        mu_s=Parameter(mu_s, False), mu_2=Parameter(mu_2, False), I0=Parameter(0.3, True)
     )
     return make_result(parameters=parameters, seed=seed, error_percent=ErrorPercent(pressure=p))
 
@@ -33,7 +33,7 @@ def test_median_worst_scatter_and_rmse() -> None:
     pressures = (2, 4, 3)
     row = row_of(case, [result_of(values[k], 0.64, k, pressures[k]) for k in range(3)])
     errors = row.errors["mu_s"]
-    assert row.mu_s == 0.4
+    assert row.values["mu_s"] == 0.4
     assert errors.median == pytest.approx(0.5)
     assert errors.worst == pytest.approx(1.0)
     assert errors.rmse == pytest.approx(math.sqrt(1.25 / 3))
@@ -47,16 +47,16 @@ def test_median_worst_scatter_and_rmse() -> None:
 def test_a_training_that_diverged_is_counted_and_left_out() -> None:
     good, bad = result_of(0.4, 0.6, 0), replace(result_of(9.0, 99.0, 1), failure="not finite")
     row = row_of(Case(flow_of(0.4, 0.64), 0.0), [good, bad])
-    assert (row.members, row.failed, row.mu_2) == (1, 1, 0.6)
+    assert (row.members, row.failed, row.values["mu_2"]) == (1, 1, 0.6)
     assert row.errors["mu_s"].scatter is None
     row = row_of(Case(flow_of(0.4, 0.64), 0.0), [bad])
-    assert row.mu_s is None
+    assert row.values["mu_s"] is None
     assert row.errors["mu_s"].median is None
 
 
 def test_without_a_truth_there_are_values_and_no_errors() -> None:
     row = row_of(Case(make_flow(truth=None), 0.0), [result_of(0.4, 0.6, 0, None)])
-    assert row.mu_s == 0.4
+    assert row.values["mu_s"] == 0.4
     assert row.errors["mu_s"].median is None
     assert row.errors["pressure"].median is None
     assert row.paper_1 is None

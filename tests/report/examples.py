@@ -11,6 +11,8 @@ import torch
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import DEFAULT, Law
 from granpinn.results import (
     Covariance,
     DataSummary,
@@ -20,18 +22,20 @@ from granpinn.results import (
     Input,
     Parameter,
     Parameters,
+    Residuals,
     Result,
     Timing,
     Zones,
 )
 from granpinn.results.fields import Units
-from granpinn.results.records import ErrorBars, Members, Residuals, Verdict
+from granpinn.results.records import ErrorBars, Members, Verdict
 
 PARAMETERS = Parameters(
     mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),
     mu_2=Parameter(0.61, fixed=False),
     I0=Parameter(0.3, fixed=True),
 )
+RATIOS: dict[str, float | None] = {"momentum": 0.9, "constitutive": 1.1}
 # Changes that leave everything unknown that may be.
 SPARSE: dict[str, Any] = {
     "truth": None,
@@ -68,13 +72,24 @@ def make_result(**changes: Any) -> Result:
         inertial_number=InertialNumber(q05=1e-4, median=0.02, q95=0.3),
         covariance=Covariance(("mu_s", "mu_2"), ((1.44e-4, -1e-5), (-1e-5, 4e-4))),
         members=Members(
-            (7, 11, 13), (0.4, 0.41, 0.5), (0.6, 0.61, 0.7), (False, False, True), 1, 1
+            (7, 11, 13),
+            {"mu_s": (0.4, 0.41, 0.5), "mu_2": (0.6, 0.61, 0.7)},
+            (False, False, True),
+            1,
+            1,
         ),
-        residuals=Residuals(0.004, 0.002, 1e-4, 0.01, 0.02, 0.03),
+        residuals=Residuals(
+            velocity=0.004,
+            noise=0.002,
+            surface=1e-4,
+            momentum=0.01,
+            continuity=0.02,
+            constitutive=0.03,
+        ),
         error_bars=ErrorBars(
             (0.004, 0.01), (0.011, 0.017), (8.5, 9.5), (1.8, 1.9), "made up", True
         ),
-        verdict=Verdict(True, "nothing contradicts mu(I): a made-up example", 0.9, 1.1),
+        verdict=Verdict(True, "nothing contradicts mu(I): a made-up example", RATIOS),
     )
     return replace(result, **changes)
 
@@ -110,13 +125,14 @@ class Model(NamedTuple):
 
     spec: NetworkSpec
     params: torch.Tensor
+    law: Law
     theta: torch.Tensor
-    physics: list[float]
+    physics: Physics
 
 
 def make_model(form: str, seed: int = 0) -> Model:
     """A tiny network; the limits of the viscosity are such that both bind at some points."""
     spec = NetworkSpec((3, 6, 5, OUTPUTS[form]), (0.5, 0.4, 0.3), (1.1, 1.3, 0.9), form)
     theta = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
-    physics = [0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4]
-    return Model(spec, initial_parameters(spec, seed), theta, physics)
+    physics = Physics(0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4)
+    return Model(spec, initial_parameters(spec, seed), DEFAULT, theta, physics)

@@ -12,7 +12,15 @@ import pytest
 
 from granpinn import report
 from granpinn.report import vtkhdf
-from granpinn.results import Fields, Parameter, Result, read_results, write_csv, write_fields
+from granpinn.results import (
+    Fields,
+    Parameter,
+    Parameters,
+    Result,
+    read_results,
+    write_csv,
+    write_fields,
+)
 from tests.report.examples import PARAMETERS, SPARSE, make_result
 from tests.report.run_folder import Contents
 
@@ -27,7 +35,7 @@ def read(result: Result, path: Path) -> dict[str, str]:
 
 def test_the_row_holds_values_intervals_and_units(tmp_path: Path) -> None:
     value = 0.1 + 0.2  # needs all 17 digits
-    parameters = replace(PARAMETERS, mu_s=Parameter(value, False, 0.012, (0.28, 0.32)))
+    parameters = Parameters(PARAMETERS | {"mu_s": Parameter(value, False, 0.012, (0.28, 0.32))})
     row = read(make_result(parameters=parameters), tmp_path / "results.csv")
     assert float(row["mu_s"]) == value
     found = [row[f"mu_s_{name}"] for name in ("std", "low_90", "high_90", "unit", "fixed", "true")]

@@ -58,14 +58,14 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
 
 def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
     drawing = maps.simulated_pressure(fields, K)
-    closed, open_, error = drawing.figure.axes[:3]
+    simulated, gap, error = drawing.figure.axes[:3]
     p, found = fields.frame("p", K), fields.frame("p_simulated", K)
     assert np.isfinite(found).any()
     expected = (found, np.abs(p - found), found - fields.frame("p_reference", K))
-    for axes, values in zip((closed, open_, error), expected, strict=True):
+    for axes, values in zip((simulated, gap, error), expected, strict=True):
         np.testing.assert_array_equal(shown(axes), inside(values))
-    assert mesh(open_).get_clim()[0] == 0
-    assert "kinematics does not fix the pressure" in drawing.caption
+    assert mesh(gap).get_clim()[0] == 0
+    assert "the motion does not fix the pressure" in drawing.caption
     assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
 
 
@@ -80,7 +80,7 @@ def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields
         assert len(drawing.figure.axes) == 4  # two maps and their scales
         expected = inside(fields.frame("p_simulated", shown_k))
         np.testing.assert_array_equal(shown(drawing.figure.axes[0]), expected)
-    with pytest.raises(NothingToDraw, match="no closed pressure"):
+    with pytest.raises(NothingToDraw, match="no simulated pressure"):
         maps.simulated_pressure(with_values(fields, p_simulated=None), K)
 
 

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from granpinn.data import Truth
 from granpinn.figures import album, curves, style
 from granpinn.figures.style import NothingToDraw
+from granpinn.physics.terms import NAMES
 from granpinn.results import (
     Covariance,
     Fields,
@@ -34,7 +35,9 @@ COVARIANCE = Covariance(("mu_s", "mu_2"), ((1.6e-4, -6e-5), (-6e-5, 9e-4)))
 @pytest.fixture
 def result(contents: Contents) -> Result:
     """A result with round numbers over a known band."""
-    parameters = Parameters(Parameter(0.4, False), Parameter(0.6, False), Parameter(0.25, True))
+    parameters = Parameters(
+        mu_s=Parameter(0.4, False), mu_2=Parameter(0.6, False), I0=Parameter(0.25, True)
+    )
     truth = Truth(mu_s=0.38, mu_2=0.64, I0=0.3)
     return replace(
         contents.result,
@@ -144,7 +147,7 @@ def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result
     J = np.stack([(mu(values + h) - mu(values - h)) / 2e-6 for h in step])
     order = [2, 0, 1]
     covariance = Covariance(("I0", "mu_s", "mu_2"), tuple(map(tuple, matrix[order][:, order])))
-    sd = summary.friction_sd(I, result.parameters, covariance)
+    sd = summary.friction_sd(I, result, covariance)
     np.testing.assert_allclose(sd, np.sqrt(np.einsum("in,ij,jn->n", J, matrix, J)), rtol=1e-6)
 
 
@@ -195,8 +198,8 @@ def test_the_course_of_the_training_is_the_history(result: Result, contents: Con
         np.testing.assert_array_equal(step, history["step"])
         np.testing.assert_array_equal(value, history[name])
         np.testing.assert_array_equal(xy(line(scalars, f"{symbol} true"))[1], true)
-    assert labels(terms) == list(curves.TERM_COLORS)
-    for name in curves.TERM_COLORS:
+    assert labels(terms) == ["loss", *NAMES]
+    for name in labels(terms):
         np.testing.assert_array_equal(xy(line(terms, name))[1], history[name])
     assert np.isnan(history["momentum"][0])  # the pre-fit has no such term
 

@@ -13,11 +13,12 @@ from torch import Tensor
 from granpinn import reference
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
-from granpinn.identification import prediction
+from granpinn.identification import case, prediction
 from granpinn.identification.prediction import evaluate, predict
 from granpinn.reference.equations import pressure
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
+from granpinn.training.problem import Problem
 from tests.flows import make_flow
 from tests.report.examples import Model, make_model
 
@@ -32,12 +33,14 @@ def flow() -> Flow:
 
 
 def run(flow: Flow, model: Model, chunk: int = prediction.CHUNK) -> Fields:
-    return predict(flow, *model, scales_of(flow), chunk)
+    spec, params, law, theta, physics = model
+    problem = Problem(spec, list(physics), [], 0.0)
+    return predict(flow, case.Model(problem, params, theta, scales_of(flow), law), chunk)
 
 
 def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
     """The same fields from the oracle: its network, its derivatives, tensors written out."""
-    spec, params, theta, physics = model
+    spec, params, _, theta, physics = model
     d, _, _, eta_min, eta_max, U, P, p_floor = physics
     network = (spec.widths, spec.input_shift, spec.input_scale)
     z, z_x, z_y, _ = reference.network_jet(points, params, *network, 1)
@@ -52,7 +55,7 @@ def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
     tau = 2 * eta[:, None, None] * (D - divergence[:, None, None] / 2 * identity)
     if spec.form == "mixed":
         tau[:, 0, 0], tau[:, 0, 1] = p * z[:, 3], p * z[:, 4]
-    e = reference.strong_residual(points, params, theta, *network, physics)
+    e = reference.strong_residual(points, params, theta, *network, list(physics))
     return {
         "u": U * z[:, 0],
         "v": U * z[:, 1],

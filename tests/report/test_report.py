@@ -15,7 +15,7 @@ import pytest
 from granpinn.data import Truth
 from granpinn.figures import album
 from granpinn.report import page as pages
-from granpinn.results import ErrorPercent, Input, Parameter, Result, read_results
+from granpinn.results import ErrorPercent, Input, Parameter, Parameters, Result, read_results
 from granpinn.results.findings import SimulatedPressure
 from tests.report.examples import PARAMETERS, make_result
 from tests.report.page import Page
@@ -50,7 +50,7 @@ def test_the_figures_are_inside(built: Path) -> None:
     still, *sources = page.values("img", "src")
     assert still.startswith("data:image/png;base64,")
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
-    titles["pressure_simulated"] = "Pressure, closed where nothing flows"
+    titles["pressure_simulated"] = "Simulated pressure"
     for source, name in zip(sources, titles, strict=True):
         head, data = source.split(",")
         assert head == "data:image/png;base64"
@@ -117,14 +117,17 @@ def test_small_errors_keep_two_digits() -> None:
             SimulatedPressure(
                 None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3
             ),
-            "At 2 times this pressure differs from the predicted one by 1.23 % where grains flow "
-            "and 12.30 % where they do not: so much the motion leaves open (left out: 1 did not "
-            "converge). It is off the reference by 1.60 %.",
+            "At 2 times the predicted pressure differs from this simulated one by 1.23 % in "
+            "flowing grains and 12.30 % in resting ones: the motion leaves that much open (left "
+            "out: 1 did not converge). The simulated pressure is off the reference by 1.60 %.",
         ),
-        (SimulatedPressure("gravity is strange"), "none to compare them with: gravity is strange."),
+        (
+            SimulatedPressure("gravity is strange"),
+            "no simulated pressure to compare them with: gravity is strange.",
+        ),
         (
             SimulatedPressure(None, 64, late=4),
-            "closed it at no time (left out: 4 had no time left).",
+            "There is no simulated pressure (left out: 4 had no time left).",
         ),
     ],
 )
@@ -134,7 +137,7 @@ def test_the_simulated_pressure_is_said_in_words(
     errors = ErrorPercent(pressure=4.0, pressure_simulated=1.6, pressure_simulated_stagnant=0.9)
     text = render(make_result(simulated_pressure=simulated_pressure, error_percent=errors)).text
     assert words in text
-    assert "by the simulator, all 1.60 closed, flowing - closed, stagnant 0.90" in text
+    assert "simulated pressure, all 1.60 simulated, flowing - simulated, stagnant 0.90" in text
     assert "simulator" not in render(make_result(simulated_pressure=None)).text
 
 
@@ -173,7 +176,7 @@ def test_mu_2_is_called_an_extrapolation_where_I_stays_small() -> None:
 
 
 def test_what_is_not_known_is_said() -> None:
-    parameters = replace(PARAMETERS, mu_s=Parameter(0.41, fixed=False))
+    parameters = Parameters(PARAMETERS | {"mu_s": Parameter(0.41, fixed=False)})
     text = render(
         make_result(
             parameters=parameters,
@@ -190,7 +193,7 @@ def test_what_is_not_known_is_said() -> None:
     assert text.count("true value not known") == 2
     assert "no standard deviations were estimated" in text
     assert "The file has no reference to compare it with." in text
-    assert "The file does not say which parameters made the data." in text
+    assert "The file does not state the true parameters." in text
     assert "made in memory" in text
     for absent in ("Nine tenths", "Stagnant:", "Settings", "time limit", "reproduced to", "None"):
         assert absent not in text
@@ -206,7 +209,7 @@ def test_what_is_not_known_is_said() -> None:
     ids=str,
 )
 def test_an_I0_that_was_identified(truth: Truth | None, words: str) -> None:
-    parameters = replace(PARAMETERS, I0=Parameter(0.3, False, 0.02, (0.27, 0.33)))
+    parameters = Parameters(PARAMETERS | {"I0": Parameter(0.3, False, 0.02, (0.27, 0.33))})
     text = render(make_result(parameters=parameters, truth=truth)).text
     assert f"I0 0.300 ± 0.020 {words}" in text
     assert "I0 0.3000 0.0200 0.2700 to 0.3300" in text

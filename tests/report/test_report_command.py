@@ -76,7 +76,7 @@ def test_a_damaged_history_is_said(run_dir: Path) -> None:
     page = build(run_dir)
     assert page.values("img", "alt")[1:] == [
         "Inertial number",
-        "Pressure, closed where nothing flows",
+        "Simulated pressure",
     ]
     assert "history.csv could not be read: 'utf-8' codec" in page.text
 
@@ -147,7 +147,7 @@ def test_no_fields_for_paraview_are_refused(
         ("", "could not be read as strict JSON"),
         ('{"format_name": "granpinn-results", ', "could not be read as strict JSON"),
         ("[]", "must hold an object"),
-        ('{"format_name": "granpinn-results", "format_version": 1}', "parameters is missing"),
+        ('{"format_name": "granpinn-results", "format_version": 2}', "parameters is missing"),
     ],
 )
 def test_a_folder_without_a_valid_run(

@@ -221,7 +221,9 @@ def test_what_the_file_does_not_know_is_not_scored() -> None:
 
 def test_a_fixed_parameter_has_no_error() -> None:
     flow = make_flow(truth=Truth(mu_s=0.4))
-    fixed = Parameters(Parameter(0.5, fixed=True), Parameter(0.6, False), Parameter(0.3, True))
+    fixed = Parameters(
+        mu_s=Parameter(0.5, fixed=True), mu_2=Parameter(0.6, False), I0=Parameter(0.3, True)
+    )
     errors = score(flow, make_fields(flow), fixed).error_percent
-    assert errors.mu_s is None
+    assert errors.get("mu_s") is None
     assert errors.mu_2 is None

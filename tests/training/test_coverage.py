@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,12 @@ from bench.studies.coverage import calibrate, judge, materials
 from bench.studies.coverage.judge import Case
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
-from granpinn.results.records import Members, Residuals
+from granpinn.results import Residuals
+from granpinn.results.decoding import encode
+from granpinn.results.records import Members
 from granpinn.simulation import Collapse
-from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty import calibration, of_law
+from granpinn.uncertainty.center import center
 
 Array = npt.NDArray[np.float64]
 
@@ -38,10 +40,16 @@ def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[C
         found = mu + mu_s * z
         misfit = generator.uniform(0.001, 0.003)
         momentum, constitutive = np.exp(generator.normal(0, 0.2, 2)) * (10 * misfit, 6 * misfit)
-        residuals = Residuals(misfit, 0.0, 1e-4, momentum, 0.01, constitutive)
-        members = Members(
-            tuple(range(K)), tuple(found[:, 0].tolist()), tuple(found[:, 1].tolist()), (False,) * K
+        residuals = Residuals(
+            velocity=misfit,
+            noise=0.0,
+            surface=1e-4,
+            momentum=momentum,
+            continuity=0.01,
+            constitutive=constitutive,
         )
+        values = {name: tuple(found[:, k].tolist()) for k, name in enumerate(("mu_s", "mu_2"))}
+        members = Members(tuple(range(K)), values, (False,) * K)
         cases.append(Case(materials.LAW, mu, members, residuals, 40_000))
     return cases
 
@@ -52,8 +60,8 @@ def rows_of(cases: list[Case]) -> list[dict[str, Any]]:
         {
             "law": case.law,
             "truth": dict(zip(("mu_s", "mu_2"), case.mu.tolist(), strict=True)),
-            "members": dataclasses.asdict(case.members),
-            "residuals": dataclasses.asdict(case.residuals),
+            "members": encode(case.members),
+            "residuals": case.residuals,
             "steps": case.steps,
             "failure": None,
         }
@@ -72,9 +80,9 @@ def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
     assert (table.provenance, table.provisional) == ("made up", False)
     assert table.widening == pytest.approx((1, 1), abs=0.15)
     assert table.discrepancy_weight > 100
-    ratios = np.array([error_bars.residual_ratios(case.residuals, table) for case in cases])
+    ratios = np.array([[*of_law.residual_ratios(c.residuals, table).values()] for c in cases])
     np.testing.assert_allclose(np.median(ratios, axis=0), 1, atol=0.3)
-    verdicts = [error_bars.verdict((0.4, 0.64), case.residuals, table) for case in cases]
+    verdicts = [of_law.verdict((0.4, 0.64), case.residuals, table) for case in cases]
     assert sum(verdict.follows is not True for verdict in verdicts) <= 2
 
 
@@ -95,7 +103,7 @@ def test_heavy_tails_widen_the_intervals(seed: int) -> None:
         grown = []
         for case in cases:
             factor = 8.0 if generator.uniform() < 0.25 else 1.0
-            mu = np.array(error_bars.center(case.members))
+            mu = np.array(center(case.members))
             grown.append(case._replace(mu=mu + (case.mu - mu) * factor))
         return grown
 
@@ -113,7 +121,7 @@ def test_the_command_writes_a_table_that_can_be_loaded(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     cases = make_cases(60, np.random.default_rng(seed))
-    other = cases[0]._replace(law="viscous", residuals=dataclasses.replace(
+    other = cases[0]._replace(law="viscous", residuals=Residuals(
         cases[0].residuals, constitutive=1.0))  # fmt: skip
     study = {
         "date": "2026-01-01",

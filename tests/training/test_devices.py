@@ -1,6 +1,6 @@
 """A whole run on each device: what comes after the training, and that it is the CPU's.
 
-`pytest -k cuda` picks the GPU's; fields, errors and closed pressure are made on the CPU from
+`pytest -k cuda` picks the GPU's; fields, errors and simulated pressure are made on the CPU from
 parameters that lie on the device.
 """
 
@@ -22,7 +22,9 @@ from granpinn.data import Flow, write_flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import Model, members, pose
-from granpinn.identification.identify import predict, start
+from granpinn.identification.prediction import predict
+from granpinn.identification.single import start
+from granpinn.physics.laws import DEFAULT
 from granpinn.tables import __main__ as tables
 from tests.flows import make_flow
 
@@ -59,7 +61,7 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
     for e, case in enumerate(cases):
         params, theta = run.trainer.solution(e)
         assert params.device.type == theta.device.type == device
-        there = Model(case.member.problem, params, theta, case.scales)
+        there = Model(case.member.problem, params, theta, case.scales, DEFAULT)
         here = dataclasses.replace(there, params=params.cpu(), theta=theta.cpu())
         maps, same = predict(flow, there), predict(flow, here)
         for name in ("u", "v", "p", "tau_xx", "tau_xy", "D2", "I", "eta"):
@@ -67,8 +69,8 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
             assert error is not None
             assert error < 1e-2, name  # in %: hundreds of roundings of float32
         with ThreadPoolExecutor(2) as pool:
-            maps, record = simulated_fields.close(case, run, there, maps, pool)
-            same, _ = simulated_fields.close(case, run, here, same, pool)
+            maps, record = simulated_fields.add(case, run, there, maps, pool)
+            same, _ = simulated_fields.add(case, run, here, same, pool)
         assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
         found, wanted = (fields.values["p_simulated"] for fields in (maps, same))
         known = np.isfinite(wanted)
@@ -90,14 +92,14 @@ def test_the_command_leaves_everything(
     assert torch.device(result.device).type == device
     assert result.failure is None
     assert result.members is not None
-    assert len(result.members.mu_s) == 2
+    assert len(result.members.seed) == 2
     assert result.simulated_pressure is not None
     assert (len(result.simulated_pressure.frames), result.simulated_pressure.failed) == (3, 0)
     for name in ("velocity", "pressure", "pressure_simulated"):
         assert np.isfinite(getattr(result.error_percent, name))
     with h5py.File(out / "fields.h5") as file:
-        closed = file["p_simulated"][()]
-    frames = np.flatnonzero(np.isfinite(closed).any(axis=(1, 2)))
+        simulated = file["p_simulated"][()]
+    frames = np.flatnonzero(np.isfinite(simulated).any(axis=(1, 2)))
     assert tuple(frames) == result.simulated_pressure.frames
     assert (out / "report.html").stat().st_size > 10_000
 

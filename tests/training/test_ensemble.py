@@ -13,7 +13,7 @@ from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.identification.case import pose
-from granpinn.identification.identify import start
+from granpinn.identification.single import start
 from granpinn.results import Result
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop

@@ -18,10 +18,9 @@ from granpinn.config import Config, ConfigError
 from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.identification import case as case_module
-from granpinn.identification import identify as identify_module
-from granpinn.identification import simulated_fields
+from granpinn.identification import prediction, simulated_fields
 from granpinn.identification.case import choose_device, pose
-from granpinn.identification.identify import identify
+from granpinn.identification.single import identify
 from granpinn.training.loop import TrainingLoop
 from tests.training.conftest import make_trainer, tiny
 
@@ -82,20 +81,20 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
     assert results.read_results(tmp_path / "results.json").simulated_pressure == simulated_pressure
     fields = results.read_fields(tmp_path / "fields.h5")
     frame = fields.index // (fields.y.size * fields.x.size)
-    closed = fields.values["p_simulated"]
-    np.testing.assert_array_equal(np.isfinite(closed), np.isin(frame, simulated_pressure.frames))
-    reference = fields.values["p_reference"][np.isfinite(closed)].astype(np.float64)
-    difference = closed[np.isfinite(closed)] - reference
+    simulated = fields.values["p_simulated"]
+    np.testing.assert_array_equal(np.isfinite(simulated), np.isin(frame, simulated_pressure.frames))
+    reference = fields.values["p_reference"][np.isfinite(simulated)].astype(np.float64)
+    difference = simulated[np.isfinite(simulated)] - reference
     error = 100 * np.linalg.norm(difference) / np.linalg.norm(reference)
     assert result.error_percent.pressure_simulated == pytest.approx(error, rel=1e-6)
-    assert "pressure given by the simulator at 3 times" in str(result)
+    assert "simulated pressure at 3 times" in str(result)
 
 
-def test_the_pressure_is_not_closed_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
+def test_the_pressure_is_not_simulated_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
     result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
     assert result.simulated_pressure is None
     assert result.error_percent.pressure_simulated is None
-    assert "closed" not in str(result)
+    assert "simulated" not in str(result)
     assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
 
 
@@ -109,10 +108,10 @@ def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: F
     assert result.error_percent.pressure_simulated is None
 
 
-def test_a_time_limit_is_one_of_the_closing_too(
+def test_a_time_limit_is_one_of_the_simulation_too(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulated_fields, "CLOSING_PART", -1000.0)
+    monkeypatch.setattr(simulated_fields, "SIMULATION_PART", -1000.0)
     result = identify(flow, tiny(max_time=20.0, steps=3))
     assert result.simulated_pressure is not None
     assert (result.simulated_pressure.frames, result.simulated_pressure.late) == ((), 12)
@@ -175,13 +174,13 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
 
     monkeypatch.setattr(case_module, "training_data", training_data)
     references: list[Any] = []
-    real_predict = identify_module.predict
+    real_predict = prediction.predict
 
     def predict(flow: Flow, model: case_module.Model) -> Any:
         references.append(flow)
         return real_predict(flow, model)
 
-    monkeypatch.setattr(identify_module, "predict", predict)
+    monkeypatch.setattr(prediction, "predict", predict)
     result = identify(flow, tiny(noise=0.2, seed=5))
     assert result.data.noise == 0.2
     assert not np.array_equal(seen[0].u[flow.valid], flow.u[flow.valid])
@@ -269,5 +268,5 @@ def test_a_time_limit_leaves_time_for_the_report(
     for max_time in (40.0, 600.0):
         identify(flow, tiny(max_time=max_time))
     identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
-    closing = simulated_fields.CLOSING * 25 / len(os.sched_getaffinity(0))
+    closing = simulated_fields.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
     assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)

@@ -15,7 +15,7 @@ import torch
 from granpinn import reference, results, train
 from granpinn.data import Flow
 from granpinn.identification.final_loss import final_loss
-from granpinn.identification.inertial_profile import grid_of, judge
+from granpinn.identification.inertial_profile import grid_of, profile_from
 from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
 from granpinn.results.findings import Loss, Profile
@@ -31,7 +31,7 @@ BAND = InertialNumber(q05=0.0, median=0.03, q95=0.09)
 
 def member(I0: float, seed: int, loss: float, mu_2: float) -> Result:
     parameters = Parameters(
-        Parameter(0.4, fixed=False), Parameter(mu_2, fixed=False), Parameter(I0, fixed=True)
+        mu_s=Parameter(0.4, False), mu_2=Parameter(mu_2, False), I0=Parameter(I0, True)
     )
     # What a seed does to all its losses must drop out.
     draw = np.random.default_rng([round(1000 * I0), seed]).normal()
@@ -51,7 +51,7 @@ def profile_of(
     loss: Callable[[float], float], mu_2: Callable[[float], float] = lambda I0: 0.64
 ) -> Profile:
     members = [member(I0, seed, loss(I0), mu_2(I0)) for I0 in GRID for seed in SEEDS]
-    return judge(members, law_accuracy=0.005, given=0.3)
+    return profile_from(members, law_accuracy=0.005, given=0.3)
 
 
 def parabola(I0: float) -> float:
@@ -107,10 +107,10 @@ def test_slope_derivative_and_correlation() -> None:
 def test_a_seed_that_diverged_is_left_out() -> None:
     members = [member(I0, seed, parabola(I0), 0.64) for I0 in GRID for seed in SEEDS]
     members[1] = dataclasses.replace(members[1], failure="not finite")
-    assert judge(members, 0.005, 0.3).n_seeds == 2
+    assert profile_from(members, 0.005, 0.3).n_seeds == 2
     members[2] = dataclasses.replace(members[2], failure="not finite")
     with pytest.raises(NonFiniteError, match="needs two seeds that end at every value, got 1"):
-        judge(members, 0.005, 0.3)
+        profile_from(members, 0.005, 0.3)
 
 
 def test_the_weights_are_the_same_for_all() -> None:
@@ -119,7 +119,7 @@ def test_the_weights_are_the_same_for_all() -> None:
     assert loss is not None
     heavier = Loss(100, loss.terms, {"velocity": 5.0, "momentum": 10.0})
     members[0] = dataclasses.replace(members[0], loss=heavier)
-    rise = judge(members, 0.005, 0.3).points[0].loss_rise
+    rise = profile_from(members, 0.005, 0.3).points[0].loss_rise
     assert rise == pytest.approx(0.0, abs=10 * SCATTER)
 
 

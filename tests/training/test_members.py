@@ -13,11 +13,10 @@ import torch
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow, known_sd, redraw
-from granpinn.identification import conclusion
 from granpinn.identification.case import member_seed, members, pose
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import calibration
+from granpinn.uncertainty import calibration, of_training
 from tests.flows import make_flow
 from tests.training.conftest import tiny
 from tests.training.test_ensemble import spoil
@@ -30,7 +29,7 @@ def all_settings_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """The networks of these tests are not those that the error bars were calibrated for."""
     table = dataclasses.replace(calibration.load(), misfit=10.0, largest_misfit=10.0, steps=1)
     monkeypatch.setattr(calibration, "load", lambda: table)
-    monkeypatch.setattr(conclusion, "uncalibrated", lambda config: [])
+    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
 
 
 def test_seeds_are_a_function_of_the_first_and_never_meet() -> None:
@@ -89,9 +88,9 @@ def test_the_result_is_the_center_of_the_members(flow: Flow, tmp_path: Path) -> 
         for k in range(3)
     ]
     assert found.members is not None
-    assert found.members.mu_s == tuple(one.parameters.mu_s.value for one in alone)
-    mu_s = np.array(found.members.mu_s)
-    slope = np.array(found.members.mu_2) - mu_s
+    assert found.members.values["mu_s"] == tuple(one.parameters.mu_s.value for one in alone)
+    mu_s = np.array(found.members.values["mu_s"])
+    slope = np.array(found.members.values["mu_2"]) - mu_s
     assert found.parameters.mu_s.value == pytest.approx(np.median(mu_s))
     assert found.parameters.mu_2.value == pytest.approx(np.median(mu_s) + np.median(slope))
     shown = alone[found.members.shown]
@@ -158,7 +157,7 @@ def test_a_member_that_diverged_is_left_out(flow: Flow, monkeypatch: pytest.Monk
     monkeypatch.setattr(TrainingLoop, "train", train)
     found = identify(flow, THREE)
     assert found.members is not None
-    assert found.members.lost == 1
+    assert found.members.diverged == 1
     assert found.members.seed == (member_seed(4, 1), member_seed(4, 2))
     assert (found.failure, found.stopped) == (None, "steps")
 
@@ -196,7 +195,7 @@ def test_other_settings_than_the_calibrated_have_no_error_bars(flow: Flow) -> No
 def test_a_run_that_has_hardly_begun_has_no_error_bars(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(conclusion, "uncalibrated", lambda config: [])
+    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
     found = identify(flow, tiny(steps=3))
     assert (found.covariance, found.error_bars, found.parameters.mu_s.std) == (None, None, None)
     assert found.verdict is not None

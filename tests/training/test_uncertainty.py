@@ -13,9 +13,12 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from granpinn.results.records import Members, Residuals
-from granpinn.uncertainty import calibration, error_bars
+from granpinn.physics.laws import DEFAULT
+from granpinn.results import Residuals
+from granpinn.results.records import Members
+from granpinn.uncertainty import calibration, error_bars, of_law
 from granpinn.uncertainty.calibration import Range
+from granpinn.uncertainty.center import center, nearest
 
 Array = npt.NDArray[np.float64]
 
@@ -32,12 +35,16 @@ TABLE = dataclasses.replace(
     misfit=0.0035,
     steps=1000,
     widening=(1.0, 1.0),
-    momentum=Range(math.log10(500), 1.0, 3.0),  # 1 at the misfit of CLEAN
-    constitutive=Range(math.log10(500), 1.0, 3.0),
+    residuals={  # 1 at the misfit of CLEAN
+        name: Range(math.log10(500), 1.0, 3.0) for name in ("momentum", "constitutive")
+    },
 )
-CLEAN = Residuals(0.002, 0.0, 1e-4, 1.0, 0.01, 1.0)
-NOISY = dataclasses.replace(CLEAN, velocity=0.05, noise=0.05)
+CLEAN = Residuals(
+    velocity=0.002, noise=0.0, surface=1e-4, momentum=1.0, continuity=0.01, constitutive=1.0
+)
+NOISY = Residuals(CLEAN, velocity=0.05, noise=0.05)
 TRUTH = np.array([0.4, 0.64])
+RANGE = {"intercept": 0.0, "slope": 1.0, "limit": 2.0}
 DRAWS = 800
 # A coverage of 90 % measured with DRAWS draws is off by less than 3.5 % in 999 of 1000 cases.
 SLACK = 0.035
@@ -47,7 +54,7 @@ def members(z: Array, redrawn: int = 0) -> Members:
     """Members with the errors z [K, 2] of TRUTH, the last ones redrawn."""
     mu = TRUTH + TRUTH[0] * z
     flags = tuple(k >= len(z) - redrawn for k in range(len(z)))
-    return Members(tuple(range(len(z))), tuple(mu[:, 0]), tuple(mu[:, 1]), flags)
+    return Members(tuple(range(len(z))), {"mu_s": tuple(mu[:, 0]), "mu_2": tuple(mu[:, 1])}, flags)
 
 
 def coverage(draw: Any, table: calibration.Calibration, residuals: Residuals) -> Array:
@@ -112,7 +119,7 @@ def test_noise_is_seen_by_the_redrawn_members_alone(bias: float, seed: int) -> N
         return members(z, redrawn)
 
     table = dataclasses.replace(TABLE, noise_part=0.0)
-    lawful = dataclasses.replace(NOISY, momentum=0.0, constitutive=0.0)
+    lawful = Residuals(NOISY, momentum=0.0, constitutive=0.0)
     with_them = coverage(lambda: draw(4), table, lawful)
     assert np.all(with_them > 0.9 - SLACK)
     seeds_alone = coverage(lambda: draw(0), table, lawful)
@@ -148,7 +155,7 @@ def test_the_covariance_is_the_sum_of_its_parts() -> None:
 def test_discrepancy_grows_with_what_went_wrong(
     changes: dict[str, float], steps: int, factor: float
 ) -> None:
-    residuals = dataclasses.replace(CLEAN, **changes)
+    residuals = Residuals(CLEAN, **changes)
     scale = error_bars.discrepancy_scale(residuals, steps, TABLE)
     assert scale == pytest.approx(max(1, factor))
 
@@ -163,7 +170,7 @@ def test_discrepancy_is_linear_between_the_knots() -> None:
 
 
 def test_intervals_hold_no_negative_friction_whatever_happened() -> None:
-    lost = dataclasses.replace(CLEAN, velocity=1.0)
+    lost = Residuals(CLEAN, velocity=1.0)
     found = error_bars.estimate(members(np.zeros((1, 2))), lost, 1, TABLE)
     for low, high in found.intervals:
         assert 0 < low < high < math.inf
@@ -171,24 +178,28 @@ def test_intervals_hold_no_negative_friction_whatever_happened() -> None:
 
 def test_the_center_is_of_the_members_with_the_data_as_measured() -> None:
     found = Members(
-        (0, 1, 2, 3), (0.3, 0.4, 0.5, 0.9), (0.5, 0.7, 0.6, 2.0), (False,) * 3 + (True,)
+        (0, 1, 2, 3),
+        {"mu_s": (0.3, 0.4, 0.5, 0.9), "mu_2": (0.5, 0.7, 0.6, 2.0)},
+        (False,) * 3 + (True,),
     )
-    assert error_bars.center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
-    assert error_bars.nearest(found, TABLE) in {0, 1, 2}
+    assert center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
+    assert nearest(found, DEFAULT, TABLE.scatter) in {0, 1, 2}
     alone = dataclasses.replace(found, redrawn=(True,) * 4)
-    assert error_bars.center(alone) == pytest.approx((0.45, 0.7))
+    assert center(alone) == pytest.approx((0.45, 0.7))
 
 
 def test_the_nearest_member_is_measured_across_the_valley() -> None:
     """2 % along the valley is nearer than 1 % of mu_s across it."""
     along, across = np.array([-0.002, 0.02]), np.array([0.01, 0.0])
     z = np.stack([along, across, -along - across])
-    assert error_bars.nearest(members(z), TABLE) == 0
+    assert nearest(members(z), DEFAULT, TABLE.scatter) == 0
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 20, 1000])
-def test_quantiles_of_student(n: int) -> None:
-    assert error_bars.student_95(n) == pytest.approx(stats.t.ppf(0.95, n), rel=0.01)
+@pytest.mark.parametrize("weight", [1.0, 2.0, 3.0, 8.0, 1000.0])
+def test_intervals_have_the_quantiles_of_student(weight: float) -> None:
+    table = dataclasses.replace(TABLE, scatter_weight=weight, discrepancy_weight=weight)
+    bars = error_bars.estimate(members(np.zeros((1, 2))), CLEAN, 1000, table).bars
+    assert bars.half_width == pytest.approx(stats.t.ppf(0.95, bars.freedom), rel=1e-12)
 
 
 @pytest.mark.parametrize("K", [1, 2, 3, 4, 5, 9])
@@ -201,9 +212,19 @@ def test_the_variance_of_a_median(K: int, seed: int) -> None:
 @pytest.mark.parametrize(
     ("mu", "changes", "follows", "words"),
     [
-        ((0.4, 0.64), {}, True, "nothing contradicts mu(I): momentum residual 1.0x"),
-        ((0.4, 0.64), {"constitutive": 5.2}, False, "constitutive residual 5.2x what data of this"),
-        ((0.4, 0.64), {"momentum": 4.0}, False, "do not follow mu(I): momentum residual 4.0x"),
+        ((0.4, 0.64), {}, True, "nothing contradicts mu(I): the momentum residual is 1.0 times"),
+        (
+            (0.4, 0.64),
+            {"constitutive": 5.2},
+            False,
+            "constitutive residual is 5.2 times that of simulated mu(I) flows",
+        ),
+        (
+            (0.4, 0.64),
+            {"momentum": 4.0},
+            False,
+            "do not follow mu(I): the momentum residual is 4.0 times",
+        ),
         ((0.9, 1.2), {"momentum": 4.0}, False, "do not follow mu(I)"),
         ((0.9, 1.2), {}, None, "may follow another law: mu_s = 0.9 lies outside of"),
         ((0.36, 3.14), {}, None, "mu_2/mu_s = 8.72 lies outside of"),
@@ -213,7 +234,7 @@ def test_the_variance_of_a_median(K: int, seed: int) -> None:
 def test_the_verdict(
     mu: tuple[float, float], changes: dict[str, float], follows: bool | None, words: str
 ) -> None:
-    found = error_bars.verdict(mu, dataclasses.replace(CLEAN, **changes), TABLE)
+    found = of_law.verdict(mu, Residuals(CLEAN, **changes), TABLE)
     assert found.follows is follows
     assert words in found.words
 
@@ -232,6 +253,8 @@ def test_the_table_that_is_shipped_is_sound() -> None:
     ("changes", "sentence"),
     [
         ({"missfit": 0.003}, "missfit is not known"),
+        ({"residuals": {"colour": {}}}, "residuals.colour.intercept is missing"),
+        ({"residuals": {"colour": RANGE}}, "residuals.colour is not known; expected velocity"),
         ({"mu_s": [0.2, 0.6]}, "one matrix for each of 2 knots"),
         ({"scatter": [[-1e-6, 0.0], [0.0, 1e-4]]}, "symmetric and not negative"),
     ],

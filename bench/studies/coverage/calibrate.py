@@ -26,8 +26,10 @@ import numpy.typing as npt
 
 from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
-from granpinn.uncertainty import calibration, error_bars
+from granpinn.uncertainty import calibration, error_bars, of_law
 from granpinn.uncertainty.calibration import Calibration, Range
+from granpinn.uncertainty.center import center as center_of
+from granpinn.uncertainty.center import values_of
 
 Array = npt.NDArray[np.float64]
 
@@ -53,7 +55,7 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
         widening=(1.0, 1.0),
         scatter=_scatter(cases, base),
     )
-    errors = [error_bars.velocity_error(case.residuals, table) for case in cases]
+    errors = [of_law.velocity_error(case.residuals, table) for case in cases]
     table = dataclasses.replace(
         table,
         misfit=float(np.quantile(errors, CONFIDENCE)),
@@ -71,8 +73,8 @@ def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
     total, freedom = np.zeros((2, 2)), 0
     for case in cases:
         kept = ~np.array(case.members.redrawn)
-        mu = np.stack([case.members.mu_s, case.members.mu_2], axis=1)[kept]
-        z = (mu - mu.mean(axis=0)) / error_bars.center(case.members)[0]
+        mu = values_of(case.members)[kept]
+        z = (mu - mu.mean(axis=0)) / center_of(case.members)[0]
         total, freedom = total + z.T @ z, freedom + max(0, len(z) - 1)
     return _matrix(total / freedom) if freedom >= 2 else base.scatter
 
@@ -82,11 +84,10 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
     The truths of one study have much the same misfit: the slope stays as it is.
     """
-    errors = np.array([error_bars.velocity_error(case.residuals, table) for case in cases])
+    errors = np.array([of_law.velocity_error(case.residuals, table) for case in cases])
     found = {}
-    for name in ("momentum", "constitutive"):
-        old: Range = getattr(table, name)
-        rms = np.array([getattr(case.residuals, name) for case in cases])
+    for name, old in table.residuals.items():
+        rms = np.array([case.residuals[name] for case in cases])
         over = np.log10(rms) - old.slope * np.log10(errors)
         middle = float(np.median(over))
         found[name] = Range(middle, old.slope, float(ALARM * 10 ** (np.max(over) - middle)))
@@ -96,14 +97,14 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
         name: (float(values.min() / BEYOND), float(values.max() * BEYOND))
         for name, values in ranges.items()
     }
-    return dataclasses.replace(table, **found, **limits)  # type: ignore[arg-type]
+    return dataclasses.replace(table, residuals=found, **limits)  # type: ignore[arg-type]
 
 
 def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
     """Second moments of z beyond the scatter, over s^2, averaged around each knot."""
     beyond, mu_s = [], []
     for case in cases:
-        center = np.array(error_bars.center(case.members))
+        center = np.array(center_of(case.members))
         z = (center - case.mu) / center[0]
         scale = error_bars.discrepancy_scale(case.residuals, case.steps, table)
         scatter, _ = error_bars.scatter(case.members, table)
@@ -130,7 +131,7 @@ def _reach(case: Case, table: Calibration) -> Array:
 
 
 def _missed(case: Case) -> Array:
-    return np.abs(np.log(np.array(error_bars.center(case.members)) / case.mu))
+    return np.abs(np.log(np.array(center_of(case.members)) / case.mu))
 
 
 def _upper_quantile(values: Array) -> Array:

@@ -10,9 +10,11 @@ import numpy.typing as npt
 
 from bench.studies.coverage.materials import LAW
 from granpinn.results.decoding import decode
-from granpinn.results.records import Members, Residuals
-from granpinn.uncertainty import error_bars
+from granpinn.results.named import Residuals
+from granpinn.results.records import Members
+from granpinn.uncertainty import error_bars, of_law
 from granpinn.uncertainty.calibration import Calibration
+from granpinn.uncertainty.center import center
 
 Array = npt.NDArray[np.float64]
 
@@ -74,8 +76,8 @@ def verdicts(pairs: Sequence[tuple[Case, Calibration]]) -> list[str]:
     """How many flows of each law are said to follow mu(I), to contradict it, or neither."""
     counts: dict[str, list[int]] = {}
     for case, table in pairs:
-        mu = error_bars.center(case.members)
-        follows = error_bars.verdict(mu, case.residuals, table).follows
+        mu = center(case.members)
+        follows = of_law.verdict(mu, case.residuals, table).follows
         counts.setdefault(case.law, [0, 0, 0])[(True, False, None).index(follows)] += 1
     return [
         f"{law}: {yes} follow mu(I), {no} contradict it, {open_} cannot be told"

@@ -16,7 +16,6 @@ Defends: the 90 % intervals of the default recipe hold 85 to 95 % of the truths.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import multiprocessing
 import os
 import sys
@@ -33,6 +32,7 @@ from bench.studies.coverage.materials import Task, draw, make, read
 from granpinn import identify_many
 from granpinn.config import Config, ConfigError
 from granpinn.results import Result
+from granpinn.results.decoding import encode
 from granpinn.training.progress import Lines
 from granpinn.uncertainty import calibration
 
@@ -45,8 +45,8 @@ def row(task: Task, result: Result) -> dict[str, Any]:
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
-        "members": dataclasses.asdict(result.members),
-        "residuals": None if residuals is None else dataclasses.asdict(residuals),
+        "members": encode(result.members),
+        "residuals": residuals,
         "velocity_error_percent": result.error_percent.velocity,
         "steps": result.timing.steps,
         "n_points": result.data.n_points,

@@ -34,7 +34,7 @@ from granpinn.identification.inertial_profile import (
     LEAST_AVERAGE,
     fair_losses,
     grid_of,
-    judge,
+    profile_from,
     vertex,
 )
 from granpinn.results import Result
@@ -92,7 +92,7 @@ def row(flow: Flow, results: Sequence[Result], config: Config, noise: float) -> 
         name: [100 * (draw[k] / truth[k] - 1) for draw in known] for k, name in enumerate(NAMES)
     }
     try:
-        profile = dataclasses.asdict(judge(results, config.profile.law_accuracy, truth[2]))
+        profile = dataclasses.asdict(profile_from(results, config.profile.law_accuracy, truth[2]))
     except NonFiniteError as error:
         profile = {"verdict": str(error), "points": []}
     return {

@@ -92,7 +92,7 @@ def row(task: Task, results: Sequence[Result]) -> dict[str, Any]:
         for name in NAMES
     }
     fields = {
-        name: [value for r in ended if (value := getattr(r.error_percent, name)) is not None]
+        name: [value for r in ended if (value := r.error_percent[name]) is not None]
         for name in FIELDS
     }
     return {

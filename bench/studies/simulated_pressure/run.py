@@ -37,7 +37,8 @@ from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import scoring, simulated_fields
 from granpinn.identification.case import Model, pose
-from granpinn.identification.identify import predict
+from granpinn.identification.prediction import predict
+from granpinn.physics.laws import DEFAULT
 from granpinn.results import Fields, number
 from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import settling
@@ -56,8 +57,8 @@ def frames_of(
     how: Settling,
 ) -> tuple[list[Array], int, float]:
     """Simulated pressures of some frames, cells across the box, CPU seconds of a frame."""
-    mu_s, mu_2, I0 = model.theta.tolist()
-    collapse = simulated_pressure.collapse_over(flow, usable, (mu_s, mu_2, I0), cells)
+    law, theta = model.law, model.theta.tolist()
+    collapse = simulated_pressure.collapse_over(flow, usable, law, theta, cells)
     velocity = simulated_fields.velocity_of(flow, model)
     before = settling.settled_after(collapse, *how)
 
@@ -111,7 +112,7 @@ def study(
         scored = dataclasses.replace(flow, **parts)
         for seed in range(seeds):
             params, theta = (tensors[name][i * seeds + seed] for name in ("params", "theta"))
-            model = Model(case.member.problem, params, theta, case.scales)
+            model = Model(case.member.problem, params, theta, case.scales, DEFAULT)
             maps = predict(scored, model)
             for how in [USUAL, *(others if seed == 0 else ())]:
                 found, used, seconds = frames_of(flow, usable, chosen, model, cells, how)

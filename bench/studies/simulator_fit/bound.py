@@ -28,6 +28,7 @@ import numpy.typing as npt
 from bench.studies import raw
 from granpinn.data import Flow, read_flow
 from granpinn.data.noise import max_speed
+from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
 from granpinn.second_opinion.resimulation import collapse_of, initial_column
 from granpinn.simulation import Collapse
@@ -124,7 +125,7 @@ def collapse_at(options: argparse.Namespace) -> Collapse:
     if isinstance(column, str):
         raise SystemExit(f"{options.flow}: {column}")
     law = (mu_s, mu_2, (truth.I0 if truth else None) or options.I0)
-    return collapse_of(flow, column, law, options.cells)
+    return collapse_of(flow, column, DEFAULT, law, options.cells)
 
 
 def text(row: dict[str, Any]) -> str:

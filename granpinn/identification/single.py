@@ -1,4 +1,4 @@
-"""From a flow to its friction law: the core that the command line and notebooks share."""
+"""One flow to its friction law: the core that the command line and notebooks share."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from granpinn import results
 from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
-from granpinn.data import (
-    Flow,
-)
+from granpinn.data import Flow
 from granpinn.identification import conclusion, prediction, simulated_fields
 from granpinn.identification.case import Case, Model, choose_device, members, pose
+from granpinn.physics.laws import LAWS
 from granpinn.results import Result, fields, write_csv
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
@@ -34,9 +33,9 @@ def identify(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Result:
-    """Identify mu_s and mu_2 of a flow, with the velocity and pressure fields that go with them.
+    """Identify the friction law of a flow, with its velocity and pressure fields.
 
-    In a group of processes (training/parallel.py) all work on this one flow; the first one writes.
+    In a group of processes (training/parallel.py) all train this one flow; the first one writes.
 
     Args:
         flow: a flow, or the path of a flow file.
@@ -67,8 +66,8 @@ def identify(
         raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
         return finish(cases, run, 0, None, None)
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as closing:
-        return finish(cases, run, 0, folder, closing)
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        return finish(cases, run, 0, folder, pool)
 
 
 def parts_of(folder: Path, count: int) -> list[Path]:
@@ -119,19 +118,20 @@ def finish(
     run: TrainingLoop,
     first: int,
     folder: Path | None,
-    closing: Executor | None,
+    pool: Executor | None,
     keep_fields: bool = True,
 ) -> Result:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
-    The threads of `closing` close the pressure; None leaves that out.
+    The threads of `pool` simulate the pressure; None leaves that out.
     """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
-    model = Model(case.member.problem, *run.trainer.solution(e), case.scales)
-    maps, record = predict(case.flow, model), None
-    if case.config.simulated_pressure.frames and closing is not None:
-        maps, record = simulated_fields.close(case, run, model, maps, closing)
+    law = LAWS[case.config.law]
+    model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
+    maps, record = prediction.predict(case.flow, model), None
+    if case.config.simulated_pressure.frames and pool is not None:
+        maps, record = simulated_fields.add(case, run, model, maps, pool)
     result = conclusion.result(case, run, e, found, model, maps, record)
     if folder is not None:
         results.write_results(result, folder / "results.json")
@@ -143,12 +143,6 @@ def finish(
             with atomic_path(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
     return result
-
-
-def predict(flow: Flow, model: Model) -> fields.Fields:
-    """The fields of a model at the points of a flow, in its units."""
-    p = model.problem
-    return prediction.predict(flow, p.spec, model.params, model.theta, p.physics, model.scales)
 
 
 def prepare(folder: Path, config: Config, members: int = 1) -> Path:

@@ -1,22 +1,23 @@
-"""The verdict at the top of a report: may these numbers be used, and what speaks against it.
+"""The headline of a report: may these numbers be used, and what speaks against it.
 
-It weighs what results.json and history.csv say.  It is no test of the friction law itself.
+It weighs the records of results.json and history.csv, with the verdict on the law (of_law) as one
+of them.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.summary import Summary
 
-SYMBOLS = {"mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀"}
 # Parameters that still change by more over the last tenth of the steps are not final.
 DRIFT_CARE, DRIFT_BAD = 0.01, 0.05
 # Misfit of the velocity in %; measurement noise counts, so that only a gross one is final.
 MISFIT_CARE, MISFIT_BAD = 5.0, 50.0
 WIDE = 0.1  # half-width of a 90 % interval, relative to the value
-# At I = I0/2 the law has gone a third of the way from mu_s to mu_2.
+# Of mu(I): at I = I0/2 the law has gone a third of the way from mu_s to mu_2.
 REACH = 0.5
 HEADLINES = {
     "good": "the friction law is identified.",
@@ -36,7 +37,7 @@ class Assessment(NamedTuple):
 def assess(result: Result, summary: Summary) -> Assessment:
     """The verdict on a result."""
     bad, care, good = _training(result, summary)
-    for name in ("mu_s", "mu_2", "I0"):
+    for name in result.parameters:
         wide, sentence = _interval(result, name)
         if sentence:
             (care if wide else good).append(sentence)
@@ -53,15 +54,16 @@ def assess(result: Result, summary: Summary) -> Assessment:
 
 
 def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], list[str]]:
-    """What the course of the training says against the result, gravely or not, and for it."""
+    """Sentences on the course of the training: bad ones, those that ask for care, good ones."""
     bad: list[str] = []
     care: list[str] = []
     good: list[str] = []
     if result.stopped == "diverged" or result.failure is not None:
         bad.append(f"The training diverged: {result.failure or 'its last good state is shown'}.")
     if summary.drift is not None:
-        drift = max(summary.drift)
-        words = f"μₛ and μ₂ changed by up to {100 * drift:.2g} % over the last tenth of the steps"
+        drift = max(summary.drift.values())
+        symbols = " and ".join(LAWS[result.law].parameter(name).text for name in summary.drift)
+        words = f"{symbols} changed by up to {100 * drift:.2g} % over the last tenth of the steps"
         if drift > DRIFT_CARE:
             (bad if drift > DRIFT_BAD else care).append(f"{words}: train with more steps.")
         else:
@@ -76,9 +78,9 @@ def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], l
 
 
 def _interval(result: Result, name: str) -> tuple[bool, str]:
-    """Whether a parameter is less certain than wished, and the sentence; "" for a fixed one."""
-    parameter = getattr(result.parameters, name)
-    symbol = SYMBOLS[name]
+    """Whether the interval of a parameter asks for care, and the sentence; "" if it is fixed."""
+    parameter = result.parameters[name]
+    symbol = LAWS[result.law].parameter(name).text
     if parameter.fixed:
         return False, ""
     if parameter.interval_90 is None:

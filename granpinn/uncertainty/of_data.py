@@ -1,4 +1,7 @@
-"""What an inspection means, in words: findings first, then what to measure better."""
+"""What inspected data can answer, before any training; for mu(I) alone.
+
+Findings first, then what to measure better.
+"""
 
 from __future__ import annotations
 

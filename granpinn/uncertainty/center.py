@@ -1,0 +1,56 @@
+"""Center of an ensemble, and the member that is nearest to it, for every friction law."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.physics.laws import DEFAULT, Law
+from granpinn.results.records import Members
+
+Array = npt.NDArray[np.float64]
+Matrix = tuple[tuple[float, ...], ...]
+
+
+def center(members: Members, law: Law = DEFAULT) -> tuple[float, ...]:
+    """Medians over the members whose data are as measured, in the order of `law.free`.
+
+    Over all members where none of those is left. A parameter that is optimised as the rise above
+    the one before it has the median of the rise: of mu(I) the data feel the slope and not mu_2. The
+    median of the logarithm would be the same.
+    """
+    values = values_of(members, law)
+    kept = values[~np.array(members.redrawn)]
+    kept = kept if len(kept) else values
+    found: list[float] = []
+    for k, name in enumerate(law.free):
+        if law.parameter(name).variable == "log_above":
+            found.append(found[-1] + float(np.median(kept[:, k] - kept[:, k - 1])))
+        else:
+            found.append(float(np.median(kept[:, k])))
+    return tuple(found)
+
+
+def nearest(members: Members, law: Law, scatter: Matrix | None = None) -> int:
+    """Index of the member that is nearest to the center.
+
+    Args:
+        scatter: covariance of `deviations` over seeds, by which distance is measured; None: all
+            parameters alike.
+    """
+    z = deviations(members, law)
+    covariance = np.eye(z.shape[1]) if scatter is None else np.array(scatter)
+    distance = np.einsum("ki,ij,kj->k", z, np.linalg.inv(covariance), z)
+    distance[np.array(members.redrawn) & ~np.all(members.redrawn)] = np.inf
+    return int(np.argmin(distance))
+
+
+def values_of(members: Members, law: Law = DEFAULT) -> Array:
+    """The values of the members [K, len(law.free)]."""
+    return np.stack([members.values[name] for name in law.free], axis=1)
+
+
+def deviations(members: Members, law: Law = DEFAULT) -> Array:
+    """(value - center) / first parameter of the center, of the members [K, len(law.free)]."""
+    middle = np.array(center(members, law))
+    return np.asarray((values_of(members, law) - middle) / middle[0])

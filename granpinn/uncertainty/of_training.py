@@ -1,0 +1,84 @@
+"""Whether a training gets error bars and a verdict on its law, and which."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from granpinn.config import Config, flatten
+from granpinn.physics.laws import LAWS
+from granpinn.results import Covariance, Parameter, Residuals
+from granpinn.results.records import ErrorBars, Members, Verdict
+from granpinn.uncertainty import calibration, error_bars, of_law
+from granpinn.uncertainty.center import center, nearest
+
+CALIBRATED_LEVELS = ("V1", "V2")
+TOO_LITTLE = (
+    "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
+    "errors as large as the values"
+)
+DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
+STARTS = ("rheology.start", "rheology.random_start")  # without influence (bench/studies/recipe)
+
+
+class Judgement(NamedTuple):
+    """The identified parameters with their error bars, where there are any, and the verdict."""
+
+    free: dict[str, Parameter]
+    covariance: Covariance | None
+    bars: ErrorBars | None
+    verdict: Verdict
+
+
+def judge(
+    members: Members, residuals: Residuals | None, steps: int, config: Config, diverged: bool
+) -> Judgement:
+    """Error bars and verdict; where they would mean nothing, the verdict gives the reason."""
+    law, table, changed = LAWS[config.law], calibration.load(), uncalibrated(config)
+    middle = center(members, law)
+
+    def without(words: str) -> Judgement:
+        values = (Parameter(value, fixed=False) for value in middle)
+        free = dict(zip(law.free, values, strict=True))
+        return Judgement(free, None, None, Verdict(None, words, dict.fromkeys(table.residuals)))
+
+    if diverged or residuals is None:
+        return without("the training diverged")
+    if law.name != table.law:
+        title = LAWS[table.law].title
+        return without(f"no error bars and no verdict: they are calibrated for {title} alone")
+    if changed:
+        return without(_why_not(changed))
+    found = error_bars.estimate(members, residuals, steps, table)
+    if any(std > value for std, value in zip(found.std, middle, strict=True)):
+        return without(TOO_LITTLE)
+    free = {
+        name: Parameter(value, False, std, interval)
+        for name, value, std, interval in zip(
+            law.free, found.mu, found.std, found.intervals, strict=True
+        )
+    }
+    rows = tuple(tuple(row) for row in found.covariance.tolist())
+    verdict = of_law.verdict(found.mu, residuals, table)
+    return Judgement(free, Covariance(law.free, rows), found.bars, verdict)
+
+
+def shown(members: Members, config: Config) -> int:
+    """Index of the member whose fields a result shows: the nearest to the center."""
+    law, table = LAWS[config.law], calibration.load()
+    return nearest(members, law, table.scatter if law.name == table.law else None)
+
+
+def uncalibrated(config: Config) -> list[str]:
+    """Names of the settings that differ from those of the calibration study."""
+    usual = flatten(Config())
+    fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
+    changed = [key for key in fixed if flatten(config)[key] != usual[key]]
+    return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
+
+
+def _why_not(settings: Sequence[str]) -> str:
+    return (
+        "no error bars and no verdict: they are calibrated for the default recipe at level V1 or "
+        f"V2, and this run has another {', '.join(settings)}"
+    )
