@@ -8,9 +8,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from granpinn.config import Config
-from granpinn.kernels import step_ops  # noqa: F401  (registers the operators)
+from granpinn.config import Config, Rheology
+from granpinn.kernels import step_ops
+from granpinn.physics.laws import DEFAULT
 from granpinn.training.control_table import ControlTable
+from granpinn.training.law_variables import LawVariables
 
 ADAM = [5e-4, 0.9, 0.999, 1e-8]  # as torch has them: learning rate, two decay rates, epsilon
 
@@ -20,9 +22,8 @@ _ops = torch.ops.granpinn
 class OwnAdam:
     """Adam on params [P] and theta [3], or [E, P] and [E, 3], in place.
 
-    Tests for numbers that are not finite, updates, counts: the launch of a step of training,
-    which moves the friction law in variables of its own; here theta itself moves, as that of the
-    rivals does.
+    One launch tests for numbers that are not finite, updates and counts, as in a step of training.
+    The friction law moves in the variables of mu(I); the rivals move theta itself.
     """
 
     def __init__(self, params: Tensor, theta: Tensor) -> None:
@@ -35,10 +36,12 @@ class OwnAdam:
         self.state = (control.counter, control.table, control.lr_scale, control.fault, counts)
         self.moments = [torch.zeros_like(self.params) for _ in range(4)]
         moments = [torch.zeros_like(self.theta) for _ in range(2)]
-        self.law = (self.theta.clone(), *moments, self.theta, torch.zeros_like(self.theta))
+        law = LawVariables(DEFAULT, Rheology(), [{}] * E, [0] * E, self.params)
+        self.law = (law.q, *moments, self.theta, torch.zeros_like(self.theta))
+        self.variables = ([step_ops.VARIABLES[kind] for kind in law.kinds], law.bounds)
 
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
         """One update; the shapes are those of residual_loss."""
         grad_params, grad_theta = grad_params.view_as(self.params), grad_theta.view_as(self.theta)
         network = (loss.view(-1), grad_params, self.params, *self.moments, [], ADAM, 0.0)
-        _ops.update(*self.state, *network, grad_theta, *self.law, ADAM, "theta", True)
+        _ops.update(*self.state, *network, grad_theta, *self.law, ADAM, *self.variables, True)

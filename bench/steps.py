@@ -260,8 +260,7 @@ def _loss(
     if task.form == "mixed":
         two_D_1, two_D_2 = u_x - v_y, u_y + v_x
         gamma_dot = torch.sqrt(two_D_1**2 + two_D_2**2 + SMOOTHING)
-        mu_s, mu_2, I_0 = theta.unbind()
-        mu = mu_of_I(inertial_number(gamma_dot, p, D, P_FLOOR), mu_s, mu_2, I_0)
+        mu = friction("mu_of_i", inertial_number(gamma_dot, p, D, P_FLOOR), theta)
         squares += [gamma_dot * z[:, 3] / mu - two_D_1, gamma_dot * z[:, 4] / mu - two_D_2]
     return torch.stack([(e**2).mean() for e in squares]).sum() / 2
 
