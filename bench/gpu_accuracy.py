@@ -168,8 +168,8 @@ def _gradient_errors(
     theta = network.theta.to(params.device)
     for k, batch in enumerate(batches):
         arguments, doubles = [params, theta, *batch], _double([params, theta, *batch])
-        exact = loss(*doubles, "fp32")
-        results = {"fp32": loss(*arguments, "fp32"), "fast": loss(*arguments, "fast")}
+        exact = loss(*doubles)
+        results = {mode: loss(*arguments, precision=mode) for mode in ("fp32", "fast")}
         if eager:
             results["eager float32"] = reference.residual_loss(*arguments)
             if k == 0:

@@ -17,7 +17,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid, silu
 
-from granpinn.reference import inertial_number, viscosity
+from granpinn.physics.laws import DEFAULT
+from granpinn.reference import friction, inertial_number, viscosity
 
 HIDDEN = [250, 250, 250]
 D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = PHYSICS = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
@@ -136,6 +137,7 @@ def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Call
         new([1.0, 1.0, 1.0]),
         new(PHYSICS),
         task.form,
+        DEFAULT.name,
         precision,
     )
 

@@ -58,8 +58,8 @@ struct LossArguments {
   const T* surface_pressure;  // [m]
 };
 
-// The viscosity at n points: eta, or the adjoints of gamma_dot, p and theta at each point from `grad`,
-// that of eta.
+// The viscosity at n points: eta, or from `grad`, the adjoint of eta, those of gamma_dot, p and
+// theta at each point.
 template <class T>
 struct ViscosityArguments {
   Physics<T> physics;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import sys
 from pathlib import Path
@@ -108,10 +107,8 @@ def test_a_rival_that_would_take_too_long_is_left_out() -> None:
 
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_jets_by_hand_are_the_same_step(form: str) -> None:
-    ours, jets = (
-        torch.stack([advance() for advance in itertools.repeat(step, 3)])
-        for step in (make(make_task(form, 16, torch.float64)) for make in (fused_step, jets_step))
-    )
+    """The loss of the first step; later ones differ, as ours moves the variables of mu(I)."""
+    ours, jets = (make(make_task(form, 16, torch.float64))() for make in (fused_step, jets_step))
     torch.testing.assert_close(jets, ours, rtol=1e-12, atol=0)
 
 
@@ -188,10 +185,10 @@ def test_errors_against_float64(form: str) -> None:
 def test_errors_of_a_mode_that_errs_more(monkeypatch: pytest.MonkeyPatch) -> None:
     exact: Any = gpu_accuracy.ops.residual_loss
 
-    def loss(*arguments: Any) -> list[torch.Tensor]:
+    def loss(*arguments: Any, precision: str = "fp32") -> list[torch.Tensor]:
         """The mode "fast" errs three times as much as "fp32" does."""
         out = list(exact(*arguments))
-        if arguments[-1] == "fast":
+        if precision == "fast":
             doubles = [x.double() if isinstance(x, torch.Tensor) else x for x in arguments]
             truth = exact(*doubles)
             out = [3 * a.double() - 2 * b for a, b in zip(out, truth, strict=True)]

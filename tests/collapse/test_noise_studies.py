@@ -47,7 +47,9 @@ def result(mu_s: float, mu_2: float, I0: float, seed: int, loss: float) -> Resul
     values = (Parameter(mu_s, fixed=False), Parameter(mu_2, fixed=False), Parameter(I0, fixed=True))
     weights = {"velocity": 1.0}
     return make_result(
-        parameters=Parameters(*values), seed=seed, loss=Loss(9, {"velocity": loss}, weights)
+        parameters=Parameters(zip(("mu_s", "mu_2", "I0"), values, strict=True)),
+        seed=seed,
+        loss=Loss(9, {"velocity": loss}, weights),
     )
 
 

@@ -108,7 +108,7 @@ CALLS: dict[str, tuple[str, Callable[[], Arguments]]] = {
     "viscosity, no points": ("viscosity", lambda: flow(0, learn=True)),
     "viscosity, strided": (
         "viscosity",
-        lambda: (*(strided(x) for x in flow(7)[:3]), *LAW),
+        lambda: (*(strided(x) for x in flow(7)[:3]), "mu_of_i", *LAW),
     ),
     "viscosity backward": ("viscosity_backward", lambda: (torch.ones(7).double(), *flow(7))),
     "residuals, strong": ("pointwise_residuals", lambda: raw_jets("strong", 4, 3)),

@@ -36,7 +36,7 @@ def test_the_fused_loss_is_that_of_its_jets(index: int, ops: ModuleType) -> None
     """Network, jets and equations in separate ops give the terms of the fused loss."""
     case = single(index)
     jets = ops.network_jet(*case.network, 2 if case.form == "strong" else 1)
-    e = ops.pointwise_residuals(jets, case.theta, case.physics, case.form)
+    e = ops.pointwise_residuals(jets, case.theta, case.physics, case.form, case.law)
     w_f = case.point_weights[:, 1:]
     N = len(case.points)
     _, terms, _, _ = ops.residual_loss(*case.loss)

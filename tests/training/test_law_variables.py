@@ -39,13 +39,13 @@ def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_they_start_where_they_should(variables: str) -> None:
     expected = torch.tensor([[0.3, 0.7, 0.25]] * 2, dtype=torch.float64)
-    torch.testing.assert_close(make(variables, 2, mu_s=0.3, mu_2=0.7).theta, expected)
+    torch.testing.assert_close(make(variables, 2, start=(0.3, 0.7)).theta, expected)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_gradients_are_pulled_back_to_them(variables: str) -> None:
     """The first moment after one step is (1 - beta_1) d loss / d q."""
-    law = make(variables, 2, mu_s=0.3, mu_2=0.7)
+    law = make(variables, 2, start=(0.3, 0.7))
     q = law.q.clone().requires_grad_()
     weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
     (weights * law.theta_of(q)).sum().backward()
@@ -53,13 +53,14 @@ def test_gradients_are_pulled_back_to_them(variables: str) -> None:
     rate = 1e-3
     before = law.q.clone()
     after_a_step(law, weights, rate)
+    assert not q.grad[:, 2].any()  # I0 is fixed
     torch.testing.assert_close(law.q, before - rate * q.grad.sign())
     torch.testing.assert_close(law.theta, law.theta_of(law.q))
 
 
 def test_every_q_is_a_friction_law() -> None:
     log, sigmoid = make("log"), make("sigmoid")
-    for q in torch.randn(50, 1, 2, dtype=torch.float64) * 5:
+    for q in torch.randn(50, 1, 3, dtype=torch.float64) * 5:
         mu_s, mu_2, _ = log.theta_of(q)[0].tolist()
         assert 0 < mu_s < mu_2
         assert ((sigmoid.theta_of(q)[:, :2] >= 0) & (sigmoid.theta_of(q)[:, :2] <= 1)).all()
@@ -67,16 +68,16 @@ def test_every_q_is_a_friction_law() -> None:
 
 def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
     law = make("log")
-    law.q.copy_(torch.tensor([-50.0, 50.0]))
+    law.q.copy_(torch.tensor([-50.0, 50.0, 0.0]))
     after_a_step(law, torch.tensor([[1.0, -1.0, 0.0]], dtype=torch.float64), 1e-3)
-    expected = torch.tensor([[math.log(0.01), math.log(3)]], dtype=torch.float64)
+    expected = torch.tensor([[math.log(0.01), math.log(3), 0.0]], dtype=torch.float64)
     torch.testing.assert_close(law.q, expected)
     theta = torch.tensor([[0.01, 3.01, 0.25]], dtype=torch.float64)
     torch.testing.assert_close(law.theta, theta)
 
 
 def test_a_random_start_is_a_function_of_the_seed() -> None:
-    start = Rheology(variables="sigmoid", mu_s=None, mu_2=None)
+    start = Rheology(variables="sigmoid", random_start=True)
     draws = LawVariables(DEFAULT, start, [{}] * 3, (1, 1, 2), LIKE).theta[:, :2]
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])

@@ -1,9 +1,5 @@
-<<<<<<< HEAD
 // The instances of the tile kernel. mu(I) has one of its own, which needs the fewest registers; any
 // other law shares one that chooses the law at run time.
-=======
-// Launchers of the tile kernel, one for each form of the loss.
->>>>>>> cuda
 #pragma once
 
 #include "layout.h"

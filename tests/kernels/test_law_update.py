@@ -1,0 +1,73 @@
+"""What an update does to the variables of a friction law."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn.kernels import step_ops
+
+from .test_step import update_arguments
+
+
+def theta_of(q: Tensor, kinds: tuple[str, ...], fixed: Tensor) -> Tensor:
+    """theta [E, N] at q [E, N], as csrc/math/law_variables.h states it."""
+    theta: list[Tensor] = []
+    for k, kind in enumerate(kinds):
+        if kind == "fixed":
+            theta.append(fixed[:, k])
+        elif kind == "logistic":
+            theta.append(q[:, k].sigmoid())
+        else:
+            theta.append(q[:, k].exp() + (theta[-1] if kind == "log_above" else 0))
+    return torch.stack(theta, 1)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("log", "log_above", "fixed"),
+        ("logistic", "logistic", "fixed"),
+        ("log",),
+        ("log", "log_above", "log_above"),
+        ("fixed", "log_above", "log"),
+    ],
+    ids=" ".join,
+)
+def test_the_law_moves_as_adam_moves_its_variables(
+    kinds: tuple[str, ...], device: torch.device
+) -> None:
+    """theta, q and its average, by autograd through theta(q) and torch's Adam; two steps."""
+    N = len(kinds)
+    arguments = update_arguments(3, 10, torch.float64)
+    grad_theta, q = (torch.randn(3, N, dtype=torch.float64) for _ in range(2))
+    theta = theta_of(q, kinds, torch.rand(3, N, dtype=torch.float64))
+    empty = [torch.zeros(3, N, dtype=torch.float64) for _ in range(3)]
+    arguments[15:21] = [grad_theta, q.clone(), *empty[:2], theta.clone(), empty[2]]
+    arguments[22] = [step_ops.VARIABLES[kind] for kind in kinds]
+    arguments[23] = [-8.0, 8.0] * N
+    arguments[1][:, 1] = 0.25
+    moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
+    leaf = q.clone().requires_grad_()
+    adam = torch.optim.Adam([leaf], lr=1e-3, betas=(0.9, 0.99), eps=1e-8)
+    average = torch.zeros_like(q)
+    for _ in range(2):
+        torch.ops.granpinn.update(*moved)
+        (leaf.grad,) = torch.autograd.grad((theta_of(leaf, kinds, theta) * grad_theta).sum(), leaf)
+        adam.step()
+        average += 0.25 * (leaf.detach() - average)
+    expected = theta_of(leaf.detach(), kinds, theta)
+    for found, wanted in ((moved[16], leaf.detach()), (moved[19], expected), (moved[20], average)):
+        torch.testing.assert_close(found.cpu(), wanted, rtol=1e-13, atol=1e-15)
+    assert moved[4].tolist() == [[2, 2]] * 3
+
+
+def test_a_variable_stays_within_its_bounds(device: torch.device) -> None:
+    arguments = update_arguments(3, 10, torch.float64)
+    arguments[16][:, 0], arguments[16][:, 1] = 0.5, 0.5
+    arguments[23] = [1.0, 2.0, -2.0, -1.0, 0.0, 0.0]
+    moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
+    torch.ops.granpinn.update(*moved)
+    assert moved[16][:, :2].tolist() == [[1.0, -1.0]] * 3
+    assert torch.equal(moved[19][:, 1], moved[16][:, :2].exp().sum(1))
