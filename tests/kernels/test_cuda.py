@@ -29,7 +29,7 @@ def test_loss_in_a_cuda_graph(form: str, dtype: torch.dtype, cuda_ops: ModuleTyp
         for draw in (0, 1)
     ]
     arguments, others = (
-        on_gpu((*as_tensors(case.to(dtype).loss)[:-2], form, "fp32")) for case in cases
+        on_gpu((*as_tensors(case.to(dtype).loss)[:-3], form, case.law, "fp32")) for case in cases
     )
     captured = replayed(lambda: ops_.residual_loss(*arguments), arguments, others)
     for a, b in zip(captured, ops_.residual_loss(*others), strict=True):

@@ -37,19 +37,28 @@ TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast", an
 MANY = {"mixed": 2203, "strong": 1103, "data": 8501}
 
 
+FORMS_AND_LAWS = [(form, law) for form in ("mixed", "strong") for law in LAWS]
+
+
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
-@pytest.mark.parametrize("form", ["mixed", "strong", "data"])
+@pytest.mark.parametrize(("form", "law"), [*FORMS_AND_LAWS, ("data", "mu_of_i")])
 @pytest.mark.parametrize(
     ("hidden", "points"),
     [((33, 40), 37), ((201, 250), 37), ((201, 250), None)],
     ids=["narrow", "wide", "large tiles"],
 )
 def test_fused_loss(
-    hidden: tuple[int, ...], points: int | None, form: str, precision: str, cuda_ops: ModuleType
+    hidden: tuple[int, ...],
+    points: int | None,
+    form: str,
+    law: str,
+    precision: str,
+    cuda_ops: ModuleType,
 ) -> None:
     """Float32 within `GROSS_FACTOR` of float32 autograd, or of TF32 where products are that."""
     network = "strong" if form == "strong" else "mixed"
-    case = problem(small(network, points=points or MANY[form], surface_points=19, hidden=hidden))
+    sizes = {"points": points or MANY[form], "surface_points": 19, "hidden": hidden}
+    case = problem(small(network, law=law, **sizes))
     arguments = (*case.to(torch.float32).loss[:-2], form, case.law)
     loss, _, grad_params, _ = cuda_ops.residual_loss(*arguments, precision)
     exact = reference.residual_loss(*case.loss[:-2], form, case.law)
@@ -66,16 +75,17 @@ def test_fused_loss(
 @pytest.mark.parametrize(
     ("dtype", "hidden"), [(torch.float64, (17, 8)), (torch.float32, (301,))], ids=str
 )
-@pytest.mark.parametrize("form", ["mixed", "strong"])
+@pytest.mark.parametrize(("form", "law"), FORMS_AND_LAWS)
 def test_layered_loss(
     form: str,
+    law: str,
     dtype: torch.dtype,
     hidden: tuple[int, ...],
     members: int | None,
     cuda_ops: ModuleType,
 ) -> None:
     """float64, and layers that the fused kernels do not take."""
-    case = problem(small(form, hidden=hidden, members=members))
+    case = problem(small(form, law=law, hidden=hidden, members=members))
     found = cuda_ops.residual_loss(*case.to(dtype).loss)
     exact = reference.residual_loss(*case.loss)
     yardstick = reference.residual_loss(*case.to(dtype).loss)
@@ -98,7 +108,8 @@ def test_jet_and_its_gradient(order: int, cuda_ops: ModuleType) -> None:
 
 def torch_ops() -> ModuleType:
     """The same operators on the CPU, which the other tests hold to the oracle."""
-    from granpinn.kernels import ops
+    from granpinn.physics.laws import LAWS
+from granpinn.kernels import ops
 
     return ops
 
@@ -107,6 +118,15 @@ def test_pointwise_kernels(cuda_ops: ModuleType) -> None:
     case = problem(small("strong"))
     found = cuda_ops.strong_residual(*case.strong)
     torch.testing.assert_close(found, torch_ops().strong_residual(*case.strong), rtol=1e-9, atol=0)
+    for law in LAWS.values():
+        theta = torch.tensor([p.start for p in law.parameters], dtype=torch.float64)
+        leaves = [torch.linspace(0, 1, 41).double(), torch.linspace(-0.1, 1, 41).double(), theta]
+        both = []
+        for ops in (cuda_ops, torch_ops()):
+            inputs = [x.clone().requires_grad_() for x in leaves]
+            eta = ops.viscosity(*inputs, 0.02, 1e-3, 1e3, 1e-4, law.name)
+            both.append([eta, *torch.autograd.grad(eta.sum(), inputs)])
+        torch.testing.assert_close(*both, rtol=1e-9, atol=1e-12)
     drawn = cuda_ops.sample_indices(5, 7, 1, 41, 1000)
     assert torch.equal(drawn, torch_ops().sample_indices(5, 7, 1, 41, 1000))
 
@@ -129,9 +149,9 @@ def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType
     group = Group(3, *shape)
     params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
     counter, counts = torch.tensor([1, 0, 0]), torch.zeros(2, 2, dtype=torch.int64)
-    table, slower = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    table, lr_scale = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
     places = (group.offset, group.apart, 1.0, "fast")
-    state = (counter, table, slower, torch.tensor([HEALTHY, 0]), counts)
+    state = (counter, table, lr_scale, torch.tensor([HEALTHY, 0]), counts)
     moves = {}
     for device in ("cpu", "cuda"):
         G, now = group.of(direction.to(device)), params.to(device, copy=True)
