@@ -101,6 +101,8 @@ def test_a_tensor_that_was_left_on_the_cpu(cuda_ops: ModuleType) -> None:
 
 def test_strided_input_on_cuda(cuda_ops: ModuleType) -> None:
     gamma_dot, p, theta = flow(64)[:3]
-    direct = ops_.viscosity(*on_gpu((gamma_dot, p, theta)), *LAW)
+    direct = ops_.viscosity(*on_gpu((gamma_dot, p, theta)), "mu_of_i", *LAW)
     wide = torch.stack([gamma_dot, p], -1).cuda()
-    assert torch.equal(ops_.viscosity(wide[:, 0], wide[:, 1], theta.cuda(), *LAW), direct)
+    assert torch.equal(
+        ops_.viscosity(wide[:, 0], wide[:, 1], theta.cuda(), "mu_of_i", *LAW), direct
+    )

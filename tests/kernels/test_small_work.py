@@ -16,7 +16,7 @@ from granpinn import reference
 from granpinn.config import Config
 from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
-from granpinn.physics.laws import DEFAULT
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training.control_table import HEALTHY, Position
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import Group
@@ -108,8 +108,7 @@ def test_jet_and_its_gradient(order: int, cuda_ops: ModuleType) -> None:
 
 def torch_ops() -> ModuleType:
     """The same operators on the CPU, which the other tests hold to the oracle."""
-    from granpinn.physics.laws import LAWS
-from granpinn.kernels import ops
+    from granpinn.kernels import ops
 
     return ops
 
