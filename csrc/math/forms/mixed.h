@@ -58,7 +58,7 @@ struct MixedForm {
     for (int r = 0; r < residuals; ++r) a[r] = w[r] * e[r];
     const R rate_a = a[3] * s1[kValue] + a[4] * s2[kValue];
     const R mu_a = -(rate_a * rate * over_mu);
-    f.adjoint(mu_a, R(T(0)), theta_a);
+    f.adjoint(mu_a, theta_a);
     const R I_I_a = mu_a * f.I_dmu;  // I times its adjoint
     const R over_gamma_dot = (rate_a * rate + I_I_a) / (gamma_dot * gamma_dot);
     const R two_D1_a = over_gamma_dot * two_D1 - a[3], two_D2_a = over_gamma_dot * two_D2 - a[4];

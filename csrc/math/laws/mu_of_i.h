@@ -33,7 +33,16 @@ struct MuOfI {
     // I (I mu')'
     GRANPINN_HD R I_d_I_dmu() const { return I_dmu * (rest - ratio); }
 
-    // theta_a, the adjoint of theta, from those of mu and I mu'. The rest of theta_a stays.
+    // theta_a, the adjoint of theta, from that of mu. The rest of theta_a stays.
+    template <int N>
+    GRANPINN_HD void adjoint(const R& mu_a, R (&theta_a)[N]) const {
+      static_assert(N >= parameters, "theta_a holds all parameters");
+      theta_a[0] = mu_a * rest;
+      theta_a[1] = mu_a * ratio;
+      theta_a[2] = -(mu_a * range * over * ratio);
+    }
+
+    // The same from the adjoints of mu and I mu'.
     template <int N>
     GRANPINN_HD void adjoint(const R& mu_a, const R& I_dmu_a, R (&theta_a)[N]) const {
       static_assert(N >= parameters, "theta_a holds all parameters");
