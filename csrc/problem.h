@@ -16,6 +16,11 @@ GRANPINN_HD constexpr int channels_of(Form form) {
   return form == Form::data ? 1 : form == Form::mixed ? 4 : 7;
 }
 
+// Residuals of the equations at a point.
+GRANPINN_HD constexpr int residuals_of_form(Form form) {
+  return form == Form::data ? 0 : form == Form::mixed ? 5 : 3;
+}
+
 // The sums that a pass over the points leaves: squares of the terms, then the gradient by theta.
 constexpr int kSums = kTerms + kMaxLawParameters;
 

@@ -202,6 +202,12 @@ void form_residuals(const ResidualArguments<T>& a) {
   }
 }
 
+static_assert(channels_of(Form::mixed) == MixedForm::channels &&
+              residuals_of_form(Form::mixed) == MixedForm::residuals);
+using Strong = StrongForm<PressureMap::linear>;
+static_assert(channels_of(Form::strong) == Strong::channels &&
+              residuals_of_form(Form::strong) == Strong::residuals);
+
 template <class T>
 void residuals(const ResidualArguments<T>& a) {
   visit_law(a.law, [&](auto law) {

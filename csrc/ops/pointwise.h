@@ -98,7 +98,7 @@ at::Tensor pointwise_residuals(const at::Tensor& raw_jets, const at::Tensor& the
   const at::Tensor jets = raw_jets.contiguous();
   const at::Tensor values = shared("theta", theta, raw_jets, 0, {parameters_of(name)}).data;
   const c10::DeviceGuard guard(raw_jets.device());
-  at::Tensor out = at::empty({jets.size(1), mixed ? 5 : 3}, jets.options());
+  at::Tensor out = at::empty({jets.size(1), residuals_of_form(kind)}, jets.options());
   AT_DISPATCH_FLOATING_TYPES(jets.scalar_type(), "pointwise_residuals", [&] {
     using T = scalar_t;
     Backend::residuals(ResidualArguments<T>{kind, K == 5, physics_of<T>(physics), name,

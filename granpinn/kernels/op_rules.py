@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from granpinn.physics.terms import NAMES
+from granpinn.physics.terms import NAMES, RESIDUALS
 
 try:
     from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
@@ -65,7 +65,7 @@ def _(grad, gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor):  # type: ig
 
 @torch.library.register_fake("granpinn::pointwise_residuals")
 def _(raw_jets, theta, physics, form, law):  # type: ignore[no-untyped-def]
-    return raw_jets.new_empty([raw_jets.shape[1], 5 if form == "mixed" else 3])
+    return raw_jets.new_empty([raw_jets.shape[1], len(RESIDUALS[form])])
 
 
 @torch.library.register_fake("granpinn::sample_indices")

@@ -48,3 +48,9 @@ TERMS: tuple[Term, ...] = (
 )
 
 NAMES: tuple[str, ...] = tuple(term.name for term in TERMS)
+
+RESIDUALS: dict[str, tuple[str, ...]] = {
+    "strong": ("momentum", "momentum", "continuity"),
+    "mixed": ("momentum", "momentum", "continuity", "constitutive", "constitutive"),
+}
+"""The terms of the residuals of a form, in the order of csrc/math/forms."""

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.constants import Physics
+from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.reference.equations import pressure, residuals
 from granpinn.reference.network import member, network
 
@@ -51,17 +52,14 @@ def loss_terms(
     misfit_surface = pressure(raw(surface_points), constants.pressure_scale) - surface_pressure
     none = misfit.new_zeros(len(points), 0)
     e = none if form == "data" else residuals(raw, points, theta, physics, form, law)
-    momentum, continuity, constitutive = e[:, :2], e[:, 2:3], e[:, 3:]
-
-    return torch.stack(
-        [
-            _half_mean(w_v, misfit),
-            _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
-            _half_mean(w_f, momentum),
-            _half_mean(w_f, continuity),
-            _half_mean(w_f, constitutive),
-        ]
-    )
+    terms = {
+        "velocity": _half_mean(w_v, misfit),
+        "surface": _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
+    }
+    for name in NAMES[len(terms) :]:
+        columns = [k for k, term in enumerate(RESIDUALS.get(form, ())) if term == name]
+        terms[name] = _half_mean(w_f, e[:, columns])
+    return torch.stack(list(terms.values()))
 
 
 def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:

@@ -28,7 +28,7 @@ from torch import Tensor
 
 from granpinn.data import TrainingSet
 from granpinn.physics.laws import Law
-from granpinn.physics.terms import NAMES
+from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.objective import Member
@@ -39,7 +39,6 @@ POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations,
 CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
-RESIDUALS = ("momentum", "momentum", "continuity", "constitutive", "constitutive")  # their terms
 LONGEST = 0.1  # step of a free parameter, relative: a longer one is not a correction
 
 
@@ -124,7 +123,7 @@ class Sums:
         weights = dict(zip(NAMES, problem.term_weights, strict=True))
         N, M = max(1, len(data.points)), max(1, len(data.surface_points))
         like = data.weights
-        of_residuals = like.new_tensor([weights[name] for name in RESIDUALS])
+        of_residuals = like.new_tensor([weights[name] for name in RESIDUALS["mixed"]])
         self._weights = (data.weights[:, None] * of_residuals / N).sqrt()
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
         self._velocity = weights["velocity"] * self.physics.velocity_scale**2
