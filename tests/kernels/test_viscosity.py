@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
+from granpinn.physics.laws import LAWS
 
 D, ETA_MIN, ETA_MAX, P_FLOOR = LAW = (0.02, 1e-3, 1e3, 1e-4)
 THETA = (0.4, 0.65, 0.3)
@@ -92,3 +93,11 @@ def test_no_worse_than_float32_autograd(seed: int, ops: ModuleType) -> None:
         error_a, error_k = (((y - x) / scale).square().mean().sqrt() for y in (a, k))
         assert x.any()
         assert error_k <= factor * max(float(error_a), torch.finfo(torch.float32).eps)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_viscosity_of_a_nan_is_nan(law: str, ops: ModuleType) -> None:
+    theta = torch.tensor([p.start for p in LAWS[law].parameters], dtype=torch.float64)
+    rate = torch.tensor([torch.nan, 1.0, torch.nan, 0.0], dtype=torch.float64)
+    p = torch.tensor([1.0, torch.nan, torch.nan, torch.nan], dtype=torch.float64)
+    assert ops.viscosity(rate, p, theta, *LAW, law).isnan().all()

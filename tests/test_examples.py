@@ -1,0 +1,37 @@
+"""The examples run, with few steps."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import torch
+
+from granpinn import reference
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_residual_in_torch_on_fused_jets() -> None:
+    """The loss falls, and the residual is that of nested differentiation."""
+    example = load("residual_in_torch")
+    params, losses = example.train(60)
+    assert sum(losses[-5:]) < 0.5 * sum(losses[:5])
+
+    where = example.points(torch.rand(20), torch.rand(20)).double().requires_grad_()
+    u = reference.network_value(where, params.double(), *example.NETWORK)[:, 0]
+    (first,) = torch.autograd.grad(u.sum(), where, create_graph=True)
+    (second,) = torch.autograd.grad(first[:, 0].sum(), where)
+    expected = first[:, 2] + u * first[:, 0] - example.NU * second[:, 0]
+    found = example.residual(params.double(), where.detach())
+    torch.testing.assert_close(found, expected.detach(), rtol=1e-9, atol=1e-9)
