@@ -1,9 +1,10 @@
-"""What every test shares: a seed made from the test's own name, and figures without a display."""
+"""What tests share: a seed made from the test's own name, a flow, and figures without a display."""
 
 import hashlib
 import importlib
 import os
 import random
+from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 if "PYTEST_XDIST_WORKER" in os.environ:  # processes side by side: one thread each
@@ -12,6 +13,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # processes side by side: one thread ea
 import numpy as np
 import pytest
 import torch
+
+from granpinn.data import Flow, write_flow
+from tests.flows import make_flow
 
 
 @pytest.fixture(autouse=True)
@@ -36,3 +40,15 @@ def device(request: pytest.FixtureRequest) -> torch.device:
         if not torch.cuda.is_available():
             pytest.skip("torch finds no GPU")
     return torch.device(name)
+
+
+@pytest.fixture(scope="session")
+def flow() -> Flow:
+    return make_flow()
+
+
+@pytest.fixture(scope="session")
+def flow_file(tmp_path_factory: pytest.TempPathFactory, flow: Flow) -> Path:
+    path = tmp_path_factory.mktemp("flows") / "heap.h5"
+    write_flow(flow, path)
+    return path

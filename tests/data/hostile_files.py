@@ -13,9 +13,9 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from flows import make_flow
 
 from granpinn.data import write_flow
+from tests.flows import make_flow
 
 from .hostile_edits import EDITS, OUTSIDE
 

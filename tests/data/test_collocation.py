@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import torch
-from flows import make_flow
 
 from granpinn.data import Flow, TrainingSet, training_set, with_collocation
 from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
 from tests.data.test_particles import FLOW as SCATTERED
 from tests.data.test_points import FLOW, SCALES, with_gaps
+from tests.flows import make_flow
 
 
 def collocated(flow: Flow, share: float, dtype: torch.dtype = torch.float64) -> TrainingSet:

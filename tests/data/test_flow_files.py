@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 import pytest
 import xarray
-from flows import make_flow
 
 import granpinn
 from granpinn.data import (
@@ -25,6 +24,7 @@ from granpinn.data import (
 )
 from granpinn.data import writer as writer_module
 from granpinn.data.format import arrays_of
+from tests.flows import make_flow
 
 REFERENCE = sorted((Path(__file__).parents[3] / "shared" / "data").glob("collapse_*.h5"))
 

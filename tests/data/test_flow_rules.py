@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flows import make_flow
 
 from granpinn.data import Flow, FlowFileError, Surface, Truth, check_flow
+from tests.flows import make_flow
 
 FLOW = make_flow()
 SURFACE = FLOW.surface

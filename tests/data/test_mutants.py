@@ -7,9 +7,9 @@ import warnings
 from pathlib import Path
 
 import pytest
-from flows import make_flow
 
 from granpinn.data import FlowFileError, FlowFileWarning, check_flow, read_flow, write_flow
+from tests.flows import make_flow
 
 # Where the structure of the file is, mostly: half of all changes go there.
 START = 16_000

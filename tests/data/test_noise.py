@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flows import make_flow
 
 from granpinn.data import Flow, add_noise, check_flow
 from granpinn.data.noise import max_speed
+from tests.flows import make_flow
 
 FLOW = make_flow(frames=20, rows=48, columns=40)  # about 8,800 vectors
 

@@ -11,7 +11,6 @@ import h5py
 import numpy as np
 import pytest
 import torch
-from flows import make_flow
 
 from granpinn import Config, identify
 from granpinn.data import (
@@ -27,6 +26,7 @@ from granpinn.data import (
 )
 from granpinn.data.points import RESOLUTION
 from granpinn.data.scaling import material_of, scales_of
+from tests.flows import make_flow
 
 GRID = make_flow()
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from flows import make_flow
 
 from granpinn import data
 from granpinn.data import Flow, FlowFileError, training_set
 from granpinn.data.points import RESOLUTION, outline
 from granpinn.data.scaling import scales_of
 from granpinn.physics.scales import Scales
+from tests.flows import make_flow
 
 FLOW = make_flow()
 SCALES = scales_of(FLOW)

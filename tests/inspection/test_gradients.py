@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flows import make_flow
 
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
@@ -12,6 +11,7 @@ from granpinn.inspection import inspect
 from granpinn.inspection.gradients import gradients
 from granpinn.inspection.pressure import estimated_pressure
 from granpinn.inspection.view import view_of
+from tests.flows import make_flow
 
 
 def shear(*, noise: float = 0.0, seed: int = 0) -> Flow:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from granpinn import report
-from tests.report.run_folder import Contents, make_run, read_run
+from tests.run_folder import Contents, make_run, read_run
 
 
 @pytest.fixture(scope="session")

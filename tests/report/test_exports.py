@@ -21,8 +21,8 @@ from granpinn.results import (
     write_csv,
     write_fields,
 )
-from tests.report.examples import PARAMETERS, SPARSE, make_result
-from tests.report.run_folder import Contents
+from tests.examples import PARAMETERS, SPARSE, make_result
+from tests.run_folder import Contents
 
 
 def read(result: Result, path: Path) -> dict[str, str]:

@@ -14,9 +14,9 @@ from PIL import Image
 from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
 from granpinn.results import Fields
+from tests.examples import make_fields
 from tests.flows import make_flow
-from tests.report.examples import make_fields
-from tests.report.run_folder import Contents, with_values, without_frame
+from tests.run_folder import Contents, with_values, without_frame
 
 
 def pixels(png: str) -> npt.NDArray[np.uint8]:

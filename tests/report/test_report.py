@@ -17,8 +17,8 @@ from granpinn.figures import album
 from granpinn.report import page as pages
 from granpinn.results import ErrorPercent, Input, Parameter, Parameters, Result, read_results
 from granpinn.results.findings import SimulatedPressure
-from tests.report.examples import PARAMETERS, make_result
-from tests.report.page import Page
+from tests.examples import PARAMETERS, make_result
+from tests.page import Page
 
 HOSTILE = """<script>alert(1)</script>"><img src=x onerror='alert(2)'>{{ 7 * 7 }}&lt;"""
 

@@ -19,8 +19,8 @@ from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
 from granpinn.results import write_results
 from granpinn.training.history import columns
-from tests.report.examples import make_result
-from tests.report.page import Page
+from tests.examples import make_result
+from tests.page import Page
 
 COLUMNS = columns(DEFAULT)
 HEADER = ",".join(COLUMNS) + "\n"

@@ -26,7 +26,7 @@ from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
-from tests.training.conftest import make_objective, make_trainer, tiny
+from tests.runs import make_objective, make_trainer, tiny
 
 WAITING = {torch.ops.aten._local_scalar_dense.default, torch.ops.aten.nonzero.default}
 

@@ -17,7 +17,7 @@ from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Evaluation
 from granpinn.training.progress import Silent
-from tests.training.conftest import make_objective, make_run, make_trainer, tiny
+from tests.runs import make_objective, make_run, make_trainer, tiny
 
 BAD = [math.nan, math.inf, -math.inf]
 BAD_STEP = 23  # counts from 0; rows and snapshots are at 20 and 25

@@ -17,7 +17,7 @@ from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import progress
 from granpinn.training.history import History, Row, columns, median
 from granpinn.training.progress import Bar, Lines, Silent, TensorBoard, describe, duration
-from tests.training.conftest import make_run, tiny
+from tests.runs import make_run, tiny
 
 NAN = math.nan
 COLUMNS = columns(DEFAULT)

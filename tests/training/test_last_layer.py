@@ -25,7 +25,7 @@ from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
-from tests.training.conftest import tiny
+from tests.runs import tiny
 
 SPEC = NetworkSpec((3, 9, 7, 5), (0.1, 0.2, 0.3), (1.1, 0.9, 0.7), "mixed")
 THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)

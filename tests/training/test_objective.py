@@ -18,7 +18,7 @@ from granpinn.training.objective import Evaluation
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
 from granpinn.training.trainer import Trainer
-from tests.training.conftest import make_trainer, tiny
+from tests.runs import make_trainer, tiny
 
 
 def posed(flow: Flow, config: Config) -> problem.Problem:

@@ -20,7 +20,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
-from tests.training.conftest import make_objective, tiny
+from tests.runs import make_objective, tiny
 
 FLAGS = ["--steps", "30", "--network.widths", "9,7", "--batch.interior", "34", "--batch.surface"]
 FLAGS += ["6", "--log-every", "5", "--dtype", "float64", "--optimizer.average", "0.2"]

@@ -16,7 +16,7 @@ from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.guard import Interrupted
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
-from tests.training.conftest import make_run, tiny
+from tests.runs import make_run, tiny
 
 CONFIGS: dict[str, dict[str, Any]] = {
     "default": {},

@@ -16,7 +16,7 @@ from granpinn.training import time_limit
 from granpinn.training.guard import Interrupted, Signals
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
-from tests.training.conftest import make_objective, make_trainer, tiny
+from tests.runs import make_objective, make_trainer, tiny
 
 
 class Clock:

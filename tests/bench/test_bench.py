@@ -1,0 +1,289 @@
+"""The GPU benchmark without a GPU: the arithmetic of its table, its rows, what a failure leaves."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from bench import (
+    device,
+    fma_peak,
+    gpu_accuracy,
+    gpu_step,
+    gpu_table,
+    gpu_training,
+    parallel,
+    processes,
+    rivals,
+)
+from bench.jets import jets_step
+from bench.rivals import EAGER, OURS, Rival
+from bench.steps import fused_step, make_task
+from bench.studies.simulated_pressure import run as simulated_pressure
+from granpinn.config import Config
+from granpinn.data import write_flow
+from granpinn.identification.case import pose
+from granpinn.kernels.network import initial_parameters
+from tests.flows import make_flow
+
+CPU = torch.device("cpu")
+CEILINGS = {"sgemm_tflops": 50.0, "tf32_tflops": 350.0, "copy_tb_per_s": 4.0}
+JETS = "jets"
+
+
+def row(name: str, points: int, ms: float, form: str = "strong") -> dict[str, Any]:
+    size = {"form": form, "points": points, "flop": 5e6 * points, "traffic": 4e6}
+    return {"name": name, "ms": ms} | size
+
+
+def test_ratios_are_to_rows_of_the_same_form_and_size() -> None:
+    ours = row(OURS["fp32"], 512, 0.1)
+    rows = [
+        ours,
+        row(OURS["fast"], 512, 0.01),
+        row(EAGER, 512, 20.0),
+        row(JETS, 512, 0.25),
+        row("other", 512, 0.5),
+        row(JETS, 512, 0.001, "mixed"),
+        row(JETS, 4096, 0.002),
+        {"name": "broken", "form": "strong", "points": 512, "error": "OutOfMemoryError"},
+    ]
+    gpu_table.complete(rows, CEILINGS)
+    assert ours["times_faster_than_eager"] == pytest.approx(200)
+    assert ours["best_rival"] == JETS
+    assert ours["times_faster_than_best_rival"] == pytest.approx(2.5)
+    assert ours["tflops"] == pytest.approx(5e6 * 512 / 0.1e-3 / 1e12)
+    assert ours["of_sgemm"] == pytest.approx(ours["tflops"] / 50)
+    assert ours["of_copy"] == pytest.approx(4e6 / 0.1e-3 / 4e12)
+    assert ours["goal_reached"] is False
+    assert "best_rival" not in rows[2]
+    assert rows[3]["times_faster_than_eager"] == pytest.approx(80)
+    text = gpu_table.text(rows)
+    assert "2.50x jets; goal 0.08 ms MISSED" in text
+    assert "broken, strong, B = 512: OutOfMemoryError" in text
+
+
+@pytest.mark.parametrize(
+    ("form", "precision", "points", "goal"),
+    [
+        ("strong", "fp32", 512, 0.08),
+        ("strong", "fast", 262144, 13.0),
+        ("mixed", "fast", 32768, 0.6 * 1.8),
+        ("strong", "fp32", 4096, None),
+    ],
+)
+def test_goals(form: str, precision: str, points: int, goal: float | None) -> None:
+    assert gpu_table.goal_ms(row(OURS[precision], points, 1.0, form)) == goal
+
+
+def test_a_rival_that_would_not_fit_is_left_out() -> None:
+    rival = Rival("hungry", fused_step, False)
+    known = [row("hungry", 512, 1.0), row("hungry", 32768, 9.0)]
+    assert rivals.too_large(known, rival, "strong", 262144) is None
+    known[0]["peak_gb"], known[1]["peak_gb"] = 0.2, 7.6
+    assert "61 GB" in (rivals.too_large(known, rival, "strong", 262144) or "")
+    assert rivals.too_large(known, rival, "mixed", 262144) is None
+    known[1]["peak_gb"] = 7.4
+    assert rivals.too_large(known, rival, "strong", 262144) is None
+
+
+def test_a_rival_that_would_take_too_long_is_left_out() -> None:
+    rival = Rival("slow", fused_step, False, seconds=9.0)
+    known = [row("slow", 512, 100.0) | {"seconds": 3.0}, row("slow", 4096, 200.0)]
+    assert rivals.expected_seconds([], rival, "strong", 512) == 9.0
+    expected = rivals.expected_seconds(known, rival, "strong", 5120)
+    assert expected == pytest.approx(3.0 + rivals.STEPS_OF_A_ROW * 0.1 * 9)
+    assert rivals.expected_seconds(known, rival, "strong", 512) == 3.0
+    study = gpu_step.Study(CPU, 5.0, None)
+    study.rows.extend(known)
+    study.measure([rival], {"strong": (5120,)})
+    assert study.rows[-1]["error"].startswith("not measured: would take 16 s of the ")
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_jets_by_hand_are_the_same_step(form: str) -> None:
+    """The loss of the first step; later ones differ, as ours moves the variables of mu(I)."""
+    ours, jets = (make(make_task(form, 16, torch.float64))() for make in (fused_step, jets_step))
+    torch.testing.assert_close(jets, ours, rtol=1e-12, atol=0)
+
+
+def test_members_of_an_ensemble_have_parts_of_the_points() -> None:
+    task = make_task("mixed", 12, torch.float64)
+    together = fused_step(task.ensemble(3))()
+    assert together.shape == (3,)
+    assert float(together.mean()) == pytest.approx(float(fused_step(task)()), rel=1e-12)
+    assert task.ensemble(3).flop == task.flop
+
+
+def test_a_failure_is_a_row() -> None:
+    def broken(task: Any) -> Any:
+        raise RuntimeError("no such kernel\nand more")
+
+    found = rivals.measure(Rival("broken", broken, False), "strong", 8, CPU)
+    assert found.row["error"] == "RuntimeError: no such kernel"
+    assert found.advance is None
+    gone = rivals.measure(
+        Rival("diverged", lambda task: lambda: torch.tensor(torch.nan), False), "strong", 8, CPU
+    )
+    assert gone.row["error"] == "ArithmeticError: the loss became nan"
+    assert "ms" not in gone.row
+
+
+def test_time_is_that_of_one_step() -> None:
+    calls: list[int] = []
+    ms = device.milliseconds(lambda: calls.append(sum(range(20_000))), CPU, seconds=0.05)
+    assert 0.01 < ms < 50
+    assert len(calls) > 5
+
+
+def test_ratio_of_gradient_errors() -> None:
+    own = {"fast": [3.0, 1.0, 8.0], "fp32": [1.0, 1.0, 4.0], "eager float32": [2.0, 1.0, 8.0]}
+    found = gpu_accuracy.ratios(own, [])
+    assert (found["fast_over_fp32"], found["fp32_over_eager"]) == (2.0, 0.5)
+    assert (found["ratios"], found["rule_kept"]) == ([[3.0, 1.0, 2.0]], False)
+
+
+def test_the_rule_is_about_the_median_over_copies() -> None:
+    own = {"fast": [9.0], "fp32": [1.0], "eager float32": [1.0]}
+    copies = [
+        {"fast": [1.0, 7.0, 2.0], "fp32": [2.0, 1.0, 2.0]},
+        {"fast": [4.0, 3.0, 0.0], "fp32": [2.0, 1.0, 0.0]},
+        {"fast": [0.0, 3.0, 3.0], "fp32": [1.0, 2.0, 2.0]},
+    ]
+    found = gpu_accuracy.ratios(own, copies)
+    assert found["ratios"] == [[0.5, 7.0, 1.0], [2.0, 3.0, 0.0], [0.0, 1.5, 1.5]]
+    assert found["fast_over_fp32"] == 1.5
+    assert found["fast_over_fp32_range"] == [1.0, 2.0]
+    assert found["fast_over_fp32_as_it_is"] == 9.0
+    assert (found["copies"], found["rule_kept"]) == (3, True)
+
+
+def test_copies_differ_by_some_roundings() -> None:
+    network = gpu_accuracy.random_network("mixed")
+    first, second = network.copies(2)
+    (again,) = network.copies(1)
+    assert torch.equal(first, again)
+    change = (first.double() / network.params.double() - 1).std()
+    assert float(change) == pytest.approx(gpu_accuracy.COPIED, rel=0.05)
+    assert not torch.equal(first, second)
+
+
+@pytest.mark.parametrize("form", ["strong", "mixed"])
+def test_errors_against_float64(form: str) -> None:
+    found = gpu_accuracy.errors(gpu_accuracy.random_network(form), CPU, 16, 0, 2)
+    assert found["ratios"] == [[1.0] * gpu_accuracy.BATCHES] * 2  # a CPU has one mode
+    for name in ("fp32", "eager float32"):
+        assert 0 < found[name]["gradient"] < 1e-4
+    assert found["float64"]["gradient"] < 1e-12
+
+
+def test_errors_of_a_mode_that_errs_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact: Any = gpu_accuracy.ops.residual_loss
+
+    def loss(*arguments: Any, precision: str = "fp32") -> list[torch.Tensor]:
+        """The mode "fast" errs three times as much as "fp32" does."""
+        out = list(exact(*arguments))
+        if precision == "fast":
+            doubles = [x.double() if isinstance(x, torch.Tensor) else x for x in arguments]
+            truth = exact(*doubles)
+            out = [3 * a.double() - 2 * b for a, b in zip(out, truth, strict=True)]
+        return out
+
+    monkeypatch.setattr(gpu_accuracy.ops, "residual_loss", loss)
+    row = {"weights": "some"} | gpu_accuracy.errors(
+        gpu_accuracy.random_network("mixed"), CPU, 16, 0, 2
+    )
+    assert row["fast_over_fp32"] == pytest.approx(3, rel=1e-6)
+    assert "3.00 (3.00 to 3.00 over 2 copies) above 1.5" in gpu_accuracy.text([row])
+
+
+def test_rate_of_a_training_leaves_the_prefit_out() -> None:
+    config = Config(steps=1000, log_every=100)
+    marks = gpu_training.Marks([(100, 0.0), (200, 9.0), (500, 10.0), (700, 12.0), (1000, 15.0)])
+    assert marks.rate(config) == 100
+
+
+def test_identifications_per_hour() -> None:
+    found = parallel.per_hour({"members": 2, "seconds": 10.0, "steps_per_s": 5000.0}, 20000)
+    assert found["per_hour_measured"] == 720
+    assert found["per_hour"] == 3600 * 2 / (10 + (parallel.WHOLE_RUN - 20000) / 5000)
+
+
+def test_lines_of_a_process_that_fails() -> None:
+    code = "import sys; print('{\"a\": 1}'); print('noise'); sys.exit('out of memory')"
+    lines, reason = processes.run_lines([sys.executable, "-c", code], None, 60)
+    assert lines == [{"a": 1}]
+    assert reason == "out of memory"
+
+
+def test_the_multiply_add_peak_is_that_of_a_core() -> None:
+    assert 1 < fma_peak.fma_peak(0.02) < 1000
+
+
+def test_a_peak_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(RuntimeError, match="must be a C\\+\\+ compiler, got No such file"):
+        fma_peak.fma_peak(0.03)
+
+
+def test_numbers_of_the_file_are_rounded() -> None:
+    assert gpu_step.rounded({"a": [0.123456, 7, "x"], "b": None}) == {
+        "a": [0.1235, 7, "x"],
+        "b": None,
+    }
+
+
+def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
+    write_flow(make_flow(), tmp_path / "heap.h5")
+    spec = pose(tmp_path / "heap.h5", Config()).member.problem.spec
+    tensors = {
+        "params": torch.stack([initial_parameters(spec, seed) for seed in (0, 1)]),
+        "theta": torch.tensor([[0.4, 0.6, 0.3]] * 2, dtype=torch.float64),
+    }
+    found = simulated_pressure.study([tmp_path / "heap.h5"], tensors, 2, 3, None, [(2, 6e-5)])
+    rows, (variant,) = found["rows"], found["variants"]
+    assert [(row["flow"], row["seed"], row["frames"]) for row in rows] == [
+        ("heap", 0, 3),
+        ("heap", 1, 3),
+    ]
+    assert (variant["seed"], variant["steps"]) == (0, 2)
+    assert variant["network"] == rows[0]["network"] != rows[1]["network"]
+    assert 0 < variant["simulated"]["all"] != rows[0]["simulated"]["all"]
+    assert variant["simulated"]["stagnant"] is None  # nothing rests in this flow
+
+
+STUDIES = Path(__file__).parents[2] / "bench" / "studies"
+NOTES = sorted(STUDIES.glob("*/note.md"))
+
+
+@pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
+def test_a_note_has_question_setting_and_answer(note: Path) -> None:
+    lines = note.read_text().splitlines()
+    assert len(lines) <= 120
+    assert re.fullmatch(r"# .+\?", lines[0])
+    assert "## Setting" in lines
+    assert any(line.startswith("## Answer") for line in lines)
+
+
+@pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
+def test_a_note_names_results_and_commands_that_exist(note: Path) -> None:
+    text = note.read_text()
+    for name in re.findall(r"`(results/[^`]+)`", text):
+        assert list(note.parent.glob(name)), name
+    for link in re.findall(r"\]\((\.\.?/[^)#]+|results/[^)#]+)\)", text):
+        if "docs/" not in link:
+            assert (note.parent / link).exists(), link
+    for module in re.findall(r"python -m (bench\.[\w.]+)", text):
+        assert (STUDIES.parents[1] / f"{module.replace('.', '/')}.py").exists(), module
+
+
+def test_every_study_has_a_note_in_the_index_of_the_evidence() -> None:
+    index = (STUDIES.parents[1] / "docs" / "evidence" / "index.md").read_text()
+    studies = {path.name for path in STUDIES.iterdir() if path.is_dir() and path.name[0] != "_"}
+    assert studies == {note.parent.name for note in NOTES}
+    assert studies == set(re.findall(r"bench/studies/(\w+)/note\.md", index))

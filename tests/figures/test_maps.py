@@ -1,0 +1,223 @@
+"""Maps and profiles of one time show the values of the fields, at their place, in their unit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+
+from granpinn.figures import maps, profiles, style
+from granpinn.figures.style import NothingToDraw
+from granpinn.results import Fields
+from granpinn.results.fields import Units
+from tests.run_folder import Array, Contents, with_values, without_frame
+
+K = 8
+
+
+@pytest.fixture
+def fields(contents: Contents) -> Fields:
+    return contents.fields
+
+
+def mesh(axes: Axes) -> QuadMesh:
+    (found,) = (item for item in axes.collections if isinstance(item, QuadMesh))
+    return found
+
+
+def shown(axes: Axes) -> Array:
+    """The values of a map inside the grains, in the order of the grid."""
+    values = np.ma.masked_invalid(mesh(axes).get_array())
+    return np.asarray(values.compressed())
+
+
+def inside(frame: Array) -> Array:
+    return frame[np.isfinite(frame)]
+
+
+@pytest.mark.parametrize(
+    ("time", "k"), [(None, 7), (0.1, 0), (-3.0, 0), (0.5, 5), (9.0, 11), (float("nan"), 0)]
+)
+def test_the_frame_nearest_to_a_time(fields: Fields, time: float | None, k: int) -> None:
+    assert maps.frame_at(fields, time) == k  # t = 0.1 ... 1.0 in 12 frames
+
+
+def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
+    window = maps.grain_window(fields, K)
+    outside = fields.c[K].copy()
+    outside[window.rows, window.columns] = 0
+    assert not (outside > 0.5).any()
+    cut = fields.c[K, window.rows, window.columns] > 0.5
+    assert not cut[-1].any()
+    assert cut[-2].any()
+
+
+def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
+    drawing = maps.simulated_pressure(fields, K)
+    simulated, gap, error = drawing.figure.axes[:3]
+    p, found = fields.frame("p", K), fields.frame("p_simulated", K)
+    assert np.isfinite(found).any()
+    expected = (found, np.abs(p - found), found - fields.frame("p_reference", K))
+    for axes, values in zip((simulated, gap, error), expected, strict=True):
+        np.testing.assert_array_equal(shown(axes), inside(values))
+    assert mesh(gap).get_clim()[0] == 0
+    assert "the motion does not fix the pressure" in drawing.caption
+    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
+
+
+def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
+    frame = fields.index // (fields.y.size * fields.x.size)
+    some = np.where(np.isin(frame, (2, 6)), fields.values["p_simulated"], np.nan)
+    for k, shown_k in ((K, 6), (0, 2)):
+        drawing = maps.simulated_pressure(
+            with_values(fields, p_simulated=some, p_reference=None), k
+        )
+        assert f"t = {fields.t[shown_k]:.3g}" in drawing.caption
+        assert len(drawing.figure.axes) == 4  # two maps and their scales
+        expected = inside(fields.frame("p_simulated", shown_k))
+        np.testing.assert_array_equal(shown(drawing.figure.axes[0]), expected)
+    with pytest.raises(NothingToDraw, match="no simulated pressure"):
+        maps.simulated_pressure(with_values(fields, p_simulated=None), K)
+
+
+def test_pressure_beside_its_reference(fields: Fields) -> None:
+    drawing = maps.pressure_fields(fields, K)
+    predicted, reference, difference = panels = drawing.figure.axes[:3]
+    p, known = fields.frame("p", K), fields.frame("p_reference", K)
+    for axes, expected in zip(panels, (p, known, p - known), strict=True):
+        np.testing.assert_array_equal(shown(axes), inside(expected))
+    assert mesh(predicted).get_clim() == mesh(reference).get_clim()
+    low, high = mesh(difference).get_clim()
+    assert low == -high
+    assert "(b) reference" in drawing.caption
+    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
+    assert predicted.get_ylabel() == "$y$ [m]"
+    assert drawing.figure.axes[3].get_ylabel() == "$p$ [units of the file]"
+
+
+def test_pressure_without_a_reference(fields: Fields) -> None:
+    drawing = maps.pressure_fields(with_values(fields, p_reference=None), K)
+    np.testing.assert_array_equal(shown(drawing.figure.axes[0]), inside(fields.frame("p", K)))
+    assert len(drawing.figure.axes) == 2  # the map and its colour bar
+    assert drawing.caption.endswith(": predicted. The flow file has no reference pressure.")
+
+
+def test_speed_beside_that_of_the_flow_file(fields: Fields) -> None:
+    fields = replace(fields, units=Units("1", "1"))
+    drawing = maps.velocity_fields(fields, K)
+    for axes, suffix in zip(drawing.figure.axes, ("", "_reference"), strict=False):
+        speed = np.hypot(fields.frame("u" + suffix, K), fields.frame("v" + suffix, K))
+        np.testing.assert_array_equal(shown(axes), inside(speed))
+    assert drawing.figure.axes[0].get_ylabel() == "$y$"
+    assert drawing.caption.startswith(f"Speed in the grains at t = {fields.t[K]:.3g}: (a)")
+
+
+@pytest.mark.parametrize("height", [0.02, 1.0, 20.0])
+def test_grains_of_every_shape_fit_their_figure(
+    fields: Fields, tmp_path: Path, height: float
+) -> None:
+    fields = replace(fields, y=height * fields.y)
+    speed = maps.velocity_fields(fields, K).figure
+    style.save(speed, tmp_path / "speed.png")  # a map without room would warn
+    first, second = (axes.get_position() for axes in speed.axes[:2])
+    stacked = first.y0 > second.y1
+    assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
+    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
+
+
+def test_a_frame_without_grains_is_not_drawn(fields: Fields) -> None:
+    with pytest.raises(NothingToDraw, match="inside the grains at t = 0.755"):
+        maps.pressure_fields(without_frame(fields, K, 0.0), K)
+
+
+def test_grains_thinner_than_a_cell(fields: Fields) -> None:
+    thin = without_frame(fields, K, 0.9)
+    assert shown(maps.pressure_fields(thin, K).figure.axes[0]).size == 0
+    with pytest.raises(NothingToDraw, match="thinner than a grid cell at t = 0.755"):
+        profiles.profiles(thin, K)
+
+
+def test_grains_that_fill_the_grid_have_no_surface(fields: Fields) -> None:
+    axes = maps.pressure_fields(fields, K).figure.axes[0]
+    assert len(axes.collections) == 2  # the map and the line c = 0.5
+    one = fields.c.shape[1] * fields.c.shape[2]
+    full = replace(
+        fields,
+        t=fields.t[:1],
+        c=np.ones_like(fields.c[:1]),
+        values={name: np.ones(one, np.float32) for name in fields.values},
+    )
+    assert len(maps.pressure_fields(full, 0).figure.axes[0].collections) == 1
+
+
+def test_a_single_row_of_cells_has_an_aspect() -> None:
+    fields = Fields(
+        t=np.ones(1),
+        y=np.array([0.5]),
+        x=np.array([0.5, 1.5]),
+        c=np.ones((1, 1, 2), np.float32),
+        values={"p": np.ones(2, np.float32)},
+        units=Units("1", "1"),
+        length=1.0,
+        time=1.0,
+        pressure=1.0,
+    )
+    assert maps.aspect_of(fields, maps.grain_window(fields, 0)) == 1.0
+
+
+def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
+    n = fields.index.size
+    size = np.geomspace(1e-4, 1e2, n)
+    fields = with_values(fields, momentum_residual_x=0.6 * size, momentum_residual_y=-0.8 * size)
+    drawing = maps.momentum_residual(fields, K)
+    field_map, histogram = drawing.figure.axes[:2]
+    np.testing.assert_allclose(shown(field_map), size[fields.time_of_points() == fields.t[K]], 1e-6)
+    heights = [bar.get_height() for bar in histogram.containers[0]]
+    assert sum(heights) == pytest.approx(1)
+    median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
+    assert median == pytest.approx(0.1, rel=0.02)
+    assert (size < high).mean() == pytest.approx(0.95, abs=1e-3)
+
+
+def test_a_residual_that_is_nowhere_finite_is_not_drawn(fields: Fields) -> None:
+    with pytest.raises(NothingToDraw, match="not finite anywhere"):
+        maps.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
+
+
+def test_profiles_lie_at_three_heights(fields: Fields) -> None:
+    rows = profiles.profile_rows(fields, K)
+    filled = fields.y[np.isfinite(fields.frame("p", K)).any(1)]
+    wanted = filled[0] + np.array([0.1, 0.4, 0.7]) * np.ptp(filled)
+    assert np.abs(fields.y[rows] - wanted).max() <= np.diff(fields.y).max() / 2 * (1 + 1e-9)
+
+
+def test_profiles_show_rows_of_the_fields(fields: Fields) -> None:
+    outline, speed, pressure, difference = profiles.profiles(fields, K).figure.axes
+    u, v, p = (fields.frame(name, K) for name in ("u", "v", "p"))
+    known = fields.frame("p_reference", K)
+    for i, row in enumerate(profiles.profile_rows(fields, K)):
+        (y,) = set(np.asarray(outline.lines[i].get_ydata()))
+        assert y == fields.y[row]
+        # a line of predicted values, then its dots
+        for axes, values in ((speed, np.hypot(u, v)), (pressure, p)):
+            np.testing.assert_array_equal(axes.lines[2 * i].get_ydata(), values[row])
+        np.testing.assert_array_equal(pressure.lines[2 * i + 1].get_ydata(), known[row])
+        percent = 100 * (p - known)[row] / np.nanmax(known)
+        np.testing.assert_allclose(difference.lines[i].get_ydata(), percent, rtol=1e-5)
+
+
+def test_profiles_without_reference_pressure(fields: Fields) -> None:
+    drawing = profiles.profiles(with_values(fields, p_reference=None), K)
+    assert len(drawing.figure.axes) == 3
+    assert drawing.figure.axes[2].get_title(loc="left") == "(c) pressure: lines predicted"
+    assert drawing.caption.endswith("The flow file has no reference pressure.")
+
+
+@pytest.mark.parametrize("reference", [0.0, np.nan])
+def test_profiles_of_a_reference_without_pressure(fields: Fields, reference: float) -> None:
+    drawing = profiles.profiles(with_values(fields, p_reference=reference), K)
+    assert len(drawing.figure.axes) == 4

@@ -1,0 +1,123 @@
+"""A whole run on each device: what comes after the training, and that it is the CPU's.
+
+`pytest -k cuda` picks the GPU's; fields, errors and simulated pressure are made on the CPU from
+parameters that lie on the device.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import torch
+
+from granpinn import results, train
+from granpinn.data import Flow, write_flow
+from granpinn.data.norms import relative_l2
+from granpinn.identification import simulated_fields
+from granpinn.identification.case import Model, members, pose
+from granpinn.identification.prediction import predict
+from granpinn.identification.single import start
+from granpinn.physics.laws import DEFAULT
+from granpinn.tables import __main__ as tables
+from tests.flows import make_flow
+from tests.runs import tiny
+
+NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+DEVICES = ["cpu", pytest.param("cuda", marks=NO_GPU)]
+TOML = """
+steps = 50
+log_every = 10
+[network]
+widths = [9, 7]
+[batch]
+interior = 33
+surface = 6
+[simulated_pressure]
+frames = 3
+"""
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Path:
+    path = tmp_path / "settings.toml"
+    path.write_text(TOML)
+    return path
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: Flow) -> None:
+    config = tiny(device=device, steps=50, members=2, simulated_pressure__frames=3)
+    cases = members(pose(flow, config))
+    run = start(cases, config, None, None, time.monotonic(), [None] * 2)
+    run.train()
+    for e, case in enumerate(cases):
+        params, theta = run.trainer.solution(e)
+        assert params.device.type == theta.device.type == device
+        there = Model(case.member.problem, params, theta, case.scales, DEFAULT)
+        here = dataclasses.replace(there, params=params.cpu(), theta=theta.cpu())
+        maps, same = predict(flow, there), predict(flow, here)
+        for name in ("u", "v", "p", "tau_xx", "tau_xy", "D2", "I", "eta"):
+            error = relative_l2(maps.values[name], same.values[name])
+            assert error is not None
+            assert error < 1e-2, name  # in %: hundreds of roundings of float32
+        with ThreadPoolExecutor(2) as pool:
+            maps, record = simulated_fields.add(case, run, there, maps, pool)
+            same, _ = simulated_fields.add(case, run, here, same, pool)
+        assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
+        found, wanted = (fields.values["p_simulated"] for fields in (maps, same))
+        known = np.isfinite(wanted)
+        np.testing.assert_array_equal(np.isfinite(found), known)
+        error = relative_l2(found[known], wanted[known])
+        assert error is not None
+        # The solver's pressure answers a change of the velocity over the length of a short step.
+        assert error < 1
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_command_leaves_everything(
+    device: str, flow_file: Path, settings: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    argv = [flow_file, "--out", out, "--device", device, "--members", 2, "--config", settings]
+    assert train.main([str(a) for a in argv]) == 0
+    result = results.read_results(out / "results.json")
+    assert torch.device(result.device).type == device
+    assert result.failure is None
+    assert result.members is not None
+    assert len(result.members.seed) == 2
+    assert result.simulated_pressure is not None
+    assert (len(result.simulated_pressure.frames), result.simulated_pressure.failed) == (3, 0)
+    for name in ("velocity", "pressure", "pressure_simulated"):
+        assert np.isfinite(getattr(result.error_percent, name))
+    with h5py.File(out / "fields.h5") as file:
+        simulated = file["p_simulated"][()]
+    frames = np.flatnonzero(np.isfinite(simulated).any(axis=(1, 2)))
+    assert tuple(frames) == result.simulated_pressure.frames
+    assert (out / "report.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_tables_close_the_pressure_of_every_member(
+    device: str, settings: Path, tmp_path: Path
+) -> None:
+    for name in ("a", "b"):
+        write_flow(make_flow(), tmp_path / f"{name}.h5")
+    out = tmp_path / "out"
+    argv = [tmp_path / "a.h5", tmp_path / "b.h5", "--out", out, "--seeds", 2, "--device", device]
+    assert tables.main([str(a) for a in [*argv, "--config", settings]]) == 0
+    content = json.loads((out / "tables.json").read_text())
+    assert torch.device(content["device"]).type == device
+    assert len(content["members"]) == 4
+    for k, member in enumerate(content["members"]):
+        assert member["failure"] is None
+        assert member["error_percent"]["pressure_simulated"] > 0
+        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").simulated_pressure
+        assert found is not None
+        assert (len(found.frames), found.failed, found.late) == (3, 0, 0)

@@ -1,0 +1,272 @@
+"""`granpinn.identify`: the whole chain in memory and on disk, blind to what it must not see."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import granpinn
+from granpinn import results
+from granpinn.config import Config, ConfigError
+from granpinn.config.toml import read_toml
+from granpinn.data import Flow, FlowFileError, Truth
+from granpinn.identification import case as case_module
+from granpinn.identification import prediction, simulated_fields
+from granpinn.identification.case import choose_device, pose
+from granpinn.identification.single import identify
+from granpinn.training.loop import TrainingLoop
+from tests.runs import make_trainer, tiny
+
+
+def test_the_public_name_is_this_function() -> None:
+    assert granpinn.identify is identify
+    assert granpinn.Config is Config
+
+
+def test_a_notebook_needs_no_folder(flow: Flow, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = identify(flow, tiny())
+    assert 0 < result.parameters.mu_s.value < result.parameters.mu_2.value
+    assert results.Parameter(0.3, fixed=True) == result.parameters.I0
+    assert result.parameters.mu_s.std is None
+    assert result.timing.steps == 40
+    assert result.stopped == "steps"
+    assert result.error_percent.velocity is not None
+    assert result.error_percent.mu_s is not None
+    assert result.data.noise == 0
+    assert (result.level, result.form, result.recipe) == ("V1", "mixed", "default")
+    assert result.device == "cpu"
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    config = tiny(seed=2)
+    result = identify(flow_file, config, run_dir=folder)
+    names = {"results.json", "results.csv", "fields.h5", "history.csv", "config.toml", "checkpoint"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert results.read_results(folder / "results.json").parameters == result.parameters
+    assert result.input.name == "heap.h5"
+    assert len(result.input.sha256) == 64
+    assert Config(**read_toml(folder / "config.toml")) == config
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+@pytest.mark.parametrize("level", ["V0", "V1", "V2"])
+def test_every_form_at_every_level(form: str, level: str, flow: Flow) -> None:
+    result = identify(flow, tiny(form=form, level=level, steps=3, optimizer__prefit=0.0))
+    assert (result.form, result.level) == (form, level)
+    assert result.simulated_pressure is not None
+    assert result.simulated_pressure.frames == tuple(range(12))
+    assert result.data.n_surface > 0
+
+
+def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> None:
+    result = identify(flow, tiny(simulated_pressure__frames=3), run_dir=tmp_path)
+    simulated_pressure = result.simulated_pressure
+    assert simulated_pressure is not None
+    assert simulated_pressure.frames == (3, 7, 11)
+    # dx = 0.1, 20 columns: the box is 1.1 times as wide as the grid.
+    assert simulated_pressure.cells == 32
+    assert simulated_pressure.flowing_percent is not None
+    assert simulated_pressure.flowing_percent > 0
+    assert result.error_percent.pressure_simulated is not None
+    assert results.read_results(tmp_path / "results.json").simulated_pressure == simulated_pressure
+    fields = results.read_fields(tmp_path / "fields.h5")
+    frame = fields.index // (fields.y.size * fields.x.size)
+    simulated = fields.values["p_simulated"]
+    np.testing.assert_array_equal(np.isfinite(simulated), np.isin(frame, simulated_pressure.frames))
+    reference = fields.values["p_reference"][np.isfinite(simulated)].astype(np.float64)
+    difference = simulated[np.isfinite(simulated)] - reference
+    error = 100 * np.linalg.norm(difference) / np.linalg.norm(reference)
+    assert result.error_percent.pressure_simulated == pytest.approx(error, rel=1e-6)
+    assert "simulated pressure at 3 times" in str(result)
+
+
+def test_the_pressure_is_not_simulated_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
+    result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
+    assert result.simulated_pressure is None
+    assert result.error_percent.pressure_simulated is None
+    assert "simulated" not in str(result)
+    assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
+
+
+def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: Flow) -> None:
+    assert flow.surface is not None
+    surface = dataclasses.replace(flow.surface, x=flow.surface.x + 5)
+    result = identify(dataclasses.replace(flow, x=flow.x + 5, surface=surface), tiny())
+    assert result.simulated_pressure is not None
+    assert "do not stand in the corner" in (result.simulated_pressure.objection or "")
+    assert result.error_percent.pressure is not None
+    assert result.error_percent.pressure_simulated is None
+
+
+def test_a_time_limit_is_one_of_the_simulation_too(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulated_fields, "SIMULATION_PART", -1000.0)
+    result = identify(flow, tiny(max_time=20.0, steps=3))
+    assert result.simulated_pressure is not None
+    assert (result.simulated_pressure.frames, result.simulated_pressure.late) == ((), 12)
+
+
+def test_the_paper_recipe_runs(flow: Flow) -> None:
+    result = identify(flow, Config(recipe="paper", steps=3, network__widths=(9, 7)))
+    assert (result.recipe, result.form, result.level) == ("paper", "strong", "V2")
+
+
+def test_epochs_are_passes_over_the_points(flow: Flow) -> None:
+    config = tiny(steps=None, epochs=2)
+    result = identify(flow, config)
+    assert result.timing.steps == 2 * -(-result.data.n_points // config.batch.interior)
+
+
+@pytest.mark.parametrize(
+    "blind",
+    [
+        {"truth": None},
+        {"truth": Truth(mu_s=0.1, mu_2=0.9, I0=0.5)},
+        {"p": None},
+    ],
+    ids=["no truth", "other truth", "no reference pressure"],
+)
+def test_training_sees_no_truth_and_no_reference_pressure(
+    blind: dict[str, Any], flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[TrainingLoop] = []
+    real = TrainingLoop.train
+
+    def train(run: TrainingLoop) -> None:
+        runs.append(run)
+        real(run)
+
+    monkeypatch.setattr(TrainingLoop, "train", train)
+    identify(flow, tiny())
+    identify(dataclasses.replace(flow, **blind), tiny())
+    one, other = runs
+    assert one.data_sha256 == other.data_sha256
+    for name, tensor in one.trainer.tensors().items():
+        assert torch.equal(tensor, other.trainer.tensors()[name])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_equations_are_asked_for_between_vectors_of_any_noise(flow: Flow, share: float) -> None:
+    data = pose(flow, tiny(batch__collocation=share, noise=0.2)).member.data
+    assert len(data.between) == round(share * len(data.points))
+
+
+def test_noise_is_seen_by_the_training_and_not_by_the_scores(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Flow] = []
+    real = case_module.training_data
+
+    def training_data(flow: Flow, *args: Any) -> Any:
+        seen.append(flow)
+        return real(flow, *args)
+
+    monkeypatch.setattr(case_module, "training_data", training_data)
+    references: list[Any] = []
+    real_predict = prediction.predict
+
+    def predict(flow: Flow, model: case_module.Model) -> Any:
+        references.append(flow)
+        return real_predict(flow, model)
+
+    monkeypatch.setattr(prediction, "predict", predict)
+    result = identify(flow, tiny(noise=0.2, seed=5))
+    assert result.data.noise == 0.2
+    assert not np.array_equal(seen[0].u[flow.valid], flow.u[flow.valid])
+    assert references == [flow]
+
+
+def test_two_runs_never_mix(flow: Flow, tmp_path: Path) -> None:
+    identify(flow, tiny(), run_dir=tmp_path)
+    with pytest.raises(ConfigError, match=r"already holds a run \(results.json\): add --resume"):
+        identify(flow, tiny(), run_dir=tmp_path)
+    before = (tmp_path / "config.toml").read_text()
+    identify(flow, tiny(resume=True), run_dir=tmp_path)
+    assert (tmp_path / "config.toml").read_text() == before
+
+
+def test_resuming_needs_a_folder(flow: Flow) -> None:
+    with pytest.raises(ConfigError, match="resume needs a run folder"):
+        identify(flow, tiny(resume=True))
+
+
+def test_bad_data_leaves_no_folder(flow: Flow, tmp_path: Path) -> None:
+    with pytest.raises(FlowFileError, match="V1"):
+        identify(dataclasses.replace(flow, surface=None), tiny(), run_dir=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_flow_that_breaks_a_rule_is_refused(flow: Flow) -> None:
+    with pytest.raises(FlowFileError, match="density"):
+        identify(dataclasses.replace(flow, density=-1.0), tiny())
+
+
+def test_a_folder_that_is_a_file_is_refused(flow: Flow, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot be written to"):
+        identify(flow, tiny(), run_dir=tmp_path / "file")
+
+
+def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    def kernels(there: bool) -> None:
+        name = "_dispatch_has_kernel_for_dispatch_key"
+        monkeypatch.setattr(torch._C, name, lambda op, key: there)
+
+    def gpu(there: bool) -> None:
+        monkeypatch.setattr(torch.cuda, "is_available", lambda: there)
+
+    kernels(False)
+    gpu(True)
+    assert choose_device("auto").type == choose_device("cpu").type == "cpu"
+    with pytest.raises(ConfigError, match="--device cuda needs the CUDA kernels"):
+        choose_device("cuda")
+    kernels(True)
+    assert choose_device("auto").type == choose_device("cuda").type == "cuda"
+    assert choose_device("cpu").type == "cpu"
+    gpu(False)
+    assert choose_device("auto").type == "cpu"
+    with pytest.raises(ConfigError, match="--device cuda needs a GPU"):
+        choose_device("cuda")
+
+
+def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
+    trainer = make_trainer(tiny(optimizer__average=0.25), flow)
+    states = []
+    while not trainer.finished:
+        trainer.advance()
+        states.append((trainer.params[0].clone(), trainer.law_variables.q.clone()))
+    params, theta = trainer.solution()
+    expected = [torch.stack(values).mean(0) for values in zip(*states[30:], strict=True)]
+    torch.testing.assert_close(params, expected[0])
+    torch.testing.assert_close(theta, trainer.law_variables.theta_of(expected[1])[0])
+
+
+def test_a_time_limit_leaves_time_for_the_report(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deadlines: list[float] = []
+    real = TrainingLoop.train
+
+    def train(run: TrainingLoop) -> None:
+        assert run.deadline is not None
+        deadlines.append(run.deadline - time.monotonic())
+        run.deadline = None
+        real(run)
+
+    monkeypatch.setattr(TrainingLoop, "train", train)
+    for max_time in (40.0, 600.0):
+        identify(flow, tiny(max_time=max_time))
+    identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
+    closing = simulated_fields.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
+    assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)

@@ -1,0 +1,215 @@
+"""One identification with several networks: their seeds, data, folder, and the result."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn import identify, identify_many, report, results
+from granpinn.config import ConfigError
+from granpinn.data import Flow, known_sd, redraw
+from granpinn.identification.case import member_seed, members, pose
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty import calibration, of_training
+from tests.flows import make_flow
+from tests.identification.test_ensemble import spoil
+from tests.runs import tiny
+
+THREE = tiny(members=3, seed=4)
+
+
+@pytest.fixture
+def all_settings_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The networks of these tests are not those that the error bars were calibrated for."""
+    table = dataclasses.replace(calibration.load(), misfit=10.0, largest_misfit=10.0, steps=1)
+    monkeypatch.setattr(calibration, "load", lambda: table)
+    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
+
+
+def test_seeds_are_a_function_of_the_first_and_never_meet() -> None:
+    seeds = [member_seed(seed, k) for seed in range(200) for k in range(16)]
+    assert len(set(seeds)) == len(seeds)
+    assert member_seed(7, 0) == 7
+    assert all(0 <= seed < 2**63 for seed in seeds)
+    assert member_seed(4, 1) == 2320338089964231254  # on every machine
+
+
+def test_members_differ_in_their_seeds_and_share_clean_data(flow: Flow) -> None:
+    made = members(pose(flow, THREE))
+    assert [case.member.seed for case in made] == [member_seed(4, k) for k in range(3)]
+    assert all(case.member.data is made[0].member.data for case in made)
+    assert not any(case.redrawn for case in made)
+
+
+@pytest.mark.parametrize("known", ["added", "in the file"])
+@pytest.mark.parametrize(("K", "redrawn"), [(1, 0), (2, 1), (3, 1), (4, 2), (5, 2)])
+def test_half_of_the_members_get_known_noise_once_more(
+    K: int, redrawn: int, known: str, flow: Flow
+) -> None:
+    config = tiny(members=K, noise=0.1 if known == "added" else 0.0)
+    if known == "in the file":
+        flow = dataclasses.replace(flow, sigma_u=0.2, sigma_v=0.1)
+    made = members(pose(flow, config))
+    assert [case.redrawn for case in made] == [False] * (K - redrawn) + [True] * redrawn
+    first = made[0].member.data.velocity
+    sd = torch.tensor([known_sd(made[0].seen)] * 2 if known == "added" else [0.2, 0.1])
+    sd = sd / made[0].scales.velocity
+    shifts = [case.member.data.velocity - first for case in made]
+    for case, shift in zip(made, shifts, strict=True):
+        expected = sd if case.redrawn else torch.zeros(2)
+        torch.testing.assert_close(shift.std(0), expected, rtol=0.06, atol=0)
+    if redrawn == 2:
+        assert abs(float((shifts[-1] * shifts[-2]).mean() / sd.square().mean())) < 0.06
+
+
+def test_noise_is_redrawn_where_each_vector_has_its_own(flow: Flow) -> None:
+    sigma = np.where(flow.x > 0.5, 0.3, 0.0).astype(np.float32) * np.ones_like(flow.u)
+    known = dataclasses.replace(flow, sigma_u=sigma, sigma_v=0.0)
+    shift = (redraw(known, 0.0, 1).u - flow.u)[flow.valid]
+    sure = np.broadcast_to(flow.x <= 0.5, flow.u.shape)[flow.valid]
+    assert np.all(shift[sure] == 0)
+    assert shift[~sure].std() == pytest.approx(0.3, rel=0.06)
+    mean_square = float(np.mean(sigma[flow.valid] ** 2)) / 2
+    assert known_sd(known) == pytest.approx(math.sqrt(mean_square), rel=1e-5)
+    assert known_sd(flow) == 0
+
+
+@pytest.mark.usefixtures("all_settings_calibrated")
+def test_the_result_is_the_center_of_the_members(flow: Flow, tmp_path: Path) -> None:
+    found = identify(flow, THREE, run_dir=tmp_path)
+    alone = [
+        identify(flow, dataclasses.replace(THREE, members=1, seed=member_seed(4, k)))
+        for k in range(3)
+    ]
+    assert found.members is not None
+    assert found.members.values["mu_s"] == tuple(one.parameters.mu_s.value for one in alone)
+    mu_s = np.array(found.members.values["mu_s"])
+    slope = np.array(found.members.values["mu_2"]) - mu_s
+    assert found.parameters.mu_s.value == pytest.approx(np.median(mu_s))
+    assert found.parameters.mu_2.value == pytest.approx(np.median(mu_s) + np.median(slope))
+    shown = alone[found.members.shown]
+    assert found.residuals == shown.residuals
+    assert found.error_percent.velocity == shown.error_percent.velocity
+    assert found.covariance is not None
+    for name, variance in zip(("mu_s", "mu_2"), np.diag(found.covariance.matrix), strict=True):
+        parameter = getattr(found.parameters, name)
+        assert parameter.std == pytest.approx(math.sqrt(variance))
+        assert parameter.interval_90[0] < parameter.value < parameter.interval_90[1]
+    back = results.read_results(tmp_path / "results.json")
+    for name in ("parameters", "covariance", "members", "residuals", "error_bars", "verdict"):
+        assert getattr(back, name) == getattr(found, name)
+
+
+@pytest.mark.usefixtures("all_settings_calibrated")
+def test_its_folder_is_that_of_a_run_and_has_a_report(flow: Flow, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    found = identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
+    assert found.members is not None
+    parts = sorted(path.name for path in (folder / "members").iterdir())
+    assert parts == ["00", "01"]
+    shown = folder / "members" / parts[found.members.shown] / "history.csv"
+    assert (folder / "history.csv").read_bytes() == shown.read_bytes()
+    page = report.build(folder).read_text(encoding="utf-8")
+    assert "2 networks with different seeds" in page
+    assert "Does the law hold?" in page
+    interval = found.parameters.mu_s.interval_90
+    assert interval is not None
+    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in page
+    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in str(found)
+    with pytest.raises(ConfigError, match="--resume"):
+        identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
+
+
+def test_an_ensemble_can_be_resumed(flow: Flow, tmp_path: Path) -> None:
+    first = identify(flow, THREE, run_dir=tmp_path)
+    (tmp_path / "results.json").unlink()
+    again = identify(flow, dataclasses.replace(THREE, resume=True), run_dir=tmp_path)
+    assert again.parameters == first.parameters
+    assert again.members == first.members
+
+
+def test_ensembles_of_many_flows_are_those_of_each(flow: Flow, tmp_path: Path) -> None:
+    other = make_flow(frames=9)
+    config = dataclasses.replace(THREE, members=2, noise=0.05)
+    together = identify_many([flow, other], config, [1, 2], run_dir=tmp_path)
+    for e, (found, one) in enumerate(zip(together, (flow, other), strict=True)):
+        alone = identify(one, dataclasses.replace(config, seed=e + 1))
+        assert (found.parameters, found.members) == (alone.parameters, alone.members)
+        assert found.residuals == alone.residuals
+        folder = tmp_path / f"{e:03d}"
+        assert results.read_results(folder / "results.json").members == found.members
+        assert (folder / "history.csv").exists()
+
+
+def test_a_member_that_diverged_is_left_out(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = TrainingLoop.train
+
+    def train(run: TrainingLoop) -> None:
+        spoil(run, 0, {23, 27})
+        real(run)
+
+    monkeypatch.setattr(TrainingLoop, "train", train)
+    found = identify(flow, THREE)
+    assert found.members is not None
+    assert found.members.diverged == 1
+    assert found.members.seed == (member_seed(4, 1), member_seed(4, 2))
+    assert (found.failure, found.stopped) == (None, "steps")
+
+
+def test_an_ensemble_without_a_sound_member_is_an_error(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = TrainingLoop.train
+
+    def train(run: TrainingLoop) -> None:
+        for member in range(2):
+            spoil(run, member, {23, 27})
+        real(run)
+
+    monkeypatch.setattr(TrainingLoop, "train", train)
+    config = dataclasses.replace(THREE, members=2)
+    with pytest.raises(NonFiniteError, match="the loss became NaN"):
+        identify(flow, config)
+    (found,) = identify_many([flow], config)
+    assert found.stopped == "diverged"
+    assert found.parameters.mu_s.std is None
+    assert found.verdict is not None
+    assert found.verdict.words == "the training diverged"
+
+
+def test_other_settings_than_the_calibrated_have_no_error_bars(flow: Flow) -> None:
+    found = identify(flow, tiny(level="V0", steps=3))
+    assert (found.covariance, found.error_bars) == (None, None)
+    assert found.verdict is not None
+    assert found.verdict.follows is None
+    for name in ("network.widths", "batch.interior", "level"):
+        assert name in found.verdict.words
+
+
+def test_a_run_that_has_hardly_begun_has_no_error_bars(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
+    found = identify(flow, tiny(steps=3))
+    assert (found.covariance, found.error_bars, found.parameters.mu_s.std) == (None, None, None)
+    assert found.verdict is not None
+    assert "not known yet" in found.verdict.words
+
+
+def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
+    """Against the error of the velocity in the file: the same points, but for t = 0 and draws."""
+    noisy = identify(flow, tiny(noise=0.3, steps=200))
+    clean = identify(flow, tiny(steps=200))
+    assert clean.residuals is not None
+    assert clean.residuals.noise == 0
+    assert clean.error_percent.velocity is not None
+    assert 100 * clean.residuals.velocity == pytest.approx(clean.error_percent.velocity, rel=0.05)
+    assert noisy.residuals is not None
+    seen = noisy.residuals
+    assert seen.noise == pytest.approx(seen.velocity, rel=0.25)

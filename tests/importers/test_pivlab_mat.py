@@ -1,0 +1,231 @@
+"""PIVlab's MATLAB files: one frame, all frames, session; of version 5 and of version 7.3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from granpinn.importers import DataFileError, Validity, read_vectors
+from tests.importers import scene
+from tests.importers.test_pivlab_text import KIND
+
+Writer = Callable[[Path, dict[str, Any]], Path]
+
+
+def cell(items: list[Any]) -> Any:
+    column = np.empty((len(items), 1), object)
+    for i, item in enumerate(items):
+        column[i, 0] = item
+    return column
+
+
+def version_5(path: Path, variables: dict[str, Any]) -> Path:
+    savemat(path, variables)
+    return path
+
+
+def version_73(path: Path, variables: dict[str, Any]) -> Path:
+    """As MATLAB writes it: arrays transposed, cells as references, an empty one by attribute."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+
+        def put(name: str, matrix: Any) -> h5py.Dataset:
+            matrix = np.atleast_2d(matrix)
+            if matrix.size == 0:
+                dataset = file.create_dataset(name, data=np.zeros(2, np.uint64))
+                dataset.attrs["MATLAB_empty"] = np.uint8(1)
+                return dataset
+            return file.create_dataset(name, data=matrix.T)
+
+        for name, value in variables.items():
+            if isinstance(value, str):
+                value = np.array([ord(letter) for letter in value], np.uint16)
+            if np.asarray(value).dtype.kind != "O":
+                put(name, value)
+                continue
+            references = np.empty(value.shape, h5py.ref_dtype)
+            for i, (index, item) in enumerate(np.ndenumerate(value)):
+                references[index] = put(f"#refs#/{name}{i}", item).ref
+            file.create_dataset(name, data=references.T, dtype=h5py.ref_dtype)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    return path
+
+
+def matrices(filled: bool = True) -> dict[str, list[Any]]:
+    """x, y, u, v, typevector of every frame; rejected vectors NaN."""
+    u, v = scene.velocity()
+    codes = scene.codes()
+    gone = np.isin(codes, (Validity.MASKED, Validity.INVALID))
+    u, v = (np.where(gone & filled, np.nan, a) for a in (u, v))
+    y, x = np.meshgrid(scene.Y_DOWN, scene.X, indexing="ij")
+    types = np.vectorize(lambda code: float(KIND[Validity(int(code))]))(codes)
+    n = scene.FRAMES
+    return {"x": [x] * n, "y": [y] * n, "u": list(u), "v": list(v), "typevector": list(types)}
+
+
+def all_frames(factor: float = 1.0) -> dict[str, Any]:
+    m = matrices()
+    nothing = [np.empty((0, 0))] * scene.FRAMES
+    return {
+        "x": cell(m["x"]),
+        "y": cell(m["y"]),
+        "u_original": cell([9 + u for u in m["u"]]),
+        "v_original": cell([9 + v for v in m["v"]]),
+        "typevector_original": cell(m["typevector"]),
+        "u_filtered": cell([factor * u for u in m["u"]]),
+        "v_filtered": cell([factor * v for v in m["v"]]),
+        "typevector_filtered": cell(m["typevector"]),
+        "u_smoothed": cell(nothing),
+        "calxy": factor,
+        "calu": factor,
+        "calv": factor,
+    }
+
+
+def session() -> dict[str, Any]:
+    m = matrices()
+    table = np.empty((12, scene.FRAMES), object)
+    for k in range(scene.FRAMES):
+        table[:, k] = [np.empty((0, 0))] * 12
+        table[0, k], table[1, k] = m["x"][k], m["y"][k]
+        table[2, k], table[3, k] = 9 + m["u"][k], 9 + m["v"][k]
+        table[4, k] = m["typevector"][k]
+        table[6, k], table[7, k], table[8, k] = m["u"][k], m["v"][k], m["typevector"][k]
+    return {"resultslist": table, "calxy": 1e-4, "calu": 0.05, "calv": 0.05}
+
+
+WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
+
+
+@WRITERS
+def test_all_frames(tmp_path: Path, write: Writer) -> None:
+    fields = read_vectors(write(tmp_path / "PIVlab.mat", all_frames()))
+    scene.check(fields)
+    assert (fields.length_unit, fields.velocity_unit) == ("px", "px/frame")
+    assert (fields.time_unit, fields.y_down) == ("frame", True)
+    calibrated = read_vectors(write(tmp_path / "m.mat", all_frames(0.5)))
+    assert (calibrated.length_unit, calibrated.velocity_unit) == ("m", "m/s")
+    scene.check(calibrated, scale=0.5)
+
+
+@WRITERS
+@pytest.mark.parametrize(
+    ("facts", "unit"),
+    [
+        ({"units": "[m] respectively [m/s]"}, "m/s"),
+        ({"units": "[m] respectively [m/frame]"}, "m/frame"),
+        ({"displacement_only": 1.0}, "m/frame"),
+        ({"units": "[\N{MICRO SIGN}m]"}, "m/s"),
+        ({"units": "m/frame" * 200}, "m/s"),
+    ],
+)
+def test_calibrated_without_a_time_step(
+    tmp_path: Path, write: Writer, facts: dict[str, Any], unit: str
+) -> None:
+    """Meters per frame: taken for m/s they would be too slow by the frame rate."""
+    fields = read_vectors(write(tmp_path / "d.mat", all_frames(0.5) | facts))
+    assert (fields.length_unit, fields.velocity_unit) == ("m", unit)
+    scene.check(fields, scale=0.5)
+
+
+@WRITERS
+def test_unfiltered_frames_are_taken_as_they_are(tmp_path: Path, write: Writer) -> None:
+    variables = all_frames()
+    for name in ("u", "v", "typevector"):
+        variables[f"{name}_filtered"][1, 0] = np.empty((0, 0))
+    fields = read_vectors(write(tmp_path / "a.mat", variables))
+    u = scene.velocity()[0]
+    there = fields.usable[1]
+    np.testing.assert_allclose(fields.u[1][there], 9 + u[1][there])
+    np.testing.assert_allclose(fields.u[2][fields.usable[2]], u[2][fields.usable[2]])
+
+
+@WRITERS
+def test_session(tmp_path: Path, write: Writer) -> None:
+    """In pixels whatever the calibration, which is kept as a fact."""
+    fields = read_vectors(write(tmp_path / "session.mat", session()))
+    scene.check(fields)
+    assert (fields.length_unit, fields.velocity_unit) == ("px", "px/frame")
+    assert fields.facts["calxy"] == "0.0001"
+
+
+@WRITERS
+def test_one_frame(tmp_path: Path, write: Writer) -> None:
+    one = {name: frames[0] for name, frames in matrices().items()} | {"calxy": 1.0, "caluv": -1.0}
+    fields = read_vectors(write(tmp_path / "a.mat", one))
+    scene.check(fields, 1)
+    assert fields.velocity_unit == "px/frame"
+    untyped = {name: value for name, value in one.items() if name != "typevector"}
+    codes = read_vectors(write(tmp_path / "b.mat", untyped)).validity
+    assert set(np.unique(codes)) == {Validity.VALID, Validity.INVALID}
+
+
+def test_a_filled_mask_is_no_vector(tmp_path: Path) -> None:
+    """Vectors of type 0 have numbers in some exports: the type counts."""
+    one = {name: frames[0] for name, frames in matrices(filled=False).items()}
+    fields = read_vectors(version_5(tmp_path / "a.mat", one))
+    masked = fields.validity == Validity.MASKED
+    assert masked.any()
+    assert np.isnan(fields.u[masked]).all()
+
+
+def _transposed(variables: dict[str, Any]) -> None:
+    variables["u_filtered"][1, 0] = variables["u_filtered"][1, 0].T
+
+
+def _other_grid(variables: dict[str, Any]) -> None:
+    variables["x"][2, 0] = variables["x"][2, 0] + 1
+
+
+def _no_frames(variables: dict[str, Any]) -> None:
+    for name in ("u", "v", "typevector"):
+        for kind in ("original", "filtered"):
+            variables[f"{name}_{kind}"] = cell([np.empty((0, 0))] * scene.FRAMES)
+
+
+WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
+    "transposed": (_transposed, "matrices of one size in every frame, got another in frame 2"),
+    "another grid": (_other_grid, "must have one grid, got another in frame 3"),
+    "no frames": (_no_frames, "holds no analyzed frame"),
+}
+
+
+@WRITERS
+@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_content_is_refused(
+    tmp_path: Path, write: Writer, change: Callable[[dict[str, Any]], None], message: str
+) -> None:
+    variables = all_frames()
+    change(variables)
+    with pytest.raises(DataFileError, match=message):
+        read_vectors(write(tmp_path / "a.mat", variables))
+
+
+@WRITERS
+def test_something_else_is_refused(tmp_path: Path, write: Writer) -> None:
+    with pytest.raises(DataFileError, match="must hold x, y and u, v or u_original, or results"):
+        read_vectors(write(tmp_path / "a.mat", {"image": np.ones((4, 4))}))
+    path = write(tmp_path / "b.mat", all_frames())
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    with pytest.raises(DataFileError, match="b.mat cannot be read as a MATLAB file") as caught:
+        read_vectors(path)
+    assert "\n" not in str(caught.value)
+    (tmp_path / "c.mat").write_bytes(b"MATLAB nothing")
+    with pytest.raises(DataFileError, match="c.mat cannot be read as a MATLAB file"):
+        read_vectors(tmp_path / "c.mat")
+
+
+def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
+    path = version_73(tmp_path / "a.mat", {n: f[0] for n, f in matrices().items()})
+    with h5py.File(path, "a") as file:
+        del file["u"]
+        file["u"] = h5py.ExternalLink("other.h5", "/u")
+        file["u2"] = 1
+    with pytest.raises(DataFileError, match="must be an array stored in the file itself|must hold"):
+        read_vectors(path)

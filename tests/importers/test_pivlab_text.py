@@ -1,0 +1,194 @@
+"""PIVlab's text exports, in every combination of header, delimiter, units and line ends."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.importers import DataFileError, Validity, read_vectors
+from tests.importers import scene
+
+KIND = {Validity.VALID: 1, Validity.INTERPOLATED: 2, Validity.INVALID: 2, Validity.MASKED: 0}
+DELIMITERS = {"comma": ",", "tab": "\t", "blank": " "}
+
+
+def export(
+    path: Path,
+    k: int = 0,
+    *,
+    delimiter: str = ",",
+    info: bool = True,
+    header: bool = True,
+    types: bool = True,
+    derivatives: bool = False,
+    calibration: tuple[float, float] = (1.0, 1.0),
+    newline: str = "\r\n",
+    mark: str = "",
+) -> Path:
+    """A frame as PIVlab's "ASCII chart" export writes it: y runs first."""
+    lines = []
+    xy, uv = calibration
+    if info:
+        lines.append(f"{mark}PIVlab, ASCII chart output - 01-Jan-2026")
+        lines.append(
+            f"FRAME: {k + 1}, filenames: a, 1.tif & b.tif, conversion factor xy (px -> m): {xy}, "
+            f"conversion factor uv (px/frame -> m/s): {uv}"
+        )
+    px = xy == uv == 1
+    units = ["px", "px", "px/frame", "px/frame"] if px else ["m", "m", "m/s", "m/s"]
+    names = [f"{name} [{unit}]" for name, unit in zip("xyuv", units, strict=True)]
+    names += ["Vector type [-]"] if types else []
+    more = [
+        "shear rate (magnitude of the rate-of-strain tensor) [1/frame]",
+        "uncertainty [px/frame]",
+    ]
+    names += more if derivatives else []
+    if header:
+        lines.append(delimiter.join(names))
+    rows = scene.table(k)
+    for x, y, u, v, code in rows[np.lexsort((rows[:, 1], rows[:, 0]))]:
+        gone = code in (Validity.MASKED, Validity.INVALID)
+        cells = [f"{xy * x:.10g}", f"{xy * y:.10g}"]
+        cells += ["NaN", "NaN"] if gone else [f"{uv * u:.10g}", f"{uv * v:.10g}"]
+        cells += [str(KIND[Validity(int(code))])] if types else []
+        cells += ["0.5", "NaN"] if derivatives else []
+        lines.append(delimiter.join(cells))
+    return scene.write_lines(path, lines, newline)
+
+
+VARIANTS = [
+    pytest.param(
+        {"delimiter": d, "info": i, "header": h, "types": t, "derivatives": e},
+        id=f"{n}-{i}{h}{t}{e}",
+    )
+    for (n, d), i, h, t, e in product(DELIMITERS.items(), *[(True, False)] * 4)
+    if h or not e
+]
+
+
+@pytest.mark.parametrize("options", VARIANTS)
+def test_every_variant(tmp_path: Path, options: dict[str, Any]) -> None:
+    fields = read_vectors(export(tmp_path / "PIVlab_0001.txt", **options))
+    scene.check(fields, 1, types=options["types"])
+    assert fields.y_down is True
+    expected = ("px", "px/frame") if options["header"] else (None, None)
+    assert (fields.length_unit, fields.velocity_unit) == expected
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize("newline", ["\r\n", "\n", "\r"])
+def test_line_ends_and_marks(tmp_path: Path, newline: str, mark: str) -> None:
+    fields = read_vectors(export(tmp_path / "a.txt", newline=newline, mark=mark))
+    scene.check(fields, 1)
+
+
+def test_calibrated(tmp_path: Path) -> None:
+    fields = read_vectors(export(tmp_path / "a.txt", calibration=(1e-4, 0.05)))
+    scene.check(fields, 1, scale=0.05)
+    assert (fields.length_unit, fields.velocity_unit) == ("m", "m/s")
+    np.testing.assert_allclose(fields.x, 1e-4 * scene.X)
+
+
+def test_calibrated_with_y_upwards(tmp_path: Path) -> None:
+    """PIVlab can turn y: then rows still run from the top of the image, and v is turned too."""
+    path = export(tmp_path / "a.txt", info=False)
+    head, *rows = path.read_text().splitlines()
+    turned = []
+    for row in rows:
+        cells = row.split(",")
+        cells[1] = f"{100 - float(cells[1])}"
+        cells[3] = f"{-float(cells[3])}"
+        turned.append(",".join(cells))
+    fields = read_vectors(scene.write_lines(path, [head, *turned]))
+    assert fields.y_down is False
+    scene.check(fields, 1)
+
+
+def test_a_series_is_sorted_by_number(tmp_path: Path) -> None:
+    """FRAME says the time; the order of the arguments and of the alphabet does not matter."""
+    for name, k in (("p_10.txt", 2), ("p_9.txt", 1), ("p_1.txt", 0)):
+        export(tmp_path / name, k)
+    scene.check(read_vectors(tmp_path))
+    fields = read_vectors(str(tmp_path / "p_*.txt"))
+    np.testing.assert_array_equal(fields.t, [0, 1, 2])
+    assert fields.time_unit == "frame"
+
+
+def test_tecplot_zeros_are_not_vectors(tmp_path: Path) -> None:
+    """The Tecplot export writes 0 with a column isNaN, and mixes up m/s and m/frame."""
+    lines = [
+        "# PIVlab by W.Th. & E.J.S., TECPLOT output - 01-Jan-2026",
+        "# FRAME: 1, filenames: a & b, conversion factor xy (px -> m): 0.001, conversion ...",
+        "# x [m] y [m] u [m/frame] v [m/frame] isNaN?",
+        'TITLE = "PIVlab frame: 1"',
+        'VARIABLES = "x", "y", "u", "v", "isNaN"',
+        'ZONE I=9, J=7, K=1, F=POINT, T="1"',
+    ]
+    rows = scene.table(0)
+    for x, y, u, v, code in rows[np.lexsort((rows[:, 1], rows[:, 0]))]:
+        gone = code == Validity.MASKED
+        lines.append(f"{x} {y} {0 if gone else u} {0 if gone else v} {int(gone)}")
+    fields = read_vectors(scene.write_lines(tmp_path / "a.dat", lines))
+    scene.check(fields, 1)
+    assert fields.velocity_unit is None
+
+
+def cut(path: Path) -> None:
+    path.write_text("\n".join(path.read_text().splitlines()[:-9]))
+
+
+def cut_inside_a_line(path: Path) -> None:
+    path.write_text(path.read_text()[:-9])
+
+
+def twice(path: Path) -> None:
+    path.write_text(path.read_text() + "\n".join(path.read_text().splitlines()[3:]))
+
+
+def other_type(path: Path) -> None:
+    path.write_text(path.read_text().replace(",2\n", ",7\n").replace(",1\n", ",7\n"))
+
+
+def letters(path: Path) -> None:
+    path.write_text(path.read_text().replace("24,", "24;hello,", 1))
+
+
+WRONG = {
+    "cut off": (cut, "must hold a full grid of vectors, got 54 rows"),
+    "cut inside a line": (cut_inside_a_line, "expected 5 columns as above|expected numbers"),
+    "two frames": (twice, "one vector at every point, got 63 points twice"),
+    "types": (other_type, "vector types 0, 1, 2 and 3, got 7"),
+    "letters": (letters, "line 4: expected"),
+    "empty": (lambda path: path.write_text(""), "is empty"),
+    "blank": (lambda path: path.write_text("PIVlab, ASCII chart\n\n"), "no rows of numbers"),
+    "binary": (lambda path: path.write_bytes(b"PIVlab\0\0\0"), "must be text, got binary"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_input_is_refused(tmp_path: Path, change: Any, message: str) -> None:
+    path = export(tmp_path / "a.txt", newline="\n")
+    change(path)
+    with pytest.raises(DataFileError, match=message) as caught:
+        read_vectors(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_mixed_grids_and_formats_are_refused(tmp_path: Path) -> None:
+    one = export(tmp_path / "a1.txt")
+    other = export(tmp_path / "a2.txt", 1, calibration=(1e-3, 1e-3))
+    with pytest.raises(DataFileError, match="a2.txt must have the length unit px of .*, got m"):
+        read_vectors([one, other])
+    text = export(tmp_path / "a3.txt", 1).read_text().replace("80,", "81,")
+    (tmp_path / "a3.txt").write_text(text)
+    with pytest.raises(DataFileError, match="a3.txt must have the grid of"):
+        read_vectors([one, tmp_path / "a3.txt"])
+    np.savez(tmp_path / "a4.npz", t=[0])
+    with pytest.raises(DataFileError, match="in the format pivlab like the files before it"):
+        read_vectors([one, tmp_path / "a4.npz"])
+    with pytest.raises(DataFileError, match="t must have every value once|frame numbers that inc"):
+        read_vectors([export(tmp_path / "b1.txt", 1), export(tmp_path / "b2.txt", 1)])

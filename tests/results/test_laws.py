@@ -1,0 +1,125 @@
+"""A result of another friction law than mu(I): its names, file, page, figures and judgement."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn.config import Config, ConfigError
+from granpinn.data import Truth
+from granpinn.figures import curves
+from granpinn.identification.inertial_profile import require_mu_of_i
+from granpinn.physics.laws import LAWS
+from granpinn.report import page as pages
+from granpinn.results import (
+    Covariance,
+    ErrorPercent,
+    Parameter,
+    Parameters,
+    Result,
+    read_results,
+    results_csv,
+    write_results,
+)
+from granpinn.results.records import Members
+from granpinn.results.summary import friction_sd, summarize
+from granpinn.second_opinion import simulator_fit
+from granpinn.second_opinion.resimulation import Column, collapse_of
+from granpinn.training.history import columns
+from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.of_result import assess
+from granpinn.uncertainty.of_training import judge
+from tests.examples import make_fields, make_result
+from tests.flows import make_flow
+from tests.page import Page
+
+LAW = LAWS["coulomb"]
+MEMBERS = Members((0, 1, 2), {"mu_s": (0.31, 0.35, 0.36)}, (False, False, True))
+
+
+def coulomb(**changes: object) -> Result:
+    usual = {
+        "law": LAW.name,
+        "parameters": Parameters(mu_s=Parameter(0.33, fixed=False)),
+        "truth": Truth(mu_s=0.3),
+        "error_percent": ErrorPercent(mu_s=10.0, velocity=1.0),
+        "covariance": None,
+        "error_bars": None,
+        "members": MEMBERS,
+    }
+    return make_result(**(usual | changes))
+
+
+def test_results_json_has_the_names_of_the_law(tmp_path: Path) -> None:
+    write_results(coulomb(), tmp_path / "results.json")
+    content = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert content["law"] == {"name": "coulomb"}
+    assert list(content["parameters"]) == ["mu_s"]
+    assert content["members"]["mu_s"] == [0.31, 0.35, 0.36]
+    assert "mu_2" not in content["error_percent"]
+    assert read_results(tmp_path / "results.json") == coulomb()
+
+
+def test_a_file_without_a_law_is_of_mu_of_i(tmp_path: Path) -> None:
+    content = make_result().to_dict()
+    assert content.pop("law") == {"name": "mu_of_i"}
+    (tmp_path / "results.json").write_text(json.dumps(content))
+    assert read_results(tmp_path / "results.json") == make_result()
+
+
+def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
+    result = coulomb()
+    assert str(result).splitlines()[1].split() == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
+    assert "I0" not in str(result)
+    row = results_csv.row(result)
+    assert (row["law"], row["mu_s"], row["error_mu_s"]) == ("coulomb", 0.33, 10.0)
+    assert not {"mu_2", "I0", "error_mu_2"} & set(row)
+    history = dict.fromkeys(columns(LAW), np.array([0.30, 0.33]))
+    history["step"] = np.array([90.0, 100.0])
+    page = Page(pages.render(result, history, [], [], []))
+    assert "μs 0.330 true 0.300" in page.text
+    assert "friction law “constant friction”" in page.text
+    assert "Over the last tenth of the steps μs changed by" in page.text
+    assert "μ2" not in page.text
+
+
+def test_its_curve_is_drawn_with_its_truth() -> None:
+    fields = make_fields(make_flow(frames=3))
+    law = curves.friction_law(coulomb(), fields).figure.axes[0]
+    assert law.get_title(loc="left") == "(a) friction law: constant friction"
+    np.testing.assert_allclose(law.lines[0].get_ydata(), 0.33)
+    np.testing.assert_allclose(law.lines[1].get_ydata(), 0.3)
+    shown = curves.inertial_number(coulomb(), fields)
+    assert "mu_2" not in shown.caption
+
+
+def test_the_summary_is_that_of_the_law() -> None:
+    found = summarize(coulomb())
+    assert (found.slope, found.reaches) == (None, None)
+    assert found.band is not None
+    assert found.band.largest_difference == pytest.approx(0.03)
+    covariance = Covariance(("mu_s",), ((0.01**2,),))
+    np.testing.assert_allclose(friction_sd(np.array([0.1, 1.0]), coulomb(), covariance), 0.01)
+
+
+def test_values_without_error_bars_and_the_reason() -> None:
+    config = Config(law="coulomb")
+    assert center(MEMBERS, LAW) == pytest.approx((0.33,))
+    assert nearest(MEMBERS, LAW) in {0, 1}
+    found = judge(MEMBERS, make_result().residuals, 40_000, config, False)
+    assert found.free == {"mu_s": Parameter(pytest.approx(0.33), fixed=False)}  # type: ignore[arg-type]
+    assert (found.covariance, found.bars, found.verdict.follows) == (None, None, None)
+    assert "calibrated for mu(I) alone" in found.verdict.words
+    result = coulomb(verdict=found.verdict)
+    assert assess(result, summarize(result)).grade == "care"
+
+
+def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
+    collapse = collapse_of(make_flow(frames=3), Column(0.5, 0.5), LAW, (0.33,), 64)
+    assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
+    assert not simulator_fit.exists_for(LAW)
+    with pytest.raises(ConfigError, match=r"--free-I0 is for mu\(I\) alone, got --law coulomb"):
+        require_mu_of_i(Config(law="coulomb"))

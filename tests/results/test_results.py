@@ -1,0 +1,201 @@
+"""results.json: exact to write and read, strict JSON, and one sentence for whatever is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import metadata
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn.results import (
+    ErrorPercent,
+    InertialNumber,
+    Input,
+    Parameter,
+    Parameters,
+    Result,
+    ResultsFileError,
+    Timing,
+    number,
+    plain,
+    read_results,
+    versions,
+    write_results,
+)
+from tests.examples import PARAMETERS, SPARSE, make_result
+
+
+def strict(path: Path) -> Any:
+    """Parse JSON as other languages do: no NaN, no Infinity."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is not JSON")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+# ---- writing and reading -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("result", [make_result(), make_result(**SPARSE)], ids=["full", "sparse"])
+def test_what_is_written_comes_back(result: Result, tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    write_results(result, path)
+    assert read_results(path) == read_results(str(path)) == result
+    write_results(read_results(path), tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_the_file_says_what_it_is_and_keeps_every_digit(tmp_path: Path) -> None:
+    write_results(make_result(), tmp_path / "results.json")
+    content = strict(tmp_path / "results.json")
+    assert list(content)[:2] == ["format_name", "format_version"]
+    assert (content["format_name"], content["format_version"]) == ("granpinn-results", 2)
+    assert content["parameters"]["mu_s"] == {
+        "value": 0.41,
+        "fixed": False,
+        "std": 0.012,
+        "interval_90": [0.39, 0.43],
+    }
+    assert content["timing"]["wall_s"] == 1 / 3
+    assert content["error_percent"]["pressure_stagnant"] is None
+    assert content["input"]["name"] == "Säule µ.h5"
+    assert (tmp_path / "results.json").read_text(encoding="utf-8").endswith("}\n")
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_number_that_means_nothing_is_null(bad: float, tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    result = make_result(
+        error_percent=ErrorPercent(velocity=bad, pressure=1.0),
+        timing=Timing(1.0, 1, steps_per_s=bad),
+        settings={"sigma": bad, "nested": [{"limits": (0, np.float32(bad))}]},
+    )
+    write_results(result, path)
+    content = strict(path)
+    assert content["error_percent"]["velocity"] is None
+    assert content["settings"] == {"sigma": None, "nested": [{"limits": [0, None]}]}
+    back = read_results(path)
+    assert back.error_percent == ErrorPercent(pressure=1.0)
+    assert back.timing.steps_per_s is None
+
+
+def test_a_file_name_that_is_not_utf8_does_not_lose_the_result(tmp_path: Path) -> None:
+    name = b"s\xe4ule.h5".decode("utf-8", "surrogateescape")  # as the system hands it out
+    write_results(make_result(input=Input(name, "")), tmp_path / "results.json")
+    assert read_results(tmp_path / "results.json").input.name == r"s\udce4ule.h5"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"parameters": Parameters(PARAMETERS | {"mu_s": Parameter(math.nan, fixed=False)})},
+            "the result: parameters.mu_s.value must be a finite number, got None",
+        ),
+        ({"inertial_number": InertialNumber(0.1, math.inf, 1.0)}, "inertial_number.median must be"),
+        ({"seed": 1.5}, "the result: seed must be a whole number, got 1.5"),
+    ],
+)
+def test_what_cannot_be_read_is_not_written(
+    changes: dict[str, Any], sentence: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "results.json"
+    path.write_text("old")
+    with pytest.raises(ResultsFileError, match=sentence):
+        write_results(make_result(**changes), path)
+    assert path.read_text() == "old"
+
+
+def test_a_fault_while_writing_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "results.json"
+    write_results(make_result(seed=1), path)
+
+    def torn(target: Path, text: str, encoding: str) -> int:
+        target.write_bytes(text.encode(encoding)[:100])
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", torn)
+        with pytest.raises(OSError, match="No space left on device"):
+            write_results(make_result(seed=2), path)
+    assert read_results(path).seed == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+# ---- plain values --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (np.float32(0.5), 0.5),
+        (np.int64(3), 3),
+        (np.bool_(True), True),
+        (np.array([[1.0, np.nan]]), [[1.0, None]]),
+        (torch.tensor(2.5), 2.5),
+        (torch.tensor([1, 2]), [1, 2]),
+        (torch.tensor([0.5], requires_grad=True), [0.5]),
+        (PurePosixPath("runs/a"), "runs/a"),
+        ((1, (2, "b")), [1, [2, "b"]]),
+        ({1: None, "a": True}, {"1": None, "a": True}),
+    ],
+    ids=repr,
+)
+def test_plain_values(value: Any, expected: Any) -> None:
+    found = plain(value)
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize("value", [{1}, b"x", 1j, object])
+def test_what_is_not_plain_is_refused(value: Any) -> None:
+    with pytest.raises(TypeError, match="results.json holds plain values only, got"):
+        plain({"settings": [value]})
+
+
+def test_versions_of_what_the_numbers_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = versions()
+    assert list(found) == ["python", "granpinn", "torch", "numpy", "h5py"]
+    assert found["numpy"] == np.__version__
+    real = metadata.version
+
+    def without_h5py(name: str) -> str:
+        if name == "h5py":
+            raise metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setattr(metadata, "version", without_h5py)
+    assert versions() == found | {"h5py": "not installed"}
+
+
+# ---- the summary ---------------------------------------------------------------------------------
+
+
+def test_the_summary_is_a_table() -> None:
+    assert str(make_result()).splitlines() == [
+        "          value       std      90 % interval     true   error %",
+        "mu_s     0.4100    0.0120   0.3900 to 0.4300   0.4000      2.50",
+        "mu_2     0.6100         -                  -   0.6400      4.69",
+        "I0       0.3000     fixed                  -   0.3000         -",
+        "velocity                                                   0.80",
+        "pressure                                                   4.00",
+        "pressure, flowing                                             -",
+        "pressure, stagnant                                            -",
+        "nothing contradicts mu(I): a made-up example",
+    ]
+
+
+def test_the_summary_has_dashes_for_what_is_unknown() -> None:
+    lines = str(make_result(**SPARSE)).splitlines()
+    assert lines[1] == "mu_s     0.4100    0.0120   0.3900 to 0.4300        -         -"
+    assert all(line.endswith(" -") for line in lines[4:])
+    assert number(None, ".3f") == "-"
+    assert number(2.0, ".3f") == "2.000"

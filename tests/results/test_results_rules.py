@@ -1,0 +1,169 @@
+"""What results.json may hold: each rule has one sentence that names the place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from granpinn.results import Covariance, Parameter, Result, ResultsFileError, read_results
+from tests.examples import SPARSE, make_result
+
+
+def read_content(content: Any, folder: Path) -> Result:
+    path = folder / "results.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return read_results(path)
+
+
+# ---- rules of the dataclasses --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: Parameter(0.3, fixed=True, std=0.1), "a fixed parameter was not identified"),
+        (lambda: Parameter(0.3, True, None, (0.2, 0.4)), r"null, got std None and .*\(0.2, 0.4\)"),
+        (lambda: Parameter(0.3, fixed=False, std=-0.1), "std must not be negative, got -0.1"),
+        (lambda: Parameter(0.3, False, 0.1, (0.4, 0.2)), r"must be \(lower, upper\), got \(0.4"),
+        (
+            lambda: Covariance(("mu_s", "mu_2"), ((1.0,),)),
+            r"2 x 2 like names, got .* \[1\]",
+        ),
+        (
+            lambda: Covariance(("mu_2",), ((1.0, 2.0),)),
+            r"1 x 1 like names, got .* \[2\]",
+        ),
+        (lambda: Covariance(("mu_2",), ((-1.0,),)), "the variance of mu_2 is negative"),
+        (
+            lambda: Covariance(("mu_s", "mu_2"), ((1.0, 2.0), (3.0, 1.0))),
+            "must be symmetric, got 3.0 and",
+        ),
+        (
+            lambda: make_result(covariance=Covariance(("d",), ((1.0,),))),
+            "covariance.names must be among mu_s, mu_2, I0, got d",
+        ),
+        (lambda: make_result(law="snow"), "law must be one of mu_of_i, coulomb, got 'snow'"),
+        (lambda: make_result(law="coulomb"), "parameters.mu_2 is not known; expected mu_s"),
+        (lambda: make_result(level="V3"), "level must be one of V0, V1, V2, got 'V3'"),
+        (lambda: make_result(form="weak"), "form must be one of mixed, strong, got 'weak'"),
+    ],
+)
+def test_values_that_contradict_each_other_are_refused(
+    make: Callable[[], Any], sentence: str
+) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        make()
+
+
+def test_rounding_does_not_break_the_symmetry() -> None:
+    Covariance(("mu_s", "mu_2"), ((1.0, 0.1), (0.1 * (1 + 1e-7), 2.0)))
+
+
+# ---- files that are not right --------------------------------------------------------------------
+
+
+EDITS: list[tuple[str, Any, str]] = [
+    ("format_name", "other", "must have format_name 'granpinn-results' and format_version 2, got"),
+    ("format_version", 1, "and 1: read it with the granpinn that wrote it"),
+    ("colour", "red", "results.json: colour is not known; expected parameters, level,"),
+    ("parameters.mu_s.mean", 1, "parameters.mu_s.mean is not known; expected value, fixed, std"),
+    ("parameters.mu_2", ..., "parameters.mu_2 is missing"),
+    ("input.sha256", ..., "input.sha256 is missing"),
+    ("parameters.mu_s", 0.4, "parameters.mu_s must be an object, got 0.4"),
+    ("parameters.mu_s.value", "0.4", "parameters.mu_s.value must be a finite number, got '0.4'"),
+    ("parameters.mu_s.value", True, "parameters.mu_s.value must be a finite number, got True"),
+    ("parameters.mu_s.value", None, "parameters.mu_s.value must be a finite number, got None"),
+    ("parameters.mu_s.value", 10**400, "parameters.mu_s.value must be a finite number, got 1000"),
+    ("parameters.mu_s.fixed", 1, "parameters.mu_s.fixed must be true or false, got 1"),
+    ("parameters.mu_s.std", -1, "parameters.mu_s: std must not be negative, got -1"),
+    ("parameters.mu_s.interval_90", [1], "interval_90 must be a list of 2, got \\[1\\]"),
+    ("parameters.mu_s.interval_90", "ab", "interval_90 must be a list, got 'ab'"),
+    ("parameters.mu_s.interval_90", [0, "b"], r"interval_90\[1\] must be a finite number, got 'b'"),
+    ("covariance.matrix", [[1.0, None], [0.0, 1.0]], r"covariance.matrix\[0\]\[1\] must be a fin"),
+    ("covariance.names", ["mu_s"], "covariance: matrix must be 1 x 1 like names"),
+    ("parameters.I0.value", 0.0, "parameters: I0 must be positive, got 0.0"),
+    ("law", "coulomb", "law must be an object, got 'coulomb'"),
+    ("law.name", 1, "law.name must be a string, got 1"),
+    ("law.name", "coulomb", "parameters.mu_2 is not known; expected mu_s"),
+    ("error_percent.colour", 1.0, "error_percent.colour is not known; expected velocity"),
+    ("error_percent.mu_s", "1", "error_percent.mu_s must be a finite number, got '1'"),
+    ("residuals.momentum", ..., "residuals.momentum is missing"),
+    ("residuals.colour", 1.0, "residuals.colour is not known; expected noise, velocity"),
+    ("members.mu_s", ..., "members.mu_s is missing"),
+    ("members.lost", [1, 2, 3], "members.lost is not known; expected mu_s, mu_2"),
+    ("members.shown", 7, "members: shown must be one of 3 members, got 7"),
+    ("seed", 1.0, "seed must be a whole number, got 1.0"),
+    ("seed", False, "seed must be a whole number, got False"),
+    ("level", 1, "level must be a string, got 1"),
+    ("level", "V9", "results.json: level must be one of V0, V1, V2, got 'V9'"),
+    ("versions", [], r"versions must be an object, got \[\]"),
+    ("versions.torch", 2, "versions.torch must be a string, got 2"),
+    ("settings", "none", "settings must be an object, got 'none'"),
+    ("zones", [], r"zones must be an object, got \[\]"),
+]
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "sentence"), EDITS, ids=[f"{e[0]}={e[1]!r:.12}" for e in EDITS]
+)
+def test_an_edited_file_is_one_sentence(
+    place: str, value: Any, sentence: str, tmp_path: Path
+) -> None:
+    content = make_result().to_dict()
+    *parents, last = place.split(".")
+    target = content
+    for name in parents:
+        target = target[name]
+    if value is ...:
+        del target[last]
+    else:
+        target[last] = value
+    with pytest.raises(ResultsFileError, match=sentence):
+        read_content(content, tmp_path)
+
+
+def test_a_field_with_a_default_may_be_missing(tmp_path: Path) -> None:
+    content = make_result().to_dict()
+    for name in ("settings", "stopped", *SPARSE):
+        content.pop(name, None)
+    assert read_content(content, tmp_path) == make_result(stopped="steps", **SPARSE)
+
+
+def test_a_whole_number_is_a_number(tmp_path: Path) -> None:
+    content = make_result().to_dict()
+    content["timing"]["wall_s"] = 3
+    wall_s = read_content(content, tmp_path).timing.wall_s
+    assert wall_s == 3
+    assert isinstance(wall_s, float)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (b"", "could not be read as strict JSON: Expecting value"),
+        (b'{"seed": 1', "could not be read as strict JSON"),
+        (b'{"seed": NaN}', "NaN is not a JSON number, expected null"),
+        (b'{"seed": -Infinity}', "-Infinity is not a JSON number, expected null"),
+        (b"\xff\xfe", "could not be read as strict JSON: .*codec can't decode"),
+        (b"[" * 100_000, "could not be read as strict JSON: maximum recursion"),
+        (b"[1, 2]", "results.json must hold an object, got list"),
+        (b"{}", "got None and None"),
+    ],
+    ids=["empty", "cut", "NaN", "infinity", "binary", "deep", "list", "bare"],
+)
+def test_what_is_not_a_result_is_one_sentence(text: bytes, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_bytes(text)
+    with pytest.raises(ResultsFileError, match=sentence):
+        read_results(path)
+
+
+def test_a_missing_file_says_what_to_give(tmp_path: Path) -> None:
+    with pytest.raises(ResultsFileError, match="does not exist: give the folder of a finished run"):
+        read_results(tmp_path / "results.json")
+    with pytest.raises(ResultsFileError, match="Is a directory"):
+        read_results(tmp_path)

@@ -1,0 +1,210 @@
+"""The command: its files, what it refuses, and that simulated flows are kept."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn.config import ConfigError
+from granpinn.data import Truth, read_flow, write_flow
+from granpinn.tables import flows
+from granpinn.tables.__main__ import main, parse
+from tests.flows import make_flow
+from tests.page import Page
+
+TOML = """
+log_every = 10
+[network]
+widths = [6, 5]
+[batch]
+interior = 16
+surface = 4
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two flows with the parameters of the paper's cases."""
+    folder = tmp_path_factory.mktemp("cases")
+    for name, truth in (("a", Truth(0.4, 0.64, 0.3)), ("b<b>", Truth(0.6, 0.84, 0.25))):
+        write_flow(make_flow(truth=truth), folder / f"{name}.h5")
+    (folder / "notes.txt").write_text("no flow")
+    (folder / "settings.toml").write_text(TOML)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def out(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The output of the command on both."""
+    out = tmp_path_factory.mktemp("tables") / "out"
+    argv = [folder, "--out", out, "--noise", 0, 0.2, "--seeds", 2, "--steps", 20]
+    argv += ["--config", folder / "settings.toml"]
+    assert main([str(a) for a in argv]) == 0
+    return out
+
+
+def test_json_has_every_training(out: Path) -> None:
+    content = json.loads((out / "tables.json").read_text())
+    assert (content["format_name"], content["format_version"]) == ("granpinn-tables", 1)
+    assert [(r["name"], r["noise"], r["I0"]) for r in content["rows"]] == [
+        *(("a", 0.0, 0.3), ("b<b>", 0.0, 0.25), ("b<b>", 0.2, 0.25))
+    ]
+    assert len(content["members"]) == 6
+    assert [m["seed"] for m in content["members"]] == [0, 1] * 3
+    assert {m["parameters"]["I0"] for m in content["members"]} == {0.3, 0.25}
+    first, second = (content["members"][k]["parameters"]["mu_s"] for k in (0, 1))
+    row = content["rows"][0]
+    assert row["mu_s"] == pytest.approx((first + second) / 2)
+    assert row["errors"]["mu_s"]["worst"] == pytest.approx(
+        max(abs(v - 0.4) for v in (first, second)) * 100 / 0.4
+    )
+    assert row["paper_1"]["mu_2"] == 0.622
+    assert content["rows"][2]["paper_2"]["error_p"] == 9.71
+    assert content["settings"]["level"] == "V1"
+    assert content["settings"]["simulated_pressure.frames"] == 10
+    for name in ("pressure_simulated", "pressure_simulated_flowing"):
+        errors = [m["error_percent"][name] for m in content["members"][:2]]
+        assert row["errors"][name]["median"] == pytest.approx(sum(errors) / 2)
+    assert (out / "runs" / "005" / "results.json").exists()
+    assert not (out / "runs" / "005" / "fields.h5").exists()
+
+
+def test_settings_say_how_many_times_are_simulated(tmp_path: Path) -> None:
+    (tmp_path / "settings.toml").write_text("[simulated_pressure]\nframes = 0\n")
+    argv = ["--out", str(tmp_path / "o")]
+    assert parse(argv).config.simulated_pressure.frames == 10
+    argv += ["--config", str(tmp_path / "settings.toml")]
+    assert parse(argv).config.simulated_pressure.frames == 0
+
+
+def test_noise_is_another_draw_for_every_seed(out: Path) -> None:
+    runs = [json.loads((out / "runs" / f"{k:03d}" / "results.json").read_text()) for k in range(6)]
+    assert [run["data"]["noise"] for run in runs] == [0, 0, 0, 0, 0.2, 0.2]
+    assert [run["seed"] for run in runs] == [0, 1] * 3
+
+
+def test_csv_has_a_line_per_table_and_case(out: Path) -> None:
+    with (out / "tables.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(r["table"], r["case"], r["noise"]) for r in rows] == [
+        *(("Table 1", "a", "0.0"), ("Table 1", "b<b>", "0.0")),
+        *(("Table 2", "b<b>", "0.0"), ("Table 2", "b<b>", "0.2")),
+    ]
+    assert rows[1]["paper_mu_2"] == "0.839"
+    assert rows[2]["paper_mu_2"] == "0.833"
+    assert float(rows[0]["mu_s_median"]) > 0
+    assert (
+        float(rows[0]["pressure_simulated_worst"])
+        >= float(rows[0]["pressure_simulated_median"])
+        > 0
+    )
+
+
+def test_the_page_stands_alone(out: Path) -> None:
+    html = (out / "tables.html").read_text(encoding="utf-8")
+    page = Page(html)
+    assert not {"script", "link", "iframe", "object", "base", "form", "a"} & set(page.tags)
+    assert not re.search("https?:|url\\(|@import", html)
+    assert "Table 2: identification with noise" in page.text
+    assert "p, at rest p, simulated velocity" in page.text
+    assert "13.4" not in page.text  # 80 % was not asked for
+    assert "1.24" in page.text
+
+
+def test_the_terminal_shows_both(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["--config", str(folder / "settings.toml"), "--steps", "20", "--seeds", "1"]
+    assert main([str(folder / "a.h5"), "--out", str(tmp_path / "o"), *settings]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"^\(0\.40, 0\.64\) +0\.00 +0\.\d{4}", shown, re.MULTILINE)
+    assert "Table 2" not in shown
+    assert re.search(r"flowing +at rest +simulated +scatter %$", shown, re.MULTILINE)
+    assert "1 trainings of 20 steps as one batch on cpu" in shown
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        ([], "--out, the folder of the tables, is missing"),
+        (["--out", "o", "--noise", "0.2", "0.2"], "levels that differ, got 0.2 0.2"),
+        (["--out", "o", "--noise", "-1"], "numbers from 0 to 100, got -1"),
+        (["--out", "o", "--noise", "nan"], "numbers from 0 to 100, got nan"),
+        (["--out", "o", "--seeds", "0"], "--seeds must be a number of trainings, 1 to 1000, got 0"),
+        (["--out", "o", "--seeds", "two"], "invalid int value: 'two'"),
+        (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
+        (["--out", "o", "--level", "V1", "V1"], "--level must be levels that differ, got V1 V1"),
+        (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, noisy, paper"),
+        (["--out", "o", "--I0", "0"], "--I0 must be positive, got 0"),
+        (["flow.h5", "--out", "o", "--stride", "2"], "--stride is for simulated flows"),
+        (["--out", "o", "--cells", "100"], "cells must be a multiple of 8 and at least 32"),
+        (["nowhere.h5", "--out", "o"], "nowhere.h5"),
+        (["--out", "o", "--bogus"], "unrecognized arguments: --bogus"),
+    ],
+)
+def test_nonsense_is_refused_in_one_sentence(
+    argv: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(argv) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.startswith("granpinn.tables: ")
+    assert err.count("\n") == 1
+
+
+def test_folders_without_flows_and_equal_names_are_refused(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="holds no flow file"):
+        flows.given([tmp_path])
+    with pytest.raises(ConfigError, match="names of their own, got a twice"):
+        flows.given([folder, folder / "a.h5"])
+
+
+def test_every_level_is_a_batch_and_a_table(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = [str(folder / "a.h5"), "--out", str(tmp_path), "--level", "V2", "V0", "--seeds", "2"]
+    assert main([*argv, "--steps", "20", "--config", str(folder / "settings.toml")]) == 0
+    content = json.loads((tmp_path / "tables.json").read_text())
+    assert content["levels"] == ["V0", "V2"] == list(content["training_s"])
+    assert [row["level"] for row in content["rows"]] == ["V0", "V2"]
+    assert [m["level"] for m in content["members"]] == ["V0", "V0", "V2", "V2"]
+    assert content["rows"][0]["mu_s"] != content["rows"][1]["mu_s"]
+    assert content["mean_training_s"] * 4 == pytest.approx(sum(content["training_s"].values()))
+    assert (tmp_path / "runs" / "V2" / "001" / "results.json").exists()
+    shown = capsys.readouterr().out
+    assert "Table 1: identification without noise, level V2" in shown
+    assert "4 trainings of 20 steps as 2 batches" in shown
+    page = Page((tmp_path / "tables.html").read_text(encoding="utf-8"))
+    assert page.text.count("53 % in mu_s") == 1
+
+
+def test_the_paper_recipe_brings_its_level_and_form() -> None:
+    request = parse(["--out", "o", "--recipe", "paper", "--steps", "100"])
+    assert (request.config.level, request.config.form) == ("V2", "strong")
+    assert (request.config.steps, request.noise) == (100, [0.0, 0.2, 0.8])
+
+
+def test_simulated_flows_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flows, "PAPER_CASES", ((0.2, 0.32), (0.6, 0.84)))
+    said: list[str] = []
+    first = flows.six_regimes(tmp_path, 64, 2, said.append)
+    assert [f.truth and f.truth.mu_2 for f in first] == [0.32, 0.84]
+    assert any("simulated collapse_0.20_0.32.h5" in text for text in said)
+    said.clear()
+    (tmp_path / "collapse_0.60_0.84.h5").unlink()
+    write_flow(make_flow(), tmp_path / "collapse_0.60_0.84.h5")  # not what belongs there
+    again = flows.six_regimes(tmp_path, 64, 2, said.append)
+    assert not any("0.20_0.32" in text for text in said)
+    np.testing.assert_array_equal(again[1].u, first[1].u)
+    assert read_flow(tmp_path / "collapse_0.60_0.84.h5").attributes["stride"] == 2
