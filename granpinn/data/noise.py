@@ -13,9 +13,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.data.flow import Float32Array, Flow, Particles, Surface, VelocityArray
+from granpinn.arrays import Float32, Floats
+from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
@@ -128,7 +128,7 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy(values: VelocityArray, sigma: Any, seed: int, stream: int) -> Float32Array:
+def _noisy(values: Floats, sigma: Any, seed: int, stream: int) -> Float32:
     """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order.
 
     `sigma` is one number or has the shape of `values`.
@@ -137,11 +137,11 @@ def _noisy(values: VelocityArray, sigma: Any, seed: int, stream: int) -> Float32
     generator = np.random.Generator(np.random.Philox(key=seed + (stream << 64)))
     noisy = values.astype(np.float64)
     noisy += sigma * generator.standard_normal(values.shape)
-    result: Float32Array = noisy.astype(np.float32)
+    result: Float32 = noisy.astype(np.float32)
     return result
 
 
-def _in_quadrature(known: Any, added: float) -> float | npt.NDArray[np.float32]:
+def _in_quadrature(known: Any, added: float) -> float | Float32:
     """Standard deviation of the sum of two independent errors."""
     if known is None:
         return added

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow, test_grid
 from granpinn.identification.case import Model
 from granpinn.kernels import ops
@@ -27,7 +28,7 @@ from granpinn.physics.laws import Law
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity
 from granpinn.results import Fields
-from granpinn.results.fields import VARIABLES, Float32, Float64, Units
+from granpinn.results.fields import VARIABLES, Units
 
 CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest

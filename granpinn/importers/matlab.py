@@ -10,8 +10,9 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.importers.mat5 import read_variables
-from granpinn.importers.vectors import DataFileError, Float64
+from granpinn.importers.vectors import DataFileError
 
 MAX_BYTES = 2**31
 MAX_TEXT = 1000

@@ -18,9 +18,9 @@ from typing import Any
 
 import jinja2
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
+from granpinn.arrays import Float64
 from granpinn.atomic import atomic_path
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
@@ -109,7 +109,7 @@ def for_paraview(run_dir: str | Path) -> Path:
     return path
 
 
-def read_history(path: Path, law: Law = DEFAULT) -> dict[str, npt.NDArray[np.float64]]:
+def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
     names = columns(law)
     try:
