@@ -68,7 +68,7 @@ def _on_particles(
         noisy = replace(noisy, sigma_u=both[0], sigma_v=both[1])
     else:
         sigma_u, sigma_v = _in_quadrature(sigma_u, sigma), _in_quadrature(sigma_v, sigma)
-    view = vars(grid_view(noisy))
+    view = grid_view(noisy)
     return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
 
 
@@ -91,7 +91,7 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
             u=_noisy(particles.u, sigma_u, seed, _STREAM_U),
             v=_noisy(particles.v, sigma_v, seed, _STREAM_V),
         )
-        return replace(flow, **vars(grid_view(again)), particles=again, surface=surface)
+        return replace(flow, **grid_view(again), particles=again, surface=surface)
     return replace(
         flow,
         u=_noisy(flow.u, sigma_u, seed, _STREAM_U),

@@ -7,7 +7,6 @@ has a view on a grid: cells that hold grains, and the mean velocity of the grain
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,18 +22,6 @@ MAX_AXIS = 400
 _SAMPLED_FRAMES = 5
 
 
-@dataclass(frozen=True, eq=False)
-class GridView:
-    """View of particles on a grid: t [T], y [Y], x [X], and u, v, c [T, Y, X] as in a Flow."""
-
-    t: Float64
-    y: Float64
-    x: Float64
-    u: Float32
-    v: Float32
-    c: Float32
-
-
 def particle_flow(particles: Particles, **others: Any) -> Flow:
     """A flow of scattered vectors.
 
@@ -42,11 +29,14 @@ def particle_flow(particles: Particles, **others: Any) -> Flow:
         particles: time, position and velocity of every vector.
         others: the remaining fields of Flow, such as gravity, density and grain_diameter.
     """
-    return Flow(**vars(grid_view(particles)), particles=particles, **others)
+    return Flow(**grid_view(particles), particles=particles, **others)
 
 
-def grid_view(particles: Particles) -> GridView:
+def grid_view(particles: Particles) -> dict[str, Any]:
     """The particles on a regular grid around them, with c = 1 in the cells that hold grains.
+
+    Returns:
+        The fields t, y, x, u, v, c of a Flow.
 
     Raises:
         FlowFileError: the vectors do not span a time and an area.
@@ -74,7 +64,7 @@ def grid_view(particles: Particles) -> GridView:
         return np.asarray(mean.reshape(shape), np.float32)
 
     c = np.stack([closed(frame > 0) for frame in count.reshape(shape)]).astype(np.float32)
-    return GridView(t, y, x, means(particles.u), means(particles.v), c)
+    return {"t": t, "y": y, "x": x, "u": means(particles.u), "v": means(particles.v), "c": c}
 
 
 def check_particles(particles: Particles) -> None:

@@ -12,7 +12,7 @@ import hashlib
 import math
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -143,20 +143,11 @@ def render(
     film: films.Film | None = None,
 ) -> str:
     """The page, with every figure inside; a script is on it only where there is a film."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "duration": duration, "base64": encoded}
-    environment.filters |= {"symbol": symbol}
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
     summary, law = summarize(result, history), LAWS[result.law]
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     digest = hashlib.sha256(script.encode()).digest()
-    return environment.get_template("report.html").render(
+    return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
@@ -170,6 +161,19 @@ def render(
         problems=problems,
         settings=settings,
     )
+
+
+def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
+    """A template of this folder with the filters `number`, `symbol` and others."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "symbol": symbol, **filters}
+    return environment.get_template(name)
 
 
 def symbol(text: str) -> Markup:

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,14 +51,11 @@ class Whole(NamedTuple):
     common_percent: float
 
 
-class Grid(Protocol):
-    """Coordinates [Y] and [X], as a flow has them."""
+class Nodes(NamedTuple):
+    """Coordinates of a grid, [Y] and [X]."""
 
-    @property
-    def y(self) -> Float64: ...
-
-    @property
-    def x(self) -> Float64: ...
+    y: Float64
+    x: Float64
 
 
 def compare(flow: Flow, simulated: Flow) -> tuple[Comparison, Whole]:
@@ -115,7 +112,7 @@ def surface_heights(flow: Flow) -> Float64:
     return thick
 
 
-def interpolation(source: Grid, target: Grid) -> Callable[[Any], Float64]:
+def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any], Float64]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
     NaN where one of the points around has no value, or there are none.

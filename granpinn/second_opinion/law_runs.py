@@ -14,14 +14,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
-from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
 from granpinn.simulation import Collapse
 from granpinn.simulation.engine import State
@@ -57,7 +56,7 @@ class AtPoints:
         empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
         first = 0.5 * h
-        grid = _Grid(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
+        grid = Nodes(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
         at = interpolation(grid, self._flow)
         fields = (np.where(empty, np.nan, f[::s, ::s]) for f in (state.u_center, state.v_center))
         here = self._of_frame[len(self._taken)]
@@ -66,11 +65,6 @@ class AtPoints:
     def velocity(self) -> Float32:
         """At all points, [2, n]."""
         return np.concatenate(self._taken, axis=1)
-
-
-class _Grid(NamedTuple):
-    y: Float64
-    x: Float64
 
 
 class LawRuns:

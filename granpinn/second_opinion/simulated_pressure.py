@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from granpinn.data import Flow
 from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import resimulation
-from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.settling import settle, settled_after
@@ -42,13 +41,6 @@ SUBCELLS = 4  # samples along the side of a cell that say how full it is
 NEAR = 3  # cells of air around the grains that have the velocity of the grains
 FAILED, LATE = "failed", "late"
 NO_FRAME = "no frame after the start shows all of the grains"
-
-
-class Nodes(NamedTuple):
-    """Coordinates of a grid, [Y] and [X]."""
-
-    y: Float64
-    x: Float64
 
 
 def at_frames(
