@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
+Vectors = TypeVar("Vectors", Flow, Particles)
 
 
 def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
@@ -37,16 +38,11 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if sd == 0:
         return flow
     sigma = sd * max_speed(flow)
-    surface = flow.surface
-    if surface is not None and surface.p is not None:
-        sigma_p = sd * float(np.abs(surface.p).max())
-        surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    surface = _noisy_surface(flow.surface, sd, seed)
     if flow.particles is not None:
         return _on_particles(flow, flow.particles, sigma, seed, surface)
     return replace(
-        flow,
-        u=_noisy(flow.u, sigma, seed, _STREAM_U),
-        v=_noisy(flow.v, sigma, seed, _STREAM_V),
+        _noisy_vectors(flow, sigma, sigma, seed),
         sigma_u=_in_quadrature(flow.sigma_u, sigma),
         sigma_v=_in_quadrature(flow.sigma_v, sigma),
         surface=surface,
@@ -56,11 +52,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
 def _on_particles(
     flow: Flow, particles: Particles, sigma: float, seed: int, surface: Surface | None
 ) -> Flow:
-    noisy = replace(
-        particles,
-        u=_noisy(particles.u, sigma, seed, _STREAM_U),
-        v=_noisy(particles.v, sigma, seed, _STREAM_V),
-    )
+    noisy = _noisy_vectors(particles, sigma, sigma, seed)
     sigma_u, sigma_v = flow.sigma_u, flow.sigma_v
     if particles.sigma_u is not None and particles.sigma_v is not None:
         pair = np.stack([particles.sigma_u, particles.sigma_v]).astype(np.float64)
@@ -80,24 +72,12 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
         sd: of the surface pressure, relative to the largest |p| there.
         seed: 0 to 2**64 - 1.
     """
-    surface, particles = flow.surface, flow.particles
-    if sd and surface is not None and surface.p is not None:
-        sigma_p = sd * float(np.abs(surface.p).max())
-        surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    surface = _noisy_surface(flow.surface, sd, seed) if sd else flow.surface
     sigma_u, sigma_v = _sigmas(flow)
-    if particles is not None:
-        again = replace(
-            particles,
-            u=_noisy(particles.u, sigma_u, seed, _STREAM_U),
-            v=_noisy(particles.v, sigma_v, seed, _STREAM_V),
-        )
+    if flow.particles is not None:
+        again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed)
         return replace(flow, **grid_view(again), particles=again, surface=surface)
-    return replace(
-        flow,
-        u=_noisy(flow.u, sigma_u, seed, _STREAM_U),
-        v=_noisy(flow.v, sigma_v, seed, _STREAM_V),
-        surface=surface,
-    )
+    return replace(_noisy_vectors(flow, sigma_u, sigma_v, seed), surface=surface)
 
 
 def known_sd(flow: Flow) -> float:
@@ -126,6 +106,20 @@ def max_speed(flow: Flow) -> float:
         return float(np.hypot(flow.particles.u, flow.particles.v, dtype=np.float64).max())
     valid = flow.valid
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
+
+
+def _noisy_vectors(vectors: Vectors, sigma_u: Any, sigma_v: Any, seed: int) -> Vectors:
+    """A flow or particles with noise on u and v."""
+    u = _noisy(vectors.u, sigma_u, seed, _STREAM_U)
+    return replace(vectors, u=u, v=_noisy(vectors.v, sigma_v, seed, _STREAM_V))
+
+
+def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:
+    """The surface with noise on its pressure, where it has one."""
+    if surface is None or surface.p is None:
+        return surface
+    sigma = sd * float(np.abs(surface.p).max())
+    return replace(surface, p=_noisy(surface.p, sigma, seed, _STREAM_P))
 
 
 def _noisy(values: Floats, sigma: Any, seed: int, stream: int) -> Float32:
