@@ -21,8 +21,9 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Float64
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.physics.laws import Law
@@ -154,7 +155,7 @@ def start_of(
     """
     nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
     c = fraction_of(flow, k, collapse, before)
-    near = _grown(c > 0, NEAR)
+    near = binary_dilation(c > 0, iterations=NEAR)
     # Nothing passes the plane of symmetry, the floor and the other sides.
     on_x, on_y = np.zeros((ny, nx + 1), bool), np.zeros((ny + 1, nx), bool)
     on_x[:, 1:-1] = near[:, 1:] | near[:, :-1]
@@ -201,15 +202,3 @@ def pressure_at(flow: Flow, state: State, spacing: float) -> Float64:
 def _within(nodes: Nodes, y: Float64, x: Float64) -> Nodes:
     """Nodes beyond the ends of other axes, moved to these ends."""
     return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
-
-
-def _grown(mask: Bool, cells: int) -> Bool:
-    """A mask, grown by so many steps along the axes."""
-    for _ in range(cells):
-        wider = mask.copy()
-        wider[1:] |= mask[:-1]
-        wider[:-1] |= mask[1:]
-        wider[:, 1:] |= mask[:, :-1]
-        wider[:, :-1] |= mask[:, 1:]
-        mask = wider
-    return mask
