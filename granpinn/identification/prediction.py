@@ -132,11 +132,8 @@ def evaluate(
     p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
     D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
-    d, limits, floor = (
-        physics.grain_diameter,
-        (physics.eta_min, physics.eta_max),
-        physics.pressure_floor,
-    )
+    d, floor = physics.grain_diameter, physics.pressure_floor
+    limits = physics.eta_min, physics.eta_max
     eta = ops.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
     if spec.form == "mixed":
         tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
