@@ -11,13 +11,14 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from granpinn.command.parser import fail
+from granpinn.command.parser import Parser, fail
+from granpinn.config import ConfigError
+from granpinn.config.fields import flag_of
 from granpinn.data import FlowFileError, FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
-from granpinn.importers.settings import flag
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -44,11 +45,6 @@ GROUPS = {
 }
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise DataFileError(f"{message}; {self.prog} --help explains every argument")
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
     try:
@@ -58,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.showwarning = _show
             flow = convert(sources, settings, report=print)
         write_flow(flow, out)
-    except (DataFileError, FlowFileError) as error:
+    except (ConfigError, DataFileError, FlowFileError) as error:
         return fail("convert", 2, str(error))
     except OSError as error:
         return fail("convert", 1, str(error))
@@ -69,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     """Files, flow file and settings of a command line."""
-    parser = _Parser(
+    parser = Parser(
         prog="python -m granpinn.convert",
         usage="%(prog)s IN... --out FLOW.h5 [settings]",
         description="Turn files of a PIV, PTV or simulation program into a flow file.",
@@ -83,14 +79,14 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     groups = {name: parser.add_argument_group(name, text) for name, text in GROUPS.items()}
     for field in dataclasses.fields(Settings):
         text = field.metadata["help"].replace("%", "%%")
-        group = groups[field.metadata["group"]]
+        group, flag = groups[field.metadata["group"]], flag_of(field.name)
         if str(field.type) == "bool":
-            group.add_argument(flag(field.name), dest=field.name, action="store_true", help=text)
+            group.add_argument(flag, dest=field.name, action="store_true", help=text)
             continue
         if field.default is not None:
             text += f" (default {field.default})"
         kind = {"int": int, "float | None": float}.get(str(field.type), str)
-        group.add_argument(flag(field.name), dest=field.name, metavar="VALUE", type=kind, help=text)
+        group.add_argument(flag, dest=field.name, metavar="VALUE", type=kind, help=text)
     given: dict[str, Any] = vars(parser.parse_args(_joined(argv)))
     sources = [Path(source) for source in given.pop("sources")]
     out = Path(given.pop("out"))

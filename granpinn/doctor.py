@@ -164,10 +164,8 @@ def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> s
         Trouble: they differ by more than LARGEST_ERROR.
     """
     torch = import_module("torch")
-    ops, reference = (
-        load("granpinn.kernels.ops", BUILD_HINT),
-        load("granpinn.reference", BUILD_HINT),
-    )
+    ops = load("granpinn.kernels.ops", BUILD_HINT)
+    reference = load("granpinn.reference", BUILD_HINT)
 
     def there(x: Any) -> Any:
         return x.to(device, getattr(torch, dtype)) if isinstance(x, torch.Tensor) else x

@@ -19,6 +19,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
+from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
@@ -87,9 +88,9 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for figures and numbers")
     parser.add_argument("--json", action="store_true", help="print all numbers as JSON")
     for field in dataclasses.fields(AssumedLaw):
-        flag = "--" + field.name.replace("_", "-")
         text = f"{field.metadata['help']}; assumed for the expected precision"
         default = field.default if field.name == "law" else None
+        flag = flag_of(field.name)
         parser.add_argument(flag, dest=field.name, metavar="X", default=default, help=text)
     values = vars(parser.parse_args(argv))
     given = {n: convert(values[n], float, f"--{n}") for n in PARAMETERS if values[n] is not None}

@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
+from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
 from granpinn.data.flow import Flow
 from granpinn.physics.laws import mu_of_i
@@ -92,8 +93,7 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     for field in dataclasses.fields(Collapse):
         default = "" if field.default is None else f" (default {field.default})"
         text = (field.metadata["help"] + default).replace("%", "%%")
-        flag = "--" + field.name.replace("_", "-")
-        parser.add_argument(flag, dest=field.name, metavar="VALUE", help=text)
+        parser.add_argument(flag_of(field.name), dest=field.name, metavar="VALUE", help=text)
     given = vars(parser.parse_args(argv))
     kinds = typing.get_type_hints(Collapse)
     values = {

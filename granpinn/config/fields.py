@@ -36,11 +36,11 @@ class Setting:
     kind: Any
     default: Any
     help: str
-    low: float
-    high: float | None
-    positive: bool
-    choices: tuple[Any, ...]
-    free: bool
+    low: float = -math.inf
+    high: float | None = None
+    positive: bool = False
+    choices: tuple[Any, ...] = ()
+    free: bool = False
 
     def check(self, value: Any, name: str) -> None:
         """Refuses a value outside of the choices or the range; `name` is for the message."""
@@ -71,21 +71,11 @@ class Setting:
         return f"in [{self.low:g}, {self.high:g}]"
 
 
-def setting(
-    default: Any,
-    help: str,
-    *,
-    low: float = -math.inf,
-    high: float | None = None,
-    positive: bool = False,
-    choices: tuple[Any, ...] = (),
-    free: bool = False,
-) -> Any:
+def setting(default: Any, help: str, **stated: Any) -> Any:
     """A dataclass field that is a setting; `Setting` explains the arguments.
 
     The values of a Literal type are its choices without being written again.
     """
-    stated = {"low": low, "high": high, "positive": positive, "choices": choices, "free": free}
     return field(default=default, metadata={"help": help, **stated})
 
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
-from granpinn.data.flow import BoolArray, Flow
+from granpinn.arrays import Bool, Float64, Floats
+from granpinn.data.flow import Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.physics.axes import Axes, vertical_coordinate
 
@@ -47,7 +47,7 @@ def with_collocation(
     return replace(training, between=between.to(training.points))
 
 
-def above_ground(grains: BoolArray, gravity: tuple[float, float]) -> BoolArray:
+def above_ground(grains: Bool, gravity: tuple[float, float]) -> Bool:
     """`grains` [T, Y, X] without its lowest row, against gravity."""
     coordinate, downwards = vertical_coordinate(gravity)
     axis = 2 - coordinate
@@ -58,9 +58,7 @@ def above_ground(grains: BoolArray, gravity: tuple[float, float]) -> BoolArray:
     return above
 
 
-def points_between(
-    flow: Flow, grains: BoolArray, count: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float64, Float64]:
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
     A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
@@ -74,7 +72,7 @@ def points_between(
     drawn = cells[rng.integers(len(cells), size=count)] if len(cells) else cells
     part = rng.random(drawn.shape)
 
-    def within(edges: npt.NDArray[np.floating], axis: int) -> npt.NDArray[np.float64]:
+    def within(edges: Floats, axis: int) -> Float64:
         values, k = edges.astype(np.float64), drawn[:, axis]
         return np.asarray(values[k] + part[:, axis] * (values[k + 1] - values[k]))
 

@@ -10,12 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.arrays import Bool, Float32, Float64, Floats
 from granpinn.physics.law_values import LawValues
-
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
-VelocityArray = npt.NDArray[np.floating[Any]]  # float32 or float64
-BoolArray = npt.NDArray[np.bool_]
 
 
 class FlowFileError(ValueError):
@@ -35,10 +31,10 @@ class Surface:
         p: measured pressure there, [n], or None; used at level V2 only.
     """
 
-    t: Float64Array
-    x: Float64Array
-    y: Float64Array
-    p: Float32Array | None = None
+    t: Float64
+    x: Float64
+    y: Float64
+    p: Float32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +47,13 @@ class Particles:
         sigma_u, sigma_v: standard deviation of u and v, [n] float32, or None.
     """
 
-    t: Float64Array
-    x: Float64Array
-    y: Float64Array
-    u: VelocityArray
-    v: VelocityArray
-    sigma_u: Float32Array | None = None
-    sigma_v: Float32Array | None = None
+    t: Float64
+    x: Float64
+    y: Float64
+    u: Floats
+    v: Floats
+    sigma_u: Float32 | None = None
+    sigma_v: Float32 | None = None
 
 
 class Truth(LawValues):
@@ -92,12 +88,12 @@ class Flow:
         path: the file that was read.
     """
 
-    t: Float64Array
-    y: Float64Array
-    x: Float64Array
-    u: VelocityArray
-    v: VelocityArray
-    c: Float32Array
+    t: Float64
+    y: Float64
+    x: Float64
+    u: Floats
+    v: Floats
+    c: Float32
     gravity: tuple[float, float]
     density: float
     grain_diameter: float
@@ -105,10 +101,10 @@ class Flow:
     time_unit: str = "1"
     density_unit: str | None = None
     grain_density: float | None = None
-    p: Float32Array | None = None
+    p: Float32 | None = None
     surface: Surface | None = None
-    sigma_u: float | Float32Array | None = None
-    sigma_v: float | Float32Array | None = None
+    sigma_u: float | Float32 | None = None
+    sigma_v: float | Float32 | None = None
     particles: Particles | None = None
     eta_max: float | None = None
     eta_min: float | None = None
@@ -118,17 +114,17 @@ class Flow:
     path: Path | None = None
 
     @property
-    def material(self) -> BoolArray:
+    def material(self) -> Bool:
         """Cells that hold nothing but grains, c = 1: [T, Y, X]."""
-        material: BoolArray = self.c == 1
+        material: Bool = self.c == 1
         return material
 
     @property
-    def valid(self) -> BoolArray:
+    def valid(self) -> Bool:
         """Cells of `material` with a finite velocity vector: [T, Y, X]."""
         return self.material & np.isfinite(self.u) & np.isfinite(self.v)
 
-    def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64Array:
+    def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64:
         """Height of points above the origin, measured against gravity: -(g . r)/|g|."""
         g_x, g_y = self.gravity
         along = g_x * np.asarray(x, dtype=np.float64) + g_y * np.asarray(y, dtype=np.float64)

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.data.flow import Float32Array, Flow, Particles, Surface, VelocityArray
+from granpinn.arrays import Float32, Floats
+from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
+Vectors = TypeVar("Vectors", Flow, Particles)
 
 
 def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
@@ -37,16 +38,11 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if sd == 0:
         return flow
     sigma = sd * max_speed(flow)
-    surface = flow.surface
-    if surface is not None and surface.p is not None:
-        sigma_p = sd * float(np.abs(surface.p).max())
-        surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    surface = _noisy_surface(flow.surface, sd, seed)
     if flow.particles is not None:
         return _on_particles(flow, flow.particles, sigma, seed, surface)
     return replace(
-        flow,
-        u=_noisy(flow.u, sigma, seed, _STREAM_U),
-        v=_noisy(flow.v, sigma, seed, _STREAM_V),
+        _noisy_vectors(flow, sigma, sigma, seed),
         sigma_u=_in_quadrature(flow.sigma_u, sigma),
         sigma_v=_in_quadrature(flow.sigma_v, sigma),
         surface=surface,
@@ -56,11 +52,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
 def _on_particles(
     flow: Flow, particles: Particles, sigma: float, seed: int, surface: Surface | None
 ) -> Flow:
-    noisy = replace(
-        particles,
-        u=_noisy(particles.u, sigma, seed, _STREAM_U),
-        v=_noisy(particles.v, sigma, seed, _STREAM_V),
-    )
+    noisy = _noisy_vectors(particles, sigma, sigma, seed)
     sigma_u, sigma_v = flow.sigma_u, flow.sigma_v
     if particles.sigma_u is not None and particles.sigma_v is not None:
         pair = np.stack([particles.sigma_u, particles.sigma_v]).astype(np.float64)
@@ -68,7 +60,7 @@ def _on_particles(
         noisy = replace(noisy, sigma_u=both[0], sigma_v=both[1])
     else:
         sigma_u, sigma_v = _in_quadrature(sigma_u, sigma), _in_quadrature(sigma_v, sigma)
-    view = vars(grid_view(noisy))
+    view = grid_view(noisy)
     return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
 
 
@@ -80,24 +72,12 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
         sd: of the surface pressure, relative to the largest |p| there.
         seed: 0 to 2**64 - 1.
     """
-    surface, particles = flow.surface, flow.particles
-    if sd and surface is not None and surface.p is not None:
-        sigma_p = sd * float(np.abs(surface.p).max())
-        surface = replace(surface, p=_noisy(surface.p, sigma_p, seed, _STREAM_P))
+    surface = _noisy_surface(flow.surface, sd, seed) if sd else flow.surface
     sigma_u, sigma_v = _sigmas(flow)
-    if particles is not None:
-        again = replace(
-            particles,
-            u=_noisy(particles.u, sigma_u, seed, _STREAM_U),
-            v=_noisy(particles.v, sigma_v, seed, _STREAM_V),
-        )
-        return replace(flow, **vars(grid_view(again)), particles=again, surface=surface)
-    return replace(
-        flow,
-        u=_noisy(flow.u, sigma_u, seed, _STREAM_U),
-        v=_noisy(flow.v, sigma_v, seed, _STREAM_V),
-        surface=surface,
-    )
+    if flow.particles is not None:
+        again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed)
+        return replace(flow, **grid_view(again), particles=again, surface=surface)
+    return replace(_noisy_vectors(flow, sigma_u, sigma_v, seed), surface=surface)
 
 
 def known_sd(flow: Flow) -> float:
@@ -128,7 +108,21 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy(values: VelocityArray, sigma: Any, seed: int, stream: int) -> Float32Array:
+def _noisy_vectors(vectors: Vectors, sigma_u: Any, sigma_v: Any, seed: int) -> Vectors:
+    """A flow or particles with noise on u and v."""
+    u = _noisy(vectors.u, sigma_u, seed, _STREAM_U)
+    return replace(vectors, u=u, v=_noisy(vectors.v, sigma_v, seed, _STREAM_V))
+
+
+def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:
+    """The surface with noise on its pressure, where it has one."""
+    if surface is None or surface.p is None:
+        return surface
+    sigma = sd * float(np.abs(surface.p).max())
+    return replace(surface, p=_noisy(surface.p, sigma, seed, _STREAM_P))
+
+
+def _noisy(values: Floats, sigma: Any, seed: int, stream: int) -> Float32:
     """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order.
 
     `sigma` is one number or has the shape of `values`.
@@ -137,11 +131,11 @@ def _noisy(values: VelocityArray, sigma: Any, seed: int, stream: int) -> Float32
     generator = np.random.Generator(np.random.Philox(key=seed + (stream << 64)))
     noisy = values.astype(np.float64)
     noisy += sigma * generator.standard_normal(values.shape)
-    result: Float32Array = noisy.astype(np.float32)
+    result: Float32 = noisy.astype(np.float32)
     return result
 
 
-def _in_quadrature(known: Any, added: float) -> float | npt.NDArray[np.float32]:
+def _in_quadrature(known: Any, added: float) -> float | Float32:
     """Standard deviation of the sum of two independent errors."""
     if known is None:
         return added

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.floating[Any]]
+from granpinn.arrays import Floats
 
 
-def rms(values: Array) -> float:
+def rms(values: Floats) -> float:
     """Root mean square of the values that are not NaN."""
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def relative_l2(predicted: Array, reference: Array) -> float | None:
+def relative_l2(predicted: Floats, reference: Floats) -> float | None:
     """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
 
     None without points, or if the reference is zero everywhere.

@@ -7,13 +7,12 @@ has a view on a grid: cells that hold grains, and the mean velocity of the grain
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.data.flow import Flow, FlowFileError, Particles, VelocityArray
+from granpinn.arrays import Bool, Float32, Float64, Floats, Index
+from granpinn.data.flow import Flow, FlowFileError, Particles
 
 # A cell is this many times wider than the usual distance to the nearest grain.
 CELL = 2.5
@@ -23,18 +22,6 @@ MAX_AXIS = 400
 _SAMPLED_FRAMES = 5
 
 
-@dataclass(frozen=True, eq=False)
-class GridView:
-    """View of particles on a grid: t [T], y [Y], x [X], and u, v, c [T, Y, X] as in a Flow."""
-
-    t: npt.NDArray[np.float64]
-    y: npt.NDArray[np.float64]
-    x: npt.NDArray[np.float64]
-    u: npt.NDArray[np.float32]
-    v: npt.NDArray[np.float32]
-    c: npt.NDArray[np.float32]
-
-
 def particle_flow(particles: Particles, **others: Any) -> Flow:
     """A flow of scattered vectors.
 
@@ -42,11 +29,14 @@ def particle_flow(particles: Particles, **others: Any) -> Flow:
         particles: time, position and velocity of every vector.
         others: the remaining fields of Flow, such as gravity, density and grain_diameter.
     """
-    return Flow(**vars(grid_view(particles)), particles=particles, **others)
+    return Flow(**grid_view(particles), particles=particles, **others)
 
 
-def grid_view(particles: Particles) -> GridView:
+def grid_view(particles: Particles) -> dict[str, Any]:
     """The particles on a regular grid around them, with c = 1 in the cells that hold grains.
+
+    Returns:
+        The fields t, y, x, u, v, c of a Flow.
 
     Raises:
         FlowFileError: the vectors do not span a time and an area.
@@ -68,13 +58,13 @@ def grid_view(particles: Particles) -> GridView:
     place = np.ravel_multi_index((frame, row, column), shape)
     count = np.bincount(place, minlength=math.prod(shape))
 
-    def means(values: VelocityArray) -> npt.NDArray[np.float32]:
+    def means(values: Floats) -> Float32:
         sums = np.bincount(place, weights=values, minlength=count.size)
         mean = np.divide(sums, count, out=np.full(count.size, np.nan), where=count > 0)
         return np.asarray(mean.reshape(shape), np.float32)
 
     c = np.stack([closed(frame > 0) for frame in count.reshape(shape)]).astype(np.float32)
-    return GridView(t, y, x, means(particles.u), means(particles.v), c)
+    return {"t": t, "y": y, "x": x, "u": means(particles.u), "v": means(particles.v), "c": c}
 
 
 def check_particles(particles: Particles) -> None:
@@ -98,7 +88,7 @@ def check_particles(particles: Particles) -> None:
         )
 
 
-def closed(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def closed(occupied: Bool) -> Bool:
     """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
     from scipy.ndimage import binary_closing  # slow to import, and only particles need it
 
@@ -106,7 +96,7 @@ def closed(occupied: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return np.asarray(grown[3:-3, 3:-3] | occupied)
 
 
-def _cell_size(particles: Particles, frame: npt.NDArray[np.intp], n_frames: int) -> float:
+def _cell_size(particles: Particles, frame: Index, n_frames: int) -> float:
     """Width of the cells, from the distance between neighbors in a few frames."""
     from scipy.spatial import cKDTree
 
@@ -127,9 +117,7 @@ def _cell_size(particles: Particles, frame: npt.NDArray[np.intp], n_frames: int)
     return max(CELL * float(np.median(found)), least)
 
 
-def _axis(
-    name: str, values: npt.NDArray[np.float64], cell: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+def _axis(name: str, values: Float64, cell: float) -> tuple[Float64, Index]:
     """Cell centers around the values, and the cell of each value."""
     low = float(values.min())
     count = max(2, math.ceil((float(values.max()) - low) / cell + 1e-9))

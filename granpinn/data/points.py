@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import BoolArray, Flow, FlowFileError, Particles, Surface
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ TOE_GRAINS = 2.0
 # them the same training.
 RESOLUTION = 2.0**-24
 
-Indices = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.intp]]
+Indices = tuple[Index, Index, Index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def training_set(
         turned_and_rounded(values, axes) for values in (points, velocity, surface_points)
     )
 
-    def tensor(values: npt.NDArray[np.floating]) -> torch.Tensor:
+    def tensor(values: Floats) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
 
     training = TrainingSet(
@@ -139,18 +139,18 @@ def test_grid(flow: Flow, scales: Scales) -> TestGrid:
     return TestGrid(torch.as_tensor(_points(flow, scales, indices)), indices)
 
 
-def turned_and_rounded(values: npt.NDArray[np.float64], axes: Axes) -> npt.NDArray[np.float64]:
+def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
     """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
     turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
 
 
-def _indices(mask: BoolArray) -> Indices:
+def _indices(mask: Bool) -> Indices:
     frame, row, column = np.nonzero(mask)
     return frame, row, column
 
 
-def _points(flow: Flow, scales: Scales, indices: Indices) -> npt.NDArray[np.float64]:
+def _points(flow: Flow, scales: Scales, indices: Indices) -> Float64:
     frame, row, column = indices
     return scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
 
@@ -188,7 +188,7 @@ def _sigmas_of(flow: Flow) -> tuple[str, ...]:
     return ("sigma_u", "sigma_v") if varies else ()
 
 
-def _velocity_weights(samples: Particles) -> npt.NDArray[np.float64]:
+def _velocity_weights(samples: Particles) -> Float64:
     """1/variance of the measurement, with mean 1; 1 everywhere without standard deviations."""
     if samples.sigma_u is None or samples.sigma_v is None:
         return np.ones(samples.t.size)
@@ -197,9 +197,7 @@ def _velocity_weights(samples: Particles) -> npt.NDArray[np.float64]:
     return np.asarray(weights / weights.mean())
 
 
-def _surface(
-    flow: Flow, scales: Scales, level: str
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
     """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
     surface = outline(flow) if level == "V0" else flow.surface
     if surface is None:

@@ -78,7 +78,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
     scattered = {n.removeprefix(prefix): arrays.pop(n) for n in [*arrays] if n.startswith(prefix)}
     if scattered:
         optional["particles"] = particles = Particles(**scattered)
-        arrays |= vars(grid_view(particles))
+        arrays |= grid_view(particles)
     surface = {name: arrays.pop(f"surface_{name}", None) for name in ("t", "x", "y", "p")}
     return Flow(
         **arrays,

@@ -11,9 +11,9 @@ import warnings
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.data.flow import BoolArray, Flow, FlowFileError, FlowFileWarning, Surface, Truth
+from granpinn.arrays import Bool, Float64
+from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface, Truth
 from granpinn.data.format import (
     GRID_DATASETS,
     PARTICLE_DATASETS,
@@ -173,7 +173,7 @@ def _check_material_constants(flow: Flow) -> None:
         )
 
 
-def _check_coordinate(name: str, values: npt.NDArray[np.float64]) -> None:
+def _check_coordinate(name: str, values: Float64) -> None:
     if not np.isfinite(values).all():
         raise FlowFileError(
             f"{name} must be finite, got NaN or infinity at index "
@@ -209,7 +209,7 @@ def _check_fraction(flow: Flow) -> None:
         )
 
 
-def _in_any_cell(mask: BoolArray) -> BoolArray:
+def _in_any_cell(mask: Bool) -> Bool:
     """Whether `mask` [T, Y, X] is true anywhere in each frame: [T]."""
     return np.asarray(mask.any(axis=(1, 2)))
 

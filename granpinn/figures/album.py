@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
+from granpinn.arrays import Floats
 from granpinn.figures import checks, curves, maps, profiles
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.identification.scoring import after_start
@@ -16,7 +14,7 @@ from granpinn.results import Fields, Result
 from granpinn.results.fields import VARIABLES
 from granpinn.second_opinion.comparison import Comparison
 
-History = Mapping[str, npt.NDArray[np.floating]]
+History = Mapping[str, Floats]
 
 
 class Source(NamedTuple):

@@ -6,10 +6,10 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
+from granpinn.arrays import Floats
 from granpinn.figures.style import (
     BLACK,
     BLUE,
@@ -29,8 +29,6 @@ from granpinn.physics.laws import LAWS, mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.summary import half_width, true_theta
-
-Array = npt.NDArray[np.floating]
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
@@ -107,7 +105,7 @@ def _share_below(fields: Fields) -> str:
 
 
 @styled
-def evolution(result: Result, history: Mapping[str, Array]) -> Drawing:
+def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
     """The identified parameters and the terms of the loss against the step."""
     step = history["step"]
     if step.size == 0:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
+from granpinn.arrays import Float64
 from granpinn.figures.style import (
     BLACK,
     BLUE,
@@ -23,7 +24,6 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.inspection.inspection import Inspection
-from granpinn.inspection.view import Float64
 
 I_EDGES = np.logspace(-4, 1, 51)
 

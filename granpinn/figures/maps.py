@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from granpinn.arrays import Floats
 from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
@@ -26,8 +26,6 @@ from granpinn.figures.style import (
 )
 from granpinn.identification.scoring import after_start
 from granpinn.results import Fields
-
-Array = npt.NDArray[np.floating]
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
 RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
@@ -50,8 +48,8 @@ class Quantity(NamedTuple):
     name: str
     symbol: str
     unit: str | None
-    predicted: Array
-    known: Array | None
+    predicted: Floats
+    known: Floats | None
     known_name: str
 
 
@@ -209,7 +207,7 @@ def draw_map(
     axes: Axes,
     fields: Fields,
     window: Window,
-    values: Array,
+    values: Floats,
     norm: Normalize,
     colormap: str,
     text: str,
@@ -232,7 +230,7 @@ def draw_surface(axes: Axes, fields: Fields, window: Window) -> None:
         axes.contour(x, y, c, levels=[0.5], colors=BLACK, linewidths=0.9)
 
 
-def _quantile(values: Array, share: float) -> float:
+def _quantile(values: Floats, share: float) -> float:
     finite = values[np.isfinite(values)]
     return float(np.quantile(finite, share)) if finite.size else 0.0
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 
+from granpinn.arrays import Floats
 from granpinn.figures.maps import Window, draw_surface, grain_window
 from granpinn.figures.style import (
     BLACK,
@@ -17,8 +17,6 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.results import Fields
-
-Array = npt.NDArray[np.floating]
 
 HEIGHT_SHARES = (0.1, 0.4, 0.7)  # of the height of the grains at that time
 MARKS = 25  # reference values drawn per profile
@@ -85,7 +83,9 @@ def _outline(axes: Axes, fields: Fields, window: Window, rows: list[int]) -> Non
     axes.legend(loc="upper right")
 
 
-def _lines(axes: Axes, fields: Fields, rows: list[int], values: Array, marks: Array | None) -> None:
+def _lines(
+    axes: Axes, fields: Fields, rows: list[int], values: Floats, marks: Floats | None
+) -> None:
     for row, color in zip(rows, HEIGHT_COLORS, strict=False):
         axes.plot(fields.x, values[row], color=color)
         if marks is not None:

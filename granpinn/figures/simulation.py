@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import Normalize
 
+from granpinn.arrays import Floats
 from granpinn.data.flow import Flow, Truth
 from granpinn.figures.style import BLACK, VALUE_MAP, Drawing, label, new_figure, save, styled
-
-Array = npt.NDArray[np.floating]
 
 LARGEST_SHARE = 0.95  # quantile of D2 at which the colours of the final states end
 SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
@@ -28,14 +26,14 @@ class Quantity(NamedTuple):
     """A quantity to draw: its symbol, and its values at one frame [Y, X]."""
 
     symbol: str
-    values: Array
+    values: Floats
 
 
-def strain_rate(flow: Flow, k: int) -> Array:
+def strain_rate(flow: Flow, k: int) -> Floats:
     """D2 = sqrt(D:D) at frame k [Y, X] by central differences; NaN beside the surface."""
     u_y, u_x = np.gradient(flow.u[k].astype(np.float64), flow.y, flow.x)
     v_y, v_x = np.gradient(flow.v[k].astype(np.float64), flow.y, flow.x)
-    result: Array = np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2)
+    result: Floats = np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2)
     return result
 
 
@@ -154,7 +152,7 @@ def _top(flow: Flow, k: int) -> float:
     return float(flow.y[rows[-1]]) if rows.size else float(flow.y[0])
 
 
-def _map(axes: Axes, flow: Flow, k: int, values: Array, norm: Normalize) -> QuadMesh:
+def _map(axes: Axes, flow: Flow, k: int, values: Floats, norm: Normalize) -> QuadMesh:
     cut = np.ma.masked_invalid(values)
     mesh = axes.pcolormesh(flow.x, flow.y, cut, norm=norm, cmap=VALUE_MAP, shading="nearest")
     _surface_line(axes, flow, k, BLACK, 0.7)

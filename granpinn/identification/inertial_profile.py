@@ -30,8 +30,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Bool, Float64
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.identification.batch import identify_many
@@ -41,8 +41,6 @@ from granpinn.results.findings import Profile, ProfilePoint
 from granpinn.results.summary import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
-
-Array = npt.NDArray[np.float64]
 
 STANDARD_ERRORS = 3.0
 LEAST_AVERAGE = 0.2  # part of the run whose parameters are averaged, where the settings have less
@@ -172,7 +170,7 @@ def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -
     )
 
 
-def fair_losses(table: Sequence[Sequence[Result]]) -> Array:
+def fair_losses(table: Sequence[Sequence[Result]]) -> Float64:
     """Losses [V, n] with the same weights for all: the medians over the trainings."""
     losses = [[r.loss for r in row] for row in table]
     known = [loss for row in losses for loss in row if loss is not None]
@@ -182,7 +180,7 @@ def fair_losses(table: Sequence[Sequence[Result]]) -> Array:
     return np.array([[loss.total(weights) for loss in row if loss is not None] for row in losses])
 
 
-def _pooled_sd(loss: Array) -> float:
+def _pooled_sd(loss: Float64) -> float:
     """Standard deviation of a loss [V, n] when means over values and over seeds are taken off."""
     left = loss - loss.mean(1, keepdims=True) - loss.mean(0, keepdims=True) + loss.mean()
     freedom = (loss.shape[0] - 1) * (loss.shape[1] - 1)
@@ -196,7 +194,7 @@ def _covered(results: Sequence[Result]) -> tuple[float, float]:
 
 
 def _status(
-    grid: Array, rises: Array, excluded: npt.NDArray[np.bool_], best: int
+    grid: Float64, rises: Float64, excluded: Bool, best: int
 ) -> tuple[str, tuple[float | None, float | None], float | None]:
     """The status of I0, the values that are allowed, and an estimate where there is one."""
     kept = np.flatnonzero(~excluded)
@@ -214,7 +212,7 @@ def _status(
     return "separable", allowed, vertex(np.log(grid), rises, best)
 
 
-def vertex(x: Array, rises: Array, best: int) -> float:
+def vertex(x: Float64, rises: Float64, best: int) -> float:
     """exp of the vertex of the parabola through the least value, which is not at an end."""
     around = slice(best - 1, best + 2)
     a, b, _ = np.polyfit(x[around] - x[best], rises[around], 2)
@@ -222,7 +220,7 @@ def vertex(x: Array, rises: Array, best: int) -> float:
     return math.exp(float(x[best] + np.clip(shift, x[best - 1] - x[best], x[best + 1] - x[best])))
 
 
-def _correlation(grid: Array, mu_2: Array, excluded: npt.NDArray[np.bool_]) -> float | None:
+def _correlation(grid: Float64, mu_2: Float64, excluded: Bool) -> float | None:
     """Of mu_2 with I0 over all trainings that are allowed; None for a single value of I0."""
     I0 = np.broadcast_to(grid[:, None], mu_2.shape)[~excluded].ravel()
     values = mu_2[~excluded].ravel()
@@ -231,7 +229,7 @@ def _correlation(grid: Array, mu_2: Array, excluded: npt.NDArray[np.bool_]) -> f
     return float(np.corrcoef(I0, values)[0, 1])
 
 
-def _derivative(grid: Sequence[float], mu_2: Array, at: int) -> float:
+def _derivative(grid: Sequence[float], mu_2: Float64, at: int) -> float:
     """d mu_2 / d I0 by the difference over the neighbours of a value."""
     before, after = max(at - 1, 0), min(at + 1, len(grid) - 1)
     return float((mu_2[after] - mu_2[before]) / (grid[after] - grid[before]))

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow, test_grid
 from granpinn.identification.case import Model
 from granpinn.kernels import ops
@@ -27,7 +28,7 @@ from granpinn.physics.laws import Law
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity
 from granpinn.results import Fields
-from granpinn.results.fields import VARIABLES, Float32, Float64, Units
+from granpinn.results.fields import VARIABLES, Units
 
 CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
@@ -131,11 +132,8 @@ def evaluate(
     p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
     D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
-    d, limits, floor = (
-        physics.grain_diameter,
-        (physics.eta_min, physics.eta_max),
-        physics.pressure_floor,
-    )
+    d, floor = physics.grain_diameter, physics.pressure_floor
+    limits = physics.eta_min, physics.eta_max
     eta = ops.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
     if spec.form == "mixed":
         tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]

@@ -22,14 +22,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.results import ErrorPercent, Fields, InertialNumber, Parameter, Parameters, Zones
-
-Array = npt.NDArray[np.floating]
-Mask = npt.NDArray[np.bool_]
 
 D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)
 
@@ -44,8 +41,8 @@ class Split(NamedTuple):
     """Points [K] that flow and points that do not, and where their strain rate comes from."""
 
     source: str
-    flowing: Mask
-    stagnant: Mask
+    flowing: Bool
+    stagnant: Bool
 
 
 def scalar_error(parameter: Parameter, true: float | None) -> float | None:
@@ -55,7 +52,7 @@ def scalar_error(parameter: Parameter, true: float | None) -> float | None:
     return 100.0 * abs(parameter.value - true) / abs(true)
 
 
-def strain_rate(u: Array, v: Array, y: Array, x: Array) -> Array:
+def strain_rate(u: Floats, v: Floats, y: Floats, x: Floats) -> Floats:
     """D2 = sqrt(D:D) of one frame [Y, X] by differences, one-sided at the edges.
 
     Second order inside a uniform grid, first order elsewhere; exact for a linear velocity.
@@ -69,7 +66,7 @@ def strain_rate(u: Array, v: Array, y: Array, x: Array) -> Array:
     return np.asarray(np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2))
 
 
-def difference(f: Array, step: Array | float, axis: int) -> Array:
+def difference(f: Floats, step: Floats | float, axis: int) -> Floats:
     """df/dx along an axis: the mean of the forward and backward differences that exist.
 
     NaN in f marks points without a value. `step` is that of the coordinate: a number, or an array
@@ -86,12 +83,12 @@ def difference(f: Array, step: Array | float, axis: int) -> Array:
     return np.moveaxis((forward + backward) / 2, 0, axis)
 
 
-def after_start(fields: Fields) -> Mask:
+def after_start(fields: Fields) -> Bool:
     """Points [K] with t > 0: at t = 0 there is no solution to compare with."""
     return fields.time_of_points() > 0
 
 
-def flowing(fields: Fields, d2: Array | None = None) -> Mask:
+def flowing(fields: Fields, d2: Floats | None = None) -> Bool:
     """Points [K] whose strain rate (the predicted one unless given, in the file's units) flows.
 
     A point whose strain rate is not known (NaN) is not called flowing.
@@ -101,7 +98,7 @@ def flowing(fields: Fields, d2: Array | None = None) -> Mask:
 
 
 def score(
-    flow: Flow, fields: Fields, parameters: Parameters, at_particles: Array | None = None
+    flow: Flow, fields: Fields, parameters: Parameters, at_particles: Floats | None = None
 ) -> Scores:
     """All errors of one identification against the reference values of the flow file.
 
@@ -142,7 +139,7 @@ def zones_of(flow: Flow, fields: Fields) -> Split:
     return Split(source, flows, np.isfinite(d2) & ~flows)
 
 
-def _velocities(flow: Flow, fields: Fields, at_particles: Array | None) -> tuple[Array, Array]:
+def _velocities(flow: Flow, fields: Fields, at_particles: Floats | None) -> tuple[Floats, Floats]:
     """Predicted and measured (u, v) [2, n] of the valid vectors after the start."""
     if flow.particles is not None and at_particles is not None:
         p = flow.particles
@@ -154,7 +151,7 @@ def _velocities(flow: Flow, fields: Fields, at_particles: Array | None) -> tuple
     return np.stack([values["u"], values["v"]])[:, moving], known[:, moving]
 
 
-def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Array]:
+def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Floats]:
     """Where the zones come from, and D2 [K]."""
     sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
     if any(np.any(np.asarray(sigma) > 0) for sigma in sigmas):

@@ -9,8 +9,8 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
@@ -21,8 +21,6 @@ from granpinn.results.fields import Fields
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import simulated_pressure
 from granpinn.training.loop import TrainingLoop
-
-Array = npt.NDArray[np.float64]
 
 AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
 EACH_FRAME = 2.0  # more of them for every simulated frame, over the cores that share the work
@@ -82,7 +80,7 @@ def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:
     axes = Axes.of(flow.gravity)
     one_at_a_time = threading.Lock()  # torch takes all cores for each
 
-    def velocity(x: Array, y: Array, t: float) -> tuple[Array, Array]:
+    def velocity(x: Float64, y: Float64, t: float) -> tuple[Float64, Float64]:
         points = model.scales.points_to_dimensionless(x, y, t)
         with one_at_a_time:
             u, v = prediction.velocity(points, axes, model)
@@ -91,7 +89,7 @@ def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:
     return velocity
 
 
-def with_simulated_pressure(fields: Fields, pressures: dict[int, Array]) -> Fields:
+def with_simulated_pressure(fields: Fields, pressures: dict[int, Float64]) -> Fields:
     """The fields with a simulated pressure [Y, X] by frame; `p_simulated` is NaN at the others."""
     frame, place = np.divmod(fields.index, fields.y.size * fields.x.size)
     values = np.full(len(fields.index), np.nan, np.float32)

@@ -22,7 +22,7 @@ from granpinn.results import Result, fields, write_csv
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Alone, Processes, processes
+from granpinn.training.parallel import Processes, processes
 from granpinn.training.progress import Progress, Silent
 
 
@@ -91,7 +91,7 @@ def start(
 ) -> TrainingLoop:
     """The run that trains the cases side by side; it counts its time limit from `begin`."""
     device = choose_device(config.device)
-    together = together or Alone()
+    together = together or Processes()
     share = (together.rank, together.size)
     everyone = [case.member for case in cases]
     objective = Objective(everyone, config.batch, device, share, config.precision)

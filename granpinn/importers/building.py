@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, FlowFileWarning, Particles, Surface
 from granpinn.data.particles import particle_flow
 from granpinn.importers import surface as surfaces
 from granpinn.importers.frame import Frame
 from granpinn.importers.grains import FULL, Grains, below_line, grains_of
 from granpinn.importers.settings import Settings
-from granpinn.importers.vectors import Bool, DataFileError, VectorFields
+from granpinn.importers.vectors import DataFileError, VectorFields
 
 ROUNDING = 1e-9  # of the duration of the flow
 

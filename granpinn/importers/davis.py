@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import Int8
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
 from granpinn.importers.units import si
-from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 POST_PROCESSED = 4  # of ACTIVE_CHOICE
 # If more than this share of the vectors is post-processed, all were smoothed, not some filled in.

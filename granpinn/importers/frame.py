@@ -9,9 +9,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+from granpinn.arrays import Float64
 from granpinn.importers import units
 from granpinn.importers.settings import Settings
-from granpinn.importers.vectors import DataFileError, Float64, VectorFields
+from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5  # a field between two images is half way between them
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_fill_holes
 
+from granpinn.arrays import Bool, Int8
 from granpinn.data.particles import closed
-from granpinn.importers.vectors import Bool, Int8, Validity
+from granpinn.importers.vectors import Validity
 
 GAPS = "gaps"  # the fact "mask" of files whose mask this module makes
 

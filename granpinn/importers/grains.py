@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.arrays import Bool, Float64
 from granpinn.importers.gaps import grains_around
 from granpinn.importers.series import expand
-from granpinn.importers.vectors import Bool, DataFileError, Float64, Validity, VectorFields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 FULL = 1e-6  # solvers fill cells up to rounding
 _BRIGHT = 0.5

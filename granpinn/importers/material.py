@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from granpinn.config.fields import flag_of
 from granpinn.importers import units
-from granpinn.importers.settings import Settings, flag
+from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError
 
 _EXAMPLES = {
@@ -76,9 +77,9 @@ def _number(settings: Settings, name: str) -> float | None:
         return None
     dimension, example = _EXAMPLES[name]
     if settings.dimensionless:
-        value = units.plain(text, flag(name))
+        value = units.plain(text, flag_of(name))
     else:
-        value = units.si(text, dimension, flag(name), example)
+        value = units.si(text, dimension, flag_of(name), example)
     if not value > 0:
-        raise DataFileError(f"{flag(name)} must be positive, got {text!r}")
+        raise DataFileError(f"{flag_of(name)} must be positive, got {text!r}")
     return value

@@ -10,8 +10,9 @@ from typing import Any, Protocol
 import h5py
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.importers.mat5 import read_variables
-from granpinn.importers.vectors import DataFileError, Float64
+from granpinn.importers.vectors import DataFileError
 
 MAX_BYTES = 2**31
 MAX_TEXT = 1000
@@ -22,10 +23,12 @@ _HDF5_AT = (0, 512)  # at 512 after the header of MATLAB
 class Matlab(Protocol):
     """Variables of a MATLAB file."""
 
+    path: Path
+
     def __contains__(self, name: str) -> bool: ...
 
-    def __getitem__(self, name: str) -> Float64:
-        """A matrix, as MATLAB shows it."""
+    def _numbers(self, name: str) -> Float64 | None:
+        """A matrix of numbers, as MATLAB shows it; None for anything else."""
 
     def cells(self, name: str) -> list[Any]:
         """The matrices of a cell array in order, None for an empty one."""
@@ -33,11 +36,24 @@ class Matlab(Protocol):
     def cell_table(self, name: str) -> Any:
         """A two-dimensional cell array as an array of matrices."""
 
+    def __getitem__(self, name: str) -> Float64:
+        """A matrix of numbers."""
+        matrix = self._numbers(name)
+        if matrix is None:
+            raise DataFileError(f"{self.path}: {name} must be a matrix of numbers, got none")
+        return matrix
+
     def number(self, name: str, default: float) -> float:
         """A single number, `default` if there is none."""
+        matrix = self._numbers(name) if name in self else None
+        return default if matrix is None else float(matrix.flat[0])
 
     def text(self, name: str) -> str:
         """The characters of a variable, "" if there is none."""
+        codes = self._numbers(name) if name in self else None
+        if codes is None or codes.size > MAX_TEXT or not ((codes >= 0) & (codes < 128)).all():
+            return ""
+        return "".join(chr(int(code)) for code in codes.ravel(order="F"))
 
 
 @contextmanager
@@ -73,34 +89,18 @@ def _matrix(value: Any) -> Float64 | None:
     return np.atleast_2d(array.astype(np.float64))
 
 
-class _Base:
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def _required(self, name: str, value: Any) -> Float64:
-        matrix = _matrix(value)
-        if matrix is None:
-            raise DataFileError(f"{self.path}: {name} must be a matrix of numbers, got none")
-        return matrix
-
-    def _text(self, codes: Float64 | None) -> str:
-        if codes is None or codes.size > MAX_TEXT or not ((codes >= 0) & (codes < 128)).all():
-            return ""
-        return "".join(chr(int(code)) for code in codes.ravel(order="F"))
-
-
-class _Version5(_Base):
+class _Version5(Matlab):
     """Version 5 to 7."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        self.path = path
         self._variables = read_variables(path.read_bytes(), MAX_BYTES)
 
     def __contains__(self, name: str) -> bool:
         return name in self._variables
 
-    def __getitem__(self, name: str) -> Float64:
-        return self._required(name, self._variables[name])
+    def _numbers(self, name: str) -> Float64 | None:
+        return _matrix(self._variables[name])
 
     def cells(self, name: str) -> list[Any]:
         value = self._variables[name]
@@ -117,20 +117,12 @@ class _Version5(_Base):
             table[index] = _matrix(cell)
         return table
 
-    def number(self, name: str, default: float) -> float:
-        matrix = _matrix(self._variables[name]) if name in self._variables else None
-        return default if matrix is None else float(matrix.flat[0])
 
-    def text(self, name: str) -> str:
-        return self._text(_matrix(self._variables.get(name)))
-
-
-class _Hdf5(_Base):
+class _Hdf5(Matlab):
     """Version 7.3: arrays are stored transposed, cells as references, empty ones by attribute."""
 
     def __init__(self, path: Path, file: h5py.File) -> None:
-        super().__init__(path)
-        self._file = file
+        self.path, self._file = path, file
 
     def _dataset(self, name: str) -> h5py.Dataset:
         link = self._file.get(name, getlink=True)
@@ -159,8 +151,8 @@ class _Hdf5(_Base):
     def __contains__(self, name: str) -> bool:
         return name in self._file
 
-    def __getitem__(self, name: str) -> Float64:
-        return self._required(name, self._read(self._dataset(name)))
+    def _numbers(self, name: str) -> Float64 | None:
+        return self._read(self._dataset(name))
 
     def cells(self, name: str) -> list[Any]:
         dataset = self._dataset(name)
@@ -173,10 +165,3 @@ class _Hdf5(_Base):
         if h5py.check_ref_dtype(dataset.dtype) is None or dataset.ndim != 2:
             raise DataFileError(f"{self.path}: {name} must be a cell array, got {dataset.dtype}")
         return self._cells(dataset)
-
-    def number(self, name: str, default: float) -> float:
-        matrix = self._read(self._dataset(name)) if name in self._file else None
-        return default if matrix is None else float(matrix.flat[0])
-
-    def text(self, name: str) -> str:
-        return self._text(self._read(self._dataset(name)) if name in self._file else None)

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import Int8
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 MAX_BYTES = 2**32
 INTERPOLATED_FROM = 5

@@ -15,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.arrays import Int8
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
-from granpinn.importers.vectors import DataFileError, Int8, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 _HEADER = ["x", "y", "u", "v", "flags", "mask"]
 _FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}

@@ -19,16 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.arrays import Float64, Int8
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
-from granpinn.importers.vectors import (
-    DataFileError,
-    Float64,
-    Int8,
-    Validity,
-    VectorFields,
-    vector_fields,
-)
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 _COLUMN = re.compile(r"([A-Za-z][^\[\]]*?)\s*\[([^\]]*)\]")
 _FRAME = re.compile(r"FRAME:\s*(\d+)")

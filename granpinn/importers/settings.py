@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+from granpinn.config.fields import flag_of
 from granpinn.importers.vectors import DataFileError
 
 
@@ -117,10 +118,10 @@ class Settings:
             value = getattr(self, f.name)
             wanted = {"bool": bool, "int": int}.get(str(f.type))
             if wanted is not None and type(value) is not wanted:
-                raise DataFileError(f"{flag(f.name)} must be {f.type}, got {value!r}")
+                raise DataFileError(f"{flag_of(f.name)} must be {f.type}, got {value!r}")
             if str(f.type).startswith("str") and not isinstance(value, str | None):
                 raise DataFileError(
-                    f"{flag(f.name)} must be text such as '0.12 mm/px', got {value!r}"
+                    f"{flag_of(f.name)} must be text such as '0.12 mm/px', got {value!r}"
                 )
         if self.flip_y not in ("auto", "yes", "no"):
             raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
@@ -128,8 +129,3 @@ class Settings:
             raise DataFileError(
                 f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"
             )
-
-
-def flag(name: str) -> str:
-    """The flag of a setting."""
-    return "--" + name.replace("_", "-")

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
 from granpinn.importers import units
 from granpinn.importers.frame import Frame
 from granpinn.importers.tables import numbers, read_text
 from granpinn.importers.tracks import column_names
-from granpinn.importers.vectors import DataFileError, Float64, VectorFields
+from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.vectors import DataFileError, Float64, Validity
+from granpinn.arrays import Float64
+from granpinn.importers.vectors import DataFileError, Validity
 
 MAX_BYTES = 2**30
 # Coordinates that differ by less than this part of the spacing belong to one column.

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from granpinn.importers.vectors import DataFileError, Float64
+from granpinn.arrays import Float64
+from granpinn.importers.vectors import DataFileError
 
 ORDER = 2
 _SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter

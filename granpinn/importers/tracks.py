@@ -23,9 +23,10 @@ from typing import Any
 import h5py
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.importers.tables import MAX_BYTES, numbers, read_text
 from granpinn.importers.tracking import Motion, velocities
-from granpinn.importers.vectors import DataFileError, Float64, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 NAMES = {
     "x": ("x", "x_position", "pos_x", "position_x"),

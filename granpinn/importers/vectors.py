@@ -15,11 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.arrays import Bool, Float64, Int8
 from granpinn.data.flow import FlowFileWarning
-
-Float64 = npt.NDArray[np.float64]
-Int8 = npt.NDArray[np.int8]
-Bool = npt.NDArray[np.bool_]
 
 # If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.inspection.gradients import Gradients
-from granpinn.inspection.view import Bool, Float64, View
+from granpinn.inspection.view import View
 
 # Between two frames the fastest grains should move less than this, in units of H0: the shear
 # layers of a collapse are about ten times thicker.

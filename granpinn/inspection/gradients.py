@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import correlate1d
 
-from granpinn.inspection.view import Float64, View
-
-Array = npt.NDArray[np.floating]
+from granpinn.arrays import Float64, Index
+from granpinn.inspection.view import View
 
 LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
 # The window grows until the error of the shear rate is below this part of its rms.
@@ -41,7 +39,7 @@ class Gradients:
         half_width: of the window, in cells.
     """
 
-    index: tuple[npt.NDArray[np.intp], ...]
+    index: tuple[Index, ...]
     vectors: Float64
     u: Float64
     v: Float64

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
@@ -17,7 +18,7 @@ from granpinn.inspection.gradients import Gradients, gradients
 from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
-from granpinn.inspection.view import Bool, Float64, View, view_of
+from granpinn.inspection.view import View, view_of
 from granpinn.physics.scales import Scales
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in

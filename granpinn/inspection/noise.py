@@ -23,9 +23,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.inspection.view import Float64, View
+from granpinn.arrays import Float64, Index
+from granpinn.inspection.view import View
 
 ORDER = 3
 FEWEST = 50  # differences below which there is no estimate
@@ -90,7 +90,7 @@ def noise_map(view: View) -> Float64:
 
 def particle_noise(
     t: Float64, x: Float64, y: Float64, u: Float64, v: Float64
-) -> tuple[Noise, npt.NDArray[np.intp], Float64]:
+) -> tuple[Noise, Index, Float64]:
     """The noise of scattered vectors, dimensionless, all [N].
 
     Returns:

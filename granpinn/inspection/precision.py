@@ -26,7 +26,7 @@ from types import SimpleNamespace
 import numpy as np
 import torch
 
-from granpinn.inspection.view import Float64
+from granpinn.arrays import Float64
 from granpinn.physics.law_values import CompleteLaw
 
 KAPPA = 0.097

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Bool, Float32, Float64
 from granpinn.data import Flow
 from granpinn.data.scaling import material_of
 from granpinn.physics.scales import Scales
-
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +54,7 @@ def view_of(flow: Flow, scales: Scales) -> View:
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0
 
-    def velocity(values: npt.NDArray[np.float32]) -> Float64:
+    def velocity(values: Float32) -> Float64:
         scaled = scales.to_dimensionless(values.astype(np.float64), "velocity")
         return np.where(there, scaled, 0.0)
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from granpinn.kernels import op_rules  # noqa: F401  (loads and registers the operators)
+from granpinn.kernels import registration  # noqa: F401  (loads the operators)
 
 _ops = torch.ops.granpinn
 

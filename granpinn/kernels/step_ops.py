@@ -18,39 +18,7 @@ It changes nothing on a CPU, in float64 and for larger matrices.
 
 from __future__ import annotations
 
-from torch import library
-
-from granpinn.kernels import op_rules  # noqa: F401  (loads the operators)
-from granpinn.physics.terms import NAMES
+from granpinn.kernels import registration  # noqa: F401  (loads the operators)
 
 VARIABLES = {"fixed": 0, "log": 1, "log_above": 2, "logistic": 3}
 """Codes of the unbounded variables q of a law (csrc/math/law_variables.h), for `update`."""
-
-
-@library.register_fake("granpinn::draw_batch")
-def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-def]
-    interior, surface, _ = rest[-3:]
-    E = seeds.shape[0]
-    shapes = ((interior, 3), (interior, 2), (interior, 2), (surface, 3), (surface,), (len(NAMES),))
-    return tuple(points.new_empty([E, *shape]) for shape in shapes)
-
-
-@library.register_fake("granpinn::batch_loss")
-def _(counter, table, seeds, *rest):  # type: ignore[no-untyped-def]
-    params, theta = rest[-9], rest[-8]
-    E = params.shape[0]
-    shapes = ((E,), (E, len(NAMES)), params.shape, theta.shape)
-    return tuple(params.new_empty(shape) for shape in shapes)
-
-
-@library.register_fake("granpinn::orthogonalize")
-def _(G, precision="fp32"):  # type: ignore[no-untyped-def]
-    return G.new_empty(G.shape)
-
-
-def _nothing(*arguments: object) -> None:
-    """The shapes of what an operator changes in place."""
-
-
-for _name in ("update", "descend"):
-    library.register_fake(f"granpinn::{_name}")(_nothing)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
+
+from granpinn.arrays import Float64
 
 Quantity = Literal[
     "length", "velocity", "time", "pressure", "force", "rate", "viscosity", "acceleration"
@@ -83,15 +84,15 @@ class Scales:
         """The inverse of to_dimensionless."""
         return cast(Values, cast(Any, values) * self.unit(quantity))
 
-    def points_to_dimensionless(self, x: Any, y: Any, t: Any) -> npt.NDArray[np.float64]:
+    def points_to_dimensionless(self, x: Any, y: Any, t: Any) -> Float64:
         """Points [..., 3] = (x, y, t), dimensionless, of positions and times in file units."""
         points = np.stack(np.broadcast_arrays(x, y, t), axis=-1, dtype=np.float64)
         points /= np.array([self.length, self.length, self.time])
         return points
 
-    def points_to_physical(self, points: Any) -> npt.NDArray[np.float64]:
+    def points_to_physical(self, points: Any) -> Float64:
         """The inverse of points_to_dimensionless: [..., 3] = (x, y, t) in file units."""
-        physical: npt.NDArray[np.float64] = np.asarray(points, dtype=np.float64) * np.array(
+        physical: Float64 = np.asarray(points, dtype=np.float64) * np.array(
             [self.length, self.length, self.time]
         )
         return physical

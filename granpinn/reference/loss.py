@@ -89,6 +89,7 @@ def residual_loss(
         loss [], terms [5], d loss / d params [P], d loss / d theta; each leads with E for an
         ensemble, whose members are evaluated one after the other.
     """
+    problem = (widths, input_shift, input_scale, physics, form, law)
     if params.ndim == 2:
         members = [
             residual_loss(
@@ -100,12 +101,7 @@ def residual_loss(
                 member(surface_points, e, 2),
                 member(surface_pressure, e, 1),
                 member(term_weights, e, 1),
-                widths,
-                input_shift,
-                input_scale,
-                physics,
-                form,
-                law,
+                *problem,
             )
             for e, w in enumerate(params)
         ]
@@ -121,12 +117,7 @@ def residual_loss(
         point_weights,
         surface_points,
         surface_pressure,
-        widths,
-        input_shift,
-        input_scale,
-        physics,
-        form,
-        law,
+        *problem,
     )
     loss = (term_weights * terms).sum()
     grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)

@@ -13,16 +13,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from PIL import Image
 
+from granpinn.arrays import Bytes, Floats, Int64
 from granpinn.figures.maps import RESIDUAL_RANGE
 from granpinn.figures.style import VALUE_MAP, NothingToDraw
 from granpinn.results import Fields
-
-Array = npt.NDArray[np.floating]
-Int = npt.NDArray[np.int64]
 
 MAX_FRAMES = 25
 MAX_PIXELS = 400  # of the longer side of a frame
@@ -38,7 +35,7 @@ class Quantity(NamedTuple):
     label: str
     kind: str
     variables: tuple[str, ...]
-    value: Callable[..., Array]
+    value: Callable[..., Floats]
     log: bool = False
     limits: tuple[float, float] | None = None
 
@@ -148,7 +145,7 @@ def grain_box(fields: Fields) -> tuple[slice, slice]:
     )
 
 
-def pixel_grid(y: Array, x: Array, pixels: int) -> tuple[Int, Int]:
+def pixel_grid(y: Floats, x: Floats, pixels: int) -> tuple[Int64, Int64]:
     """Nearest grid rows [H] and columns [W] of square pixels; the longer side has <= `pixels`.
 
     Pixels are as fine as the finest grid spacing as long as they fit.
@@ -159,7 +156,7 @@ def pixel_grid(y: Array, x: Array, pixels: int) -> tuple[Int, Int]:
     return _nearest(y, side, pixels), _nearest(x, side, pixels)
 
 
-def _nearest(axis: Array, side: float, pixels: int) -> Int:
+def _nearest(axis: Floats, side: float, pixels: int) -> Int64:
     if axis.size == 1:
         return np.zeros(1, np.int64)
     count = min(pixels, max(1, round(float(np.ptp(axis)) / side) + 1))
@@ -167,13 +164,13 @@ def _nearest(axis: Array, side: float, pixels: int) -> Int:
     return nearest_index(axis, centers)
 
 
-def nearest_index(axis: Array, wanted: Array) -> Int:
+def nearest_index(axis: Floats, wanted: Floats) -> Int64:
     """Index [n] of the value of an ascending axis that is nearest to each of `wanted` [n]."""
     middles = (axis[1:] + axis[:-1]) / 2
     return np.asarray(np.searchsorted(middles, wanted), np.int64)
 
 
-def _sheets(fields: Fields, frames: Int, cut: tuple[Int, ...]) -> list[Sheet]:
+def _sheets(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[Sheet]:
     made = []
     for name, q in QUANTITIES.items():
         if not set(q.variables) <= set(fields.values):
@@ -189,7 +186,7 @@ def _sheets(fields: Fields, frames: Int, cut: tuple[Int, ...]) -> list[Sheet]:
     return made
 
 
-def scale_of(values: Array, quantity: Quantity) -> tuple[float, float] | None:
+def scale_of(values: Floats, quantity: Quantity) -> tuple[float, float] | None:
     """The ends of the colour scale: nearly all values at all times; None without any value."""
     if quantity.limits is not None:
         return quantity.limits if np.isfinite(values).any() else None
@@ -203,7 +200,7 @@ def scale_of(values: Array, quantity: Quantity) -> tuple[float, float] | None:
     return (low / 10, low) if quantity.log else (low, low + (abs(low) or 1.0))
 
 
-def quantise(values: Array, low: float, high: float, log: bool) -> npt.NDArray[np.uint8]:
+def quantise(values: Floats, low: float, high: float, log: bool) -> Bytes:
     """Palette indices 0..254 of values between `low` and `high`; 255 where there is none."""
     known = np.isfinite(values)
     inside = np.clip(np.where(known, values, low), low, high)
@@ -211,13 +208,13 @@ def quantise(values: Array, low: float, high: float, log: bool) -> npt.NDArray[n
     return np.where(known, np.rint(share * (OUTSIDE - 1)), OUTSIDE).astype(np.uint8)
 
 
-def palette() -> npt.NDArray[np.uint8]:
+def palette() -> Bytes:
     """Colours [256, 3] of the indices; the last one stands for "no grains"."""
     colors = colormaps[VALUE_MAP](np.linspace(0, 1, OUTSIDE))[:, :3]
     return np.concatenate([np.rint(255 * colors), [[255, 255, 255]]]).astype(np.uint8)
 
 
-def _png(indices: npt.NDArray[np.uint8]) -> str:
+def _png(indices: Bytes) -> str:
     image = Image.fromarray(indices)
     image.putpalette(palette().tobytes())
     memory = io.BytesIO()
@@ -229,5 +226,5 @@ def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def _range(axis: Array, unit: str) -> str:
+def _range(axis: Floats, unit: str) -> str:
     return f"{axis[0]:.3g} to {axis[-1]:.3g}{_unit(unit)}"

@@ -12,15 +12,15 @@ import hashlib
 import math
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup, escape
 
+from granpinn.arrays import Float64
 from granpinn.atomic import atomic_path
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
@@ -109,7 +109,7 @@ def for_paraview(run_dir: str | Path) -> Path:
     return path
 
 
-def read_history(path: Path, law: Law = DEFAULT) -> dict[str, npt.NDArray[np.float64]]:
+def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
     names = columns(law)
     try:
@@ -143,20 +143,11 @@ def render(
     film: films.Film | None = None,
 ) -> str:
     """The page, with every figure inside; a script is on it only where there is a film."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "duration": duration, "base64": encoded}
-    environment.filters |= {"symbol": symbol}
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
     summary, law = summarize(result, history), LAWS[result.law]
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     digest = hashlib.sha256(script.encode()).digest()
-    return environment.get_template("report.html").render(
+    return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
@@ -170,6 +161,19 @@ def render(
         problems=problems,
         settings=settings,
     )
+
+
+def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
+    """A template of this folder with the filters `number`, `symbol` and others."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number, "symbol": symbol, **filters}
+    return environment.get_template(name)
 
 
 def symbol(text: str) -> Markup:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float32, Float64, Int64
 from granpinn.atomic import atomic_path
 from granpinn.report.film import nearest_index
 from granpinn.results import Fields
@@ -25,7 +25,7 @@ from granpinn.results.fields import VARIABLES
 VERSION = (2, 0)
 EVEN = 1e-3  # largest deviation from an even grid, in cells, that coordinates of a file may have
 
-Frame = Callable[[int], npt.NDArray[np.float32]]
+Frame = Callable[[int], Float32]
 
 
 class Axis(NamedTuple):
@@ -33,11 +33,11 @@ class Axis(NamedTuple):
 
     origin: float
     spacing: float
-    points: npt.NDArray[np.int64]
+    points: Int64
     moved: bool
 
 
-def even(axis: npt.NDArray[np.float64]) -> Axis:
+def even(axis: Float64) -> Axis:
     """The even axis with the ends and the number of points of an ascending one."""
     if axis.size == 1:
         return Axis(float(axis[0]), 1.0, np.zeros(1, np.int64), False)
@@ -79,7 +79,7 @@ def _arrays(fields: Fields) -> dict[str, Frame]:
         return lambda k: fields.frame(name, k)
 
     def vector(name_x: str, name_y: str) -> Frame:
-        def frame(k: int) -> npt.NDArray[np.float32]:
+        def frame(k: int) -> Float32:
             f_x, f_y = fields.frame(name_x, k), fields.frame(name_y, k)
             return np.stack([f_x, f_y, 0 * f_x], axis=-1)
 

@@ -13,16 +13,13 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float32, Float64, Int64
 from granpinn.atomic import atomic_path
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
 
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 # name -> (kind of quantity, what it is); `Units.of` turns the kind into a unit.
 VARIABLES = {

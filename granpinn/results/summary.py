@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from granpinn.arrays import Floats
 from granpinn.physics.laws import LAWS, mu_of_i
 from granpinn.results.result import Covariance, Result
 
@@ -53,9 +53,7 @@ class Summary(NamedTuple):
     drift: dict[str, float] | None
 
 
-def summarize(
-    result: Result, history: Mapping[str, npt.NDArray[np.floating]] | None = None
-) -> Summary:
+def summarize(result: Result, history: Mapping[str, Floats] | None = None) -> Summary:
     """What the page says in words; None for what is not known."""
     band = _band(result)
     zones = result.zones
@@ -103,22 +101,14 @@ def _band(result: Result) -> Band | None:
     return Band(low, high, float(mu[0]), float(mu[-1]), largest, half)
 
 
-def half_width(
-    I: npt.NDArray[np.floating],  # noqa: E741
-    result: Result,
-    covariance: Covariance,
-) -> npt.NDArray[np.floating]:
+def half_width(I: Floats, result: Result, covariance: Covariance) -> Floats:  # noqa: E741
     """Half of the 90 % band of the law [n]; the widest interval of the parameters counts."""
     bars = result.error_bars
     width = max(bars.half_width) if bars else NORMAL_90
     return width * friction_sd(I, result, covariance)
 
 
-def friction_sd(
-    I: npt.NDArray[np.floating],  # noqa: E741
-    result: Result,
-    covariance: Covariance,
-) -> npt.NDArray[np.floating]:
+def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  # noqa: E741
     r"""Standard deviation of the law [n] from the covariance C of its parameters, to first order:
 
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
@@ -133,9 +123,7 @@ def friction_sd(
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _drift(
-    names: Sequence[str], history: Mapping[str, npt.NDArray[np.floating]]
-) -> dict[str, float] | None:
+def _drift(names: Sequence[str], history: Mapping[str, Floats]) -> dict[str, float] | None:
     """|last - value at 0.9 of the steps| / |last| of parameters."""
     step = history["step"]
     if step.size < 2:

@@ -7,18 +7,16 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float64
 from granpinn.atomic import atomic_path
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.results import plain
 from granpinn.results.findings import Resimulation
-
-Array = npt.NDArray[np.float64]
 
 FILE = "resimulation.json"
 FORMAT_NAME = "granpinn-resimulation"
@@ -35,15 +33,15 @@ class Comparison(NamedTuple):
         frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
     """
 
-    t: Array
-    front: Array
-    front_simulated: Array
-    velocity_percent: Array
-    profile_rms: Array
-    x: Array
+    t: Float64
+    front: Float64
+    front_simulated: Float64
+    velocity_percent: Float64
+    profile_rms: Float64
+    x: Float64
     frames: list[int]
-    profiles: Array
-    profiles_simulated: Array
+    profiles: Float64
+    profiles_simulated: Float64
 
 
 class Whole(NamedTuple):
@@ -53,14 +51,11 @@ class Whole(NamedTuple):
     common_percent: float
 
 
-class Grid(Protocol):
-    """Coordinates [Y] and [X], as a flow has them."""
+class Nodes(NamedTuple):
+    """Coordinates of a grid, [Y] and [X]."""
 
-    @property
-    def y(self) -> Array: ...
-
-    @property
-    def x(self) -> Array: ...
+    y: Float64
+    x: Float64
 
 
 def compare(flow: Flow, simulated: Flow) -> tuple[Comparison, Whole]:
@@ -97,7 +92,7 @@ def compare(flow: Flow, simulated: Flow) -> tuple[Comparison, Whole]:
     return comparison, whole
 
 
-def fronts(flow: Flow) -> Array:
+def fronts(flow: Flow) -> Float64:
     """Where the fullest cell of a column is half full, by linear interpolation [T]; else NaN."""
     places = []
     for c in flow.c.max(axis=1).astype(np.float64):
@@ -111,19 +106,19 @@ def fronts(flow: Flow) -> Array:
     return np.array(places)
 
 
-def surface_heights(flow: Flow) -> Array:
+def surface_heights(flow: Flow) -> Float64:
     """How thick the grains lie at every x [T, X]."""
-    thick: Array = flow.c.sum(axis=1, dtype=np.float64) * float(np.median(np.diff(flow.y)))
+    thick: Float64 = flow.c.sum(axis=1, dtype=np.float64) * float(np.median(np.diff(flow.y)))
     return thick
 
 
-def interpolation(source: Grid, target: Grid) -> Callable[[Any], Array]:
+def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any], Float64]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
     NaN where one of the points around has no value, or there are none.
     """
 
-    def places(own: Any, wanted: Any) -> tuple[Any, Any, Array]:
+    def places(own: Any, wanted: Any) -> tuple[Any, Any, Float64]:
         index = np.interp(wanted, own, np.arange(len(own)), left=np.nan, right=np.nan)
         nearest = np.round(index)
         index = np.where(np.abs(index - nearest) < 1e-6, nearest, index)
@@ -134,11 +129,11 @@ def interpolation(source: Grid, target: Grid) -> Callable[[Any], Array]:
     j, j_up, b = places(source.y, target.y)
     i, i_up, a = places(source.x, target.x)
 
-    def at(frame: Any) -> Array:
+    def at(frame: Any) -> Float64:
         f = np.asarray(frame, np.float64)
         lower = (1 - a) * f[j][:, i] + a * f[j][:, i_up]
         upper = (1 - a) * f[j_up][:, i] + a * f[j_up][:, i_up]
-        values: Array = (1 - b)[:, None] * lower + b[:, None] * upper
+        values: Float64 = (1 - b)[:, None] * lower + b[:, None] * upper
         return values
 
     return at

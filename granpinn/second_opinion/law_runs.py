@@ -14,22 +14,19 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
-from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
 from granpinn.simulation import Collapse
 from granpinn.simulation.engine import State
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.run import record
 
-Array = npt.NDArray[np.float64]
-Array32 = npt.NDArray[np.float32]
 Theta = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
 
@@ -46,12 +43,12 @@ class AtPoints:
         points: flat indices into [T, Y, X], in increasing order.
     """
 
-    def __init__(self, collapse: Collapse, flow: Flow, points: npt.NDArray[np.int64]) -> None:
+    def __init__(self, collapse: Collapse, flow: Flow, points: Int64) -> None:
         self.collapse, self._flow = collapse.resolved(), flow
         area = flow.c[0].size
         ends = np.searchsorted(points, area * np.arange(len(flow.t) + 1))
         self._of_frame = [points[a:b] - area * k for k, (a, b) in enumerate(pairwise(ends))]
-        self._taken: list[Array32] = []
+        self._taken: list[Float32] = []
 
     def add(self, time: float, state: State) -> None:
         """Keeps the velocity of the next frame; NaN where there are no grains."""
@@ -59,20 +56,15 @@ class AtPoints:
         empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
         first = 0.5 * h
-        grid = _Grid(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
+        grid = Nodes(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
         at = interpolation(grid, self._flow)
         fields = (np.where(empty, np.nan, f[::s, ::s]) for f in (state.u_center, state.v_center))
         here = self._of_frame[len(self._taken)]
         self._taken.append(np.stack([at(f).ravel()[here] for f in fields]).astype(np.float32))
 
-    def velocity(self) -> Array32:
+    def velocity(self) -> Float32:
         """At all points, [2, n]."""
         return np.concatenate(self._taken, axis=1)
-
-
-class _Grid(NamedTuple):
-    y: Array
-    x: Array
 
 
 class LawRuns:
@@ -104,24 +96,24 @@ class LawRuns:
         self.points = there
         self._cores = len(os.sched_getaffinity(0))
         self._pool, self._lock = ThreadPoolExecutor(self._cores), Lock()
-        self._found: dict[tuple[int, Node], Future[Array32]] = {}
+        self._found: dict[tuple[int, Node], Future[Float32]] = {}
 
     @property
     def made(self) -> int:
         return len(self._found)
 
-    def law_at(self, q: Array) -> Theta:
+    def law_at(self, q: Float64) -> Theta:
         """(mu_s, mu_2, I0) at q, of two or three unknowns."""
         mu_s, rise, ratio = np.exp([*q, 0.0][:3]).tolist()
         return mu_s, mu_s + rise * ratio, ratio * self.I0
 
-    def law_by_q(self, q: Array) -> Array:
+    def law_by_q(self, q: Float64) -> Float64:
         """d(mu_s, mu_2, I0)/dq [3, unknowns]."""
         mu_s, mu_2, I0 = self.law_at(q)
         rise = mu_2 - mu_s
         return np.array([[mu_s, 0, 0], [mu_s, rise, rise], [0, 0, I0]])[:, : len(q)]
 
-    def velocities(self, cells: int, nodes: Sequence[Node]) -> list[Array32]:
+    def velocities(self, cells: int, nodes: Sequence[Node]) -> list[Float32]:
         """The velocity at the points for the law of every node, [2, n] each; NaN: no grains.
 
         Fits in several threads share the runs: each node is run once.
@@ -141,7 +133,7 @@ class LawRuns:
                 self._found[cells, node] = run
         return [self._found[cells, node].result() for node in nodes]
 
-    def _run(self, collapse: Collapse) -> Array32:
+    def _run(self, collapse: Collapse) -> Float32:
         taken = AtPoints(collapse, self.flow, self.points)
         record(taken, Silent(), self.flow.t.tolist())
         return taken.velocity()

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.norms import rms
@@ -88,7 +88,7 @@ def in_corner(flow: Flow, k: int) -> bool:
     return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
 
 
-def extent(flow: Flow, full: npt.NDArray[np.bool_]) -> Column:
+def extent(flow: Flow, full: Bool) -> Column:
     """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
     dx, dy = spacings(flow)
     row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))

@@ -32,7 +32,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from granpinn.arrays import Float64
+
 Place = tuple[float, ...]
 
 REACH = 2.0  # distances between places from the middle one: the quadratic is not trusted beyond
@@ -52,9 +53,9 @@ class Nearest(NamedTuple):
         roughness: the largest variance of the roughness in any direction, relative to the noise's.
     """
 
-    x: Array
+    x: Float64
     misfit: float
-    covariance: Array
+    covariance: Float64
     roughness: float
 
 
@@ -84,22 +85,22 @@ class Surface:
         self._of_terms = np.linalg.pinv(terms).T
         self._left = np.linalg.svd(terms)[0][:, terms.shape[1] :]  # Q
 
-    def _terms(self, x: Array) -> Array:
+    def _terms(self, x: Float64) -> Float64:
         return np.array([1.0, *x, *(x[i] * x[j] for i, j in self._pairs)])
 
-    def weights(self, x: Array) -> Array:
+    def weights(self, x: Float64) -> Float64:
         """Of the values at the places, for the value at x [K]."""
-        found: Array = self._of_terms @ self._terms(x)
+        found: Float64 = self._of_terms @ self._terms(x)
         return found
 
-    def slopes(self, x: Array) -> Array:
+    def slopes(self, x: Float64) -> Float64:
         """d weights / dx [K, D]."""
         one = np.eye(self.dimension)
         products = [one[i] * x[j] + x[i] * one[j] for i, j in self._pairs]
-        found: Array = self._of_terms @ np.stack([np.zeros(self.dimension), *one, *products])
+        found: Float64 = self._of_terms @ np.stack([np.zeros(self.dimension), *one, *products])
         return found
 
-    def nearest(self, S: Array, values: float) -> Nearest:
+    def nearest(self, S: Float64, values: float) -> Nearest:
         """Where the misfit is least within REACH, with the roughness and the noise weighed.
 
         Args:
@@ -118,7 +119,7 @@ class Surface:
         largest = float(np.linalg.eigvalsh(Q.T @ S @ Q).max()) / Q.shape[1]
         return Nearest(x, self._misfit(S, x), covariance, largest / max(variance, TINY))
 
-    def without_roughness(self, S: Array, variance: float) -> Array:
+    def without_roughness(self, S: Float64, variance: float) -> Float64:
         """Products of the misfits with noise and roughness weighed, S - S Q (...)^-1 Q^T S [K, K].
 
         Args:
@@ -127,14 +128,14 @@ class Surface:
         """
         Q = self._left
         SQ, noise = S @ Q, variance * Q.shape[1] / ROUGH_RUNS * np.eye(Q.shape[1])
-        found: Array = S - SQ @ np.linalg.pinv(Q.T @ SQ + noise) @ SQ.T
+        found: Float64 = S - SQ @ np.linalg.pinv(Q.T @ SQ + noise) @ SQ.T
         return found
 
-    def _misfit(self, S: Array, x: Array) -> float:
+    def _misfit(self, S: Float64, x: Float64) -> float:
         w = self.weights(x)
         return float(w @ S @ w)
 
-    def _least(self, S: Array, x: Array) -> Array:
+    def _least(self, S: Float64, x: Float64) -> Float64:
         """By Gauss-Newton from x; a coordinate at REACH stays there while S falls outwards."""
         for _ in range(NEWTON_STEPS):
             w, dw = self.weights(x), self.slopes(x)

@@ -19,38 +19,29 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 
+from granpinn.arrays import Float64
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import resimulation
-from granpinn.second_opinion.comparison import interpolation
+from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.settling import settle, settled_after
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 # (x, y, t) -> (u, v), all [n], in the units and axes of the flow.
-Velocity = Callable[[Array, Array, float], tuple[Array, Array]]
+Velocity = Callable[[Float64, Float64, float], tuple[Float64, Float64]]
 Listener = Callable[[int, int], None]
 
 SUBCELLS = 4  # samples along the side of a cell that say how full it is
 NEAR = 3  # cells of air around the grains that have the velocity of the grains
 FAILED, LATE = "failed", "late"
 NO_FRAME = "no frame after the start shows all of the grains"
-
-
-class Nodes(NamedTuple):
-    """Coordinates of a grid, [Y] and [X]."""
-
-    y: Array
-    x: Array
 
 
 def at_frames(
@@ -64,7 +55,7 @@ def at_frames(
     pool: Executor | None = None,
     deadline: float | None = None,
     listener: Listener | None = None,
-) -> tuple[dict[int, Array], SimulatedPressure]:
+) -> tuple[dict[int, Float64], SimulatedPressure]:
     """The pressure at evenly spaced frames, or the reason why there is none.
 
     Args:
@@ -91,7 +82,7 @@ def at_frames(
     begin = time.monotonic()
     lock, done = threading.Lock(), 0
 
-    def one(k: int) -> Array | str:
+    def one(k: int) -> Float64 | str:
         """The pressure of frame k, or why there is none."""
         nonlocal done
         if deadline is not None and time.monotonic() > deadline:
@@ -164,7 +155,7 @@ def start_of(
     """
     nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
     c = fraction_of(flow, k, collapse, before)
-    near = _grown(c > 0, NEAR)
+    near = binary_dilation(c > 0, iterations=NEAR)
     # Nothing passes the plane of symmetry, the floor and the other sides.
     on_x, on_y = np.zeros((ny, nx + 1), bool), np.zeros((ny + 1, nx), bool)
     on_x[:, 1:-1] = near[:, 1:] | near[:, :-1]
@@ -178,7 +169,7 @@ def start_of(
     return Start(c, u, v)
 
 
-def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> Array:
+def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> Float64:
     """Fraction of grains in the cells of a collapse [ny, nx] at the time `before` frame k.
 
     Grains end where c of the flow is a half by interpolation, linear in time and bilinear in space.
@@ -194,11 +185,11 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> 
     full = np.zeros((n * ny, n * nx))
     at = interpolation(flow, _within(Nodes(y[rows], x[columns]), flow.y, flow.x))
     full[np.ix_(rows, columns)] = at(c) >= 0.5
-    share: Array = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
+    share: Float64 = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
     return share
 
 
-def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
+def pressure_at(flow: Flow, state: State, spacing: float) -> Float64:
     """The pressure of a state at the grid of a flow [Y, X]; 0 beyond its window."""
     ny, nx = state.p.shape
     centers = Nodes(*(spacing * (np.arange(n, dtype=np.float64) + 0.5) for n in (ny, nx)))
@@ -208,18 +199,6 @@ def pressure_at(flow: Flow, state: State, spacing: float) -> Array:
     return p
 
 
-def _within(nodes: Nodes, y: Array, x: Array) -> Nodes:
+def _within(nodes: Nodes, y: Float64, x: Float64) -> Nodes:
     """Nodes beyond the ends of other axes, moved to these ends."""
     return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
-
-
-def _grown(mask: Mask, cells: int) -> Mask:
-    """A mask, grown by so many steps along the axes."""
-    for _ in range(cells):
-        wider = mask.copy()
-        wider[1:] |= mask[:-1]
-        wider[:-1] |= mask[1:]
-        wider[:, 1:] |= mask[:, :-1]
-        wider[:, :-1] |= mask[:, 1:]
-        mask = wider
-    return mask

@@ -30,16 +30,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import Law, mu_of_i
 from granpinn.results.findings import SimulatorFit
-from granpinn.second_opinion.law_runs import SPACING, Array32, LawRuns, Node
+from granpinn.second_opinion.law_runs import SPACING, LawRuns, Node
 from granpinn.second_opinion.response_surface import REACH, Place, Surface, composite, filled
-
-Array = npt.NDArray[np.float64]
-Widths = npt.NDArray[np.int64]
 
 ROUNDS = 12  # of all nodes, at most, on each grid
 # Spacings of the lattice between two nodes, powers of two:
@@ -70,11 +67,11 @@ class Minimum(NamedTuple):
         roughness: of the runs, the variance in its largest direction relative to the noise's.
     """
 
-    q: Array
-    widths: Widths
-    x: Array
+    q: Float64
+    widths: Int64
+    x: Float64
     limited: bool
-    covariance: Array
+    covariance: Float64
     misfit: float
     common: float
     roughness: float
@@ -127,7 +124,7 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
 
 
 def search(
-    data: Array32, runs: LawRuns, cells: int, q: Array, widths: Widths, last: bool
+    data: Float32, runs: LawRuns, cells: int, q: Float64, widths: Int64, last: bool
 ) -> Minimum:
     """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
     least = np.full(len(q), NARROWEST if last else 2 * NARROWEST)
@@ -138,12 +135,12 @@ def search(
 
 
 def settle(
-    data: Array32,
+    data: Float32,
     runs: LawRuns,
     cells: int,
-    q: Array,
-    widths: Widths,
-    least: Widths,
+    q: Float64,
+    widths: Int64,
+    least: Int64,
     places: Sequence[Place],
 ) -> Minimum:
     """Moves the nodes, and changes their distances, until nothing changes any more."""
@@ -165,14 +162,14 @@ def settle(
             return found
 
 
-def around(q: Array, widths: Widths, places: Sequence[Place]) -> list[Node]:
+def around(q: Float64, widths: Int64, places: Sequence[Place]) -> list[Node]:
     """The nodes at the places around the one next to q, the middle one first."""
     middle = widths * np.round(q / (widths * SPACING[: len(q)]))
     return [tuple((middle + widths * np.array(x)).astype(int).tolist()) for x in places]
 
 
 def closest(
-    data: Array32, runs: LawRuns, cells: int, nodes: Sequence[Node], widths: Widths
+    data: Float32, runs: LawRuns, cells: int, nodes: Sequence[Node], widths: Int64
 ) -> Minimum:
     """The least misfit of the surface through the nodes, of which the first is its middle."""
     unit, middle = SPACING[: len(widths)], np.array(nodes[0])
@@ -193,13 +190,13 @@ def closest(
     )
 
 
-def asked_for(std: Array, least: Widths) -> Widths:
+def asked_for(std: Float64, least: Int64) -> Int64:
     """Powers of two of at least DEVIATIONS standard deviations, all in spacings of the lattice."""
     wide = np.clip(DEVIATIONS * std, least, WIDEST)
     return (2 ** np.ceil(np.log2(wide))).astype(int)
 
 
-def products(values: Sequence[Array32], data: Array32) -> tuple[Array, float, float]:
+def products(values: Sequence[Float32], data: Float32) -> tuple[Float64, float, float]:
     """S_kl = (v_k - d) (v_l - d), d d, and the share of the points where none is NaN."""
     K, n = len(values), data.shape[1]
     S, energy, common = np.zeros((K, K)), 0.0, 0

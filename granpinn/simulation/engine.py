@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from granpinn import _collapse
+from granpinn.arrays import Float64
 from granpinn.simulation.parameters import MARGIN, Collapse
-
-Array = npt.NDArray[np.float64]
 
 
 class SimulationError(RuntimeError):
@@ -61,30 +59,30 @@ class State:
         eta_center, eta_corner: viscosity of the last step [ny, nx], [ny + 1, nx + 1].
     """
 
-    c: Array
-    p: Array
-    u: Array
-    v: Array
-    eta_center: Array
-    eta_corner: Array
+    c: Float64
+    p: Float64
+    u: Float64
+    v: Float64
+    eta_center: Float64
+    eta_corner: Float64
 
     @property
-    def u_center(self) -> Array:
-        mean: Array = 0.5 * (self.u[:, 1:] + self.u[:, :-1])
+    def u_center(self) -> Float64:
+        mean: Float64 = 0.5 * (self.u[:, 1:] + self.u[:, :-1])
         return mean
 
     @property
-    def v_center(self) -> Array:
-        mean: Array = 0.5 * (self.v[1:] + self.v[:-1])
+    def v_center(self) -> Float64:
+        mean: Float64 = 0.5 * (self.v[1:] + self.v[:-1])
         return mean
 
 
 class Start(NamedTuple):
     """Fields of a `State` at the start, on the whole box."""
 
-    c: Array
-    u: Array
-    v: Array
+    c: Float64
+    u: Float64
+    v: Float64
 
 
 class Engine:
@@ -155,11 +153,11 @@ def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
     return parameters
 
 
-def column_fraction(collapse: Collapse, nx: int, ny: int) -> Array:
+def column_fraction(collapse: Collapse, nx: int, ny: int) -> Float64:
     """Fraction of grains at the start, [ny, nx]: a rectangle in the lower left corner."""
     h = collapse.spacing
 
-    def filled(length: float, count: int) -> Array:
+    def filled(length: float, count: int) -> Float64:
         return np.clip((length - h * np.arange(count)) / h, 0.0, 1.0)
 
     return np.outer(filled(collapse.height, ny), filled(collapse.width, nx))

@@ -8,15 +8,14 @@ as in the paper.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 import granpinn
+from granpinn.arrays import Float32, Float64
 from granpinn.data.flow import Flow, Surface, Truth
 from granpinn.simulation.engine import State
 from granpinn.simulation.parameters import Collapse
 
 SURFACE_HALF_WIDTH = 0.1
-Array = npt.NDArray[np.float64]
 
 
 class Recorder:
@@ -25,8 +24,8 @@ class Recorder:
     def __init__(self, collapse: Collapse) -> None:
         self.collapse = collapse.resolved()
         self.times: list[float] = []
-        self.frames: list[dict[str, Array]] = []
-        self.surface: list[Array] = []  # [n, 4]: t, x, y, p
+        self.frames: list[dict[str, Float64]] = []
+        self.surface: list[Float64] = []  # [n, 4]: t, x, y, p
 
     def add(self, time: float, state: State) -> None:
         """Adds a frame: fields at the strided cell centers, and all surface points."""
@@ -70,7 +69,7 @@ class Recorder:
             attributes=self._settings(),
         )
 
-    def _stack(self, name: str, ny: int, nx: int) -> npt.NDArray[np.float32]:
+    def _stack(self, name: str, ny: int, nx: int) -> Float32:
         """One quantity of all frames [T, ny, nx]; 0 beyond the window of a frame."""
         out = np.zeros((len(self.frames), ny, nx), np.float32)
         for k, frame in enumerate(self.frames):

@@ -15,7 +15,8 @@ import math
 
 import numpy as np
 
-from granpinn.simulation.engine import Array, Engine, Start, State
+from granpinn.arrays import Float64
+from granpinn.simulation.engine import Engine, Start, State
 from granpinn.simulation.parameters import Collapse
 
 STEPS = 40
@@ -50,7 +51,7 @@ def settle(collapse: Collapse, start: Start, steps: int = STEPS, step: float = S
     return engine.state()
 
 
-def _widened(values: Array, like: Array) -> Array:
+def _widened(values: Float64, like: Float64) -> Float64:
     """Values on the window as values on the whole box, 0 beyond the window."""
     out = np.zeros_like(like)
     out[: values.shape[0], : values.shape[1]] = values

@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jinja2
-
 from granpinn.atomic import atomic_path
 from granpinn.config import flatten
-from granpinn.report.page import TEMPLATES, duration, symbol
+from granpinn.report.page import duration, template
 from granpinn.results import number, plain
 from granpinn.results.named import PRESSURES, SIMULATED
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
@@ -192,16 +190,8 @@ def csv_text(study: Study) -> str:
 
 def html(study: Study) -> str:
     """The page, which needs no other file."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "case_name": case_name, "symbol": symbol}
     settings = {name: str(value) for name, value in flatten(study.config).items()}
-    return environment.get_template("tables.html").render(
+    return template("tables.html", case_name=case_name).render(
         study=study,
         tables=tables_of(study.rows),
         paper_error=paper_error,

@@ -12,9 +12,9 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
@@ -29,8 +29,6 @@ FAULTS = (
     "variables of the friction law",
 )
 _CODES = 8  # csrc/step.h: fault = step * 8 + index into FAULTS
-
-Rows = npt.NDArray[np.float64]
 
 
 class Position(NamedTuple):
@@ -75,7 +73,7 @@ class ControlTable:
         self._loaded: tuple[object, ...] | None = None  # what the rows on the device depend on
         self._first = self._next = 0  # step of the first row, and step of the counter
         self._rows = np.empty((0, 2 + E))
-        self._ahead: tuple[Position, Rows] | None = None
+        self._ahead: tuple[Position, Float64] | None = None
 
     def prepare(
         self, at: Position, steps: int, lr_scale: Sequence[float], diverged: Collection[int]
@@ -99,7 +97,7 @@ class ControlTable:
         averaged = at.averaged + int(np.count_nonzero(used[:, 1]))
         return at._replace(step=self._next, averaged=averaged)
 
-    def rows(self, at: Position) -> Rows:
+    def rows(self, at: Position) -> Float64:
         """The rows [stretch, 2 + E] from `at` on; those of the last call are kept."""
         if self._ahead is not None and self._ahead[0] == at:
             return self._ahead[1]

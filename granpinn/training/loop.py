@@ -17,7 +17,7 @@ from granpinn.training import checkpoint, time_limit
 from granpinn.training.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Alone, Processes
+from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
@@ -53,7 +53,7 @@ class TrainingLoop:
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
-        self.processes = processes or Alone()
+        self.processes = processes or Processes()
         self.single = members is None
         self.progress = progress
         self.deadline = deadline

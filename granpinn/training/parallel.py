@@ -11,53 +11,39 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol
 
 import torch
-from torch import Tensor, distributed
+from torch import distributed
 
 from granpinn.training.objective import Evaluation
 
 
-class Processes(Protocol):
-    """Attributes:
-    rank, size: number of this process, and how many there are.
+class Processes:
+    """The processes of a run: this one alone, unless it is a `Group`.
+
+    Attributes:
+        rank, size: number of this process, and how many there are.
     """
 
-    rank: int
-    size: int
+    rank, size = 0, 1
 
     def all_reduce(self, e: Evaluation) -> Evaluation:
         """The mean of the evaluations of all shares: that of the whole batch."""
+        return e
 
     def broadcast(self, values: Sequence[float]) -> list[float]:
         """The values of the first process."""
+        return list(values)
 
     def stopping(self, asked: bool) -> bool:
         """Whether any process was asked to stop; the same in all processes after a step."""
+        return asked
 
     def barrier(self) -> None:
         """Wait for all processes."""
 
 
-class Alone:
-    """The one process of a run."""
-
-    rank, size = 0, 1
-
-    def all_reduce(self, e: Evaluation) -> Evaluation:
-        return e
-
-    def broadcast(self, values: Sequence[float]) -> list[float]:
-        return list(values)
-
-    def stopping(self, asked: bool) -> bool:
-        return asked
-
-    def barrier(self) -> None: ...
-
-
-class Group:
+class Group(Processes):
     """The processes of torch.distributed's default group."""
 
     def __init__(self, device: torch.device) -> None:
@@ -91,7 +77,7 @@ class Group:
 def processes(device: torch.device) -> Processes:
     """The group that was joined, or this process alone."""
     grouped = distributed.is_available() and distributed.is_initialized()
-    return Group(device) if grouped and distributed.get_world_size() > 1 else Alone()
+    return Group(device) if grouped and distributed.get_world_size() > 1 else Processes()
 
 
 @contextmanager
@@ -116,15 +102,6 @@ def gather_texts(text: str) -> list[str]:
     """One text of every process, in the order of their ranks."""
     if not distributed.is_initialized():
         return [text]
-    content = text.encode()
-    size = distributed.get_world_size()
-    lengths = [torch.zeros(1, dtype=torch.int64) for _ in range(size)]
-    distributed.all_gather(lengths, torch.tensor([len(content)]))
-    longest = max(int(n) for n in lengths)
-    own = torch.zeros(longest, dtype=torch.uint8)
-    own[: len(content)] = torch.frombuffer(bytearray(content), dtype=torch.uint8)
-    padded: list[Tensor] = [torch.empty_like(own) for _ in range(size)]
-    distributed.all_gather(padded, own)
-    return [
-        bytes(text[: int(n)].tolist()).decode() for text, n in zip(padded, lengths, strict=True)
-    ]
+    texts = [""] * distributed.get_world_size()
+    distributed.all_gather_object(texts, text)
+    return texts

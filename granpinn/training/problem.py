@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.arrays import Float64
 from granpinn.config import Config, Weights
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
@@ -79,7 +80,7 @@ def _term_weights(config: Config, scales: Scales) -> list[float]:
 
 def velocity_relaxation(
     settings: Weights, weight: npt.ArrayLike, misfit: npt.ArrayLike, done: float
-) -> npt.NDArray[np.float64]:
+) -> Float64:
     """Factor on the weight of the velocity term of noisy data, 1 for clean data.
 
     sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too

@@ -9,7 +9,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 from granpinn.config import ConfigError
 from granpinn.physics.terms import TERMS
@@ -18,8 +18,8 @@ from granpinn.training.history import Row
 LINE_EVERY = 10.0  # seconds between plain lines
 
 
-class Progress(Protocol):
-    """A listener of a run; subclass `Silent` and override what is of interest."""
+class Progress:
+    """A listener of a run; subclass it and override what is of interest."""
 
     def start(self, total: int, done: int) -> None:
         """A run of `total` steps begins; `done` of them are in a checkpoint."""
@@ -37,18 +37,8 @@ class Progress(Protocol):
         """The run ended, in whatever way."""
 
 
-class Silent:
+class Silent(Progress):
     """Shows nothing."""
-
-    def start(self, total: int, done: int) -> None: ...
-
-    def total(self, steps: int) -> None: ...
-
-    def show(self, row: Row) -> None: ...
-
-    def message(self, text: str) -> None: ...
-
-    def stop(self) -> None: ...
 
 
 class Lines(Silent):

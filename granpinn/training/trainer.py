@@ -25,7 +25,7 @@ from granpinn.training.last_layer import last_layer
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.optimise import BatchOptimizer
-from granpinn.training.parallel import Alone, Processes
+from granpinn.training.parallel import Processes
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
 
@@ -57,7 +57,7 @@ class Trainer:
         self.objective = objective
         self.schedule = schedule
         self.config = config
-        self.processes = processes or Alone()
+        self.processes = processes or Processes()
         self.params = torch.stack(starts).to(objective.points)
         self.law_variables = LawVariables(
             objective.law,

@@ -14,8 +14,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float64
 from granpinn.physics import terms
 from granpinn.results.decoding import decode
 from granpinn.results.named import require_names
@@ -23,7 +23,6 @@ from granpinn.results.named import require_names
 PATH = Path(__file__).with_suffix(".json")
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ class Calibration:
             if matrix[0][1] != matrix[1][0] or min(np.linalg.eigvalsh(matrix)) < -1e-12:
                 raise ValueError(f"a covariance must be symmetric and not negative, got {matrix}")
 
-    def discrepancy_at(self, mu_s: float) -> Array:
+    def discrepancy_at(self, mu_s: float) -> Float64:
         """Second moment [2, 2] of z, linear between the knots and constant beyond them."""
         knots = np.array(self.discrepancy)
         flat = [np.interp(mu_s, self.mu_s, knots[:, i, j]) for i in range(2) for j in range(2)]

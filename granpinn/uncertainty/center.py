@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from granpinn.arrays import Float64
 from granpinn.physics.laws import DEFAULT, Law
 from granpinn.results.records import Members
 
-Array = npt.NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 
 
@@ -45,12 +44,12 @@ def nearest(members: Members, law: Law, scatter: Matrix | None = None) -> int:
     return int(np.argmin(distance))
 
 
-def values_of(members: Members, law: Law = DEFAULT) -> Array:
+def values_of(members: Members, law: Law = DEFAULT) -> Float64:
     """The values of the members [K, len(law.free)]."""
     return np.stack([members.values[name] for name in law.free], axis=1)
 
 
-def deviations(members: Members, law: Law = DEFAULT) -> Array:
+def deviations(members: Members, law: Law = DEFAULT) -> Float64:
     """(value - center) / first parameter of the center, of the members [K, len(law.free)]."""
     middle = np.array(center(members, law))
     return np.asarray((values_of(members, law) - middle) / middle[0])

@@ -36,13 +36,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
+from granpinn.arrays import Float64
 from granpinn.results import Residuals
 from granpinn.results.records import ErrorBars, Members
 from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.center import center, deviations
 from granpinn.uncertainty.of_law import excess, velocity_error
 
-Array = npt.NDArray[np.float64]
 Pair = tuple[float, float]
 
 LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of the value in the table
@@ -54,7 +54,7 @@ class Estimate(NamedTuple):
     """mu = (mu_s, mu_2), their covariance [2, 2] and 90 % intervals."""
 
     mu: Pair
-    covariance: Array
+    covariance: Float64
     intervals: tuple[Pair, Pair]
     bars: ErrorBars
 
@@ -87,7 +87,7 @@ def estimate(
     return Estimate(mu, mu[0] ** 2 * C, (intervals[0], intervals[1]), bars)
 
 
-def scatter(members: Members, calibration: Calibration) -> tuple[Array, float]:
+def scatter(members: Members, calibration: Calibration) -> tuple[Float64, float]:
     """V [2, 2] of z of the center, and its degrees of freedom."""
     z, redrawn = deviations(members), np.array(members.redrawn)
     kept = z[~redrawn] if not redrawn.all() else z

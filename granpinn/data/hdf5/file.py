@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from h5py import h5d, h5f, h5g, h5l, h5o
@@ -78,12 +77,7 @@ class SafeFile:
         self.attributes = Attributes(self._root)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._file.close()
 
     def open_dataset(self, name: str) -> Dataset | None:

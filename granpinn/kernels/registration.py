@@ -20,6 +20,8 @@ except ImportError as error:
     ) from error
 
 CHANNELS = (1, 4, 7)  # of jets of order 0, 1, 2
+# The inputs of residual_loss after params and theta that have no gradient.
+DATA = ["points", "velocity", "point_weights", "surface_points", "surface_pressure", "term_weights"]
 
 _ops = torch.ops.granpinn
 
@@ -73,6 +75,35 @@ def _(step, seed, stream, count, population):  # type: ignore[no-untyped-def]
     return step.new_empty([count])
 
 
+@torch.library.register_fake("granpinn::draw_batch")
+def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-def]
+    interior, surface, _ = rest[-3:]
+    E = seeds.shape[0]
+    shapes = ((interior, 3), (interior, 2), (interior, 2), (surface, 3), (surface,), (len(NAMES),))
+    return tuple(points.new_empty([E, *shape]) for shape in shapes)
+
+
+@torch.library.register_fake("granpinn::batch_loss")
+def _(counter, table, seeds, *rest):  # type: ignore[no-untyped-def]
+    params, theta = rest[-9], rest[-8]
+    E = params.shape[0]
+    shapes = ((E,), (E, len(NAMES)), params.shape, theta.shape)
+    return tuple(params.new_empty(shape) for shape in shapes)
+
+
+@torch.library.register_fake("granpinn::orthogonalize")
+def _(G, precision="fp32"):  # type: ignore[no-untyped-def]
+    return G.new_empty(G.shape)
+
+
+def _nothing(*arguments: object) -> None:
+    """The shapes of what an operator changes in place."""
+
+
+for _name in ("update", "descend"):
+    torch.library.register_fake(f"granpinn::{_name}")(_nothing)
+
+
 def _jet_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     points, params, *network = inputs
     if points.requires_grad:
@@ -87,14 +118,8 @@ def _jet_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
 @once_differentiable
 def _jet_backward(ctx, grad):  # type: ignore[no-untyped-def]
     points, params = ctx.saved_tensors
-    return (
-        None,
-        _ops.network_jet_backward(grad, points, params, *ctx.network),
-        None,
-        None,
-        None,
-        None,
-    )
+    by_params = _ops.network_jet_backward(grad, points, params, *ctx.network)
+    return (None, by_params, *([None] * 4))
 
 
 torch.library.register_autograd("granpinn::network_jet", _jet_backward, setup_context=_jet_setup)
@@ -102,18 +127,8 @@ torch.library.register_autograd("granpinn::network_jet", _jet_backward, setup_co
 
 def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     _, terms, grad_params, grad_theta = output
-    for i, name in enumerate(
-        (
-            "points",
-            "velocity",
-            "point_weights",
-            "surface_points",
-            "surface_pressure",
-            "term_weights",
-        ),
-        start=2,
-    ):
-        if inputs[i].requires_grad:
+    for name, data in zip(DATA, inputs[2:8], strict=True):
+        if data.requires_grad:
             raise ValueError(
                 f"{name} must not require a gradient: the loss is differentiable in params and "
                 f"theta; pass {name}.detach()"
