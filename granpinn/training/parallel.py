@@ -2,8 +2,8 @@
 
 Each process draws an equal share of every batch; all shares together are the batch of a single
 process. One all-reduce in a step averages losses and gradients. The update then has the same bits
-everywhere, so parameters are never sent. The first process decides what depends on the clock, and
-a signal to any process stops all of them.
+everywhere, so parameters are never sent. The first process makes the decisions that depend on the
+clock, and a signal to any process stops all of them.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ class Processes(Protocol):
     size: int
 
     def all_reduce(self, e: Evaluation) -> Evaluation:
-        """The mean of the evaluations of all shares: that of the whole batch."""
+        """The evaluation of the whole batch: the mean over the processes."""
 
     def broadcast(self, values: Sequence[float]) -> list[float]:
         """The values of the first process."""
 
     def stopping(self, asked: bool) -> bool:
-        """Whether any process was asked to stop; the same in all processes after a step."""
+        """Whether `asked` is true in any process; the same answer in all after a step."""
 
     def barrier(self) -> None:
         """Wait for all processes."""
 
 
 class Alone:
-    """The one process of a run."""
+    """The only process of a run."""
 
     rank, size = 0, 1
 
@@ -89,16 +89,16 @@ class Group:
 
 
 def processes(device: torch.device) -> Processes:
-    """The group that was joined, or this process alone."""
+    """The group of torchrun after `joined`, or this process alone."""
     grouped = distributed.is_available() and distributed.is_initialized()
     return Group(device) if grouped and distributed.get_world_size() > 1 else Alone()
 
 
 @contextmanager
 def joined() -> Iterator[int]:
-    """Join the group of torchrun, if any, and leave it at the end; gives the rank.
+    """Join the group of torchrun, if any, and leave it at the end; yields the rank.
 
-    Tensors of GPUs are sent by NCCL, others by gloo; each process has the GPU of its local rank.
+    NCCL sends tensors of GPUs, gloo the others; each process uses the GPU of its local rank.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) < 2:
         yield 0

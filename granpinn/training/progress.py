@@ -1,4 +1,4 @@
-"""What a run shows on the way: a bar in a terminal, plain lines elsewhere, TensorBoard.
+"""The progress of a run: a bar in a terminal, plain lines elsewhere, events for TensorBoard.
 
 A run calls its listener: `start`, then `show` for every row of the history, then `stop`.
 """
@@ -19,7 +19,7 @@ LINE_EVERY = 10.0  # seconds between plain lines
 
 
 class Progress(Protocol):
-    """A listener of a run; subclass `Silent` and override what is of interest."""
+    """A listener of a run; subclass `Silent` and override the calls that are of interest."""
 
     def start(self, total: int, done: int) -> None:
         """A run of `total` steps begins; `done` of them are in a checkpoint."""
@@ -31,10 +31,10 @@ class Progress(Protocol):
         """A row was added to the history."""
 
     def message(self, text: str) -> None:
-        """Something worth a sentence happened."""
+        """Show a sentence about an event of the run."""
 
     def stop(self) -> None:
-        """The run ended, in whatever way."""
+        """The run ended, with or without an error."""
 
 
 class Silent:
@@ -118,7 +118,7 @@ class Bar(Silent):
 
 
 class TensorBoard(Silent):
-    """Events for TensorBoard, if it is installed, besides what `inner` shows."""
+    """Writes events for TensorBoard, if it is installed, and calls the listener `inner` too."""
 
     def __init__(self, folder: Path, inner: Progress) -> None:
         try:
