@@ -31,7 +31,7 @@ class Comparison(NamedTuple):
 
     Attributes:
         t, front, front_simulated, velocity_percent, profile_rms: [T]; NaN where there is none.
-        x: places of the profiles [X].
+        x: coordinates of the profiles [X].
         frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
     """
 
@@ -54,7 +54,7 @@ class Whole(NamedTuple):
 
 
 class Grid(Protocol):
-    """Coordinates [Y] and [X], as a flow has them."""
+    """Coordinates [Y] and [X], such as those of a flow."""
 
     @property
     def y(self) -> Array: ...
@@ -112,7 +112,7 @@ def fronts(flow: Flow) -> Array:
 
 
 def surface_heights(flow: Flow) -> Array:
-    """How thick the grains lie at every x [T, X]."""
+    """Thickness of the grains at every x [T, X]."""
     thick: Array = flow.c.sum(axis=1, dtype=np.float64) * float(np.median(np.diff(flow.y)))
     return thick
 
@@ -120,7 +120,7 @@ def surface_heights(flow: Flow) -> Array:
 def interpolation(source: Grid, target: Grid) -> Callable[[Any], Array]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
-    NaN where one of the points around has no value, or there are none.
+    NaN where one of the four points around is missing or has no value.
     """
 
     def places(own: Any, wanted: Any) -> tuple[Any, Any, Array]:
@@ -145,7 +145,7 @@ def interpolation(source: Grid, target: Grid) -> Callable[[Any], Array]:
 
 
 def write_comparison(summary: Resimulation, comparison: Comparison | None, path: Path) -> None:
-    """Write resimulation.json; what is not known is null."""
+    """Write resimulation.json; unknown numbers are null."""
     content = {
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
@@ -157,7 +157,7 @@ def write_comparison(summary: Resimulation, comparison: Comparison | None, path:
 
 
 def read_comparison(path: Path) -> Comparison | None:
-    """The comparison of a resimulation.json; None where there is none. ValueError: not readable."""
+    """The comparison in a resimulation.json, None if it has none; ValueError: not readable."""
     content = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.get("format_name") != FORMAT_NAME:
         raise ValueError(f"{path.name} must have format_name {FORMAT_NAME!r}")
