@@ -1,4 +1,4 @@
-// The problem in plain structs: what crosses from the torch side to the kernels of any device.
+// The problem in plain structs, which the torch side passes to the kernels of any device.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ GRANPINN_HD constexpr int channels_of(Form form) {
   return form == Form::data ? 1 : form == Form::mixed ? 4 : 7;
 }
 
-// The sums that a pass over the points leaves: squares of the terms, then the gradient by theta.
+// The sums of a pass over the points: squares of the terms, then the gradient by theta.
 constexpr int kSums = kTerms + kMaxLawParameters;
 
 template <class T>
@@ -58,8 +58,8 @@ struct LossArguments {
   const T* surface_pressure;  // [m]
 };
 
-// The viscosity at n points: eta, or from `grad`, the adjoint of eta, those of gamma_dot, p and
-// theta at each point.
+// The viscosity at n points: eta; or, from `grad`, the adjoint of eta, the adjoints of gamma_dot, p
+// and theta at each point.
 template <class T>
 struct ViscosityArguments {
   Physics<T> physics;

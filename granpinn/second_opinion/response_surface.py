@@ -135,7 +135,7 @@ class Surface:
         return float(w @ S @ w)
 
     def _least(self, S: Array, x: Array) -> Array:
-        """The minimum by Gauss-Newton from x; a coordinate stays at REACH while S falls outwards."""
+        """The minimum by Gauss-Newton from x; a coordinate stays at REACH if S falls outwards."""
         for _ in range(NEWTON_STEPS):
             w, dw = self.weights(x), self.slopes(x)
             falls = -dw.T @ S @ w
