@@ -1,4 +1,4 @@
-"""What every test shares: a seed made from the test's own name, and figures without a display."""
+"""Shared by all tests: a seed made from the name of the test, and figures without a display."""
 
 import hashlib
 import importlib
