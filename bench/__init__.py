@@ -1,4 +1,4 @@
 """Benchmarks of the kernels and the step: each states the claim that it defends.
 
-results/ has what was measured, studies/ the scientific questions.
+results/ has the measurements, studies/ the scientific questions.
 """

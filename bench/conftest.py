@@ -1,4 +1,4 @@
-"""What a stored benchmark needs to be believed later: where, with what and how it was measured.
+"""Adds the machine, the versions and the command to a stored benchmark.
 
 pytest bench --benchmark-json=bench/results/cpu_step.json
 """
@@ -29,7 +29,7 @@ def threads(request: pytest.FixtureRequest) -> Any:
 def pytest_benchmark_update_json(
     config: pytest.Config, benchmarks: list[Any], output_json: dict[str, Any]
 ) -> None:
-    """Keeps medians and spread instead of every sample, and adds the machine and the command."""
+    """Keep medians and spread instead of every sample, and add the machine and the command."""
     output_json["machine_info"] = machine_info()
     output_json["command"] = shlex.join(["pytest", *map(_relative, sys.argv[1:])])
     output_json.pop("commit_info", None)
@@ -39,7 +39,7 @@ def pytest_benchmark_update_json(
 
 
 def _relative(argument: str) -> str:
-    """Without the path of the checkout, which means nothing elsewhere."""
+    """The argument without the path of the checkout, which differs on every machine."""
     return argument.replace(f"{Path.cwd()}/", "")
 
 
@@ -53,7 +53,7 @@ def machine_info() -> dict[str, Any]:
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """The table that the claims are about, in process CPU time, which neighbours disturb least."""
+    """Print the table of the claims in process CPU time, which other processes disturb least."""
     session = getattr(terminalreporter.config, "_benchmarksession", None)
     rows = [b.extra_info for b in getattr(session, "benchmarks", []) if "cpu_ms" in b.extra_info]
     if not rows:

@@ -1,7 +1,7 @@
-"""How a step is timed on a GPU: device events, launches, peak memory, and the machine's ceilings.
+"""Timing of a step on a GPU: device events, launches, peak memory, and the machine's ceilings.
 
-On a CPU, where the GPU benchmark is only tried out, the wall clock takes the place of events and
-what only a GPU has is None.
+A CPU can only try out the GPU benchmark: there the wall clock takes the place of events, and the
+other measurements are None.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any
 import torch
 
 Advance = Callable[[], Any]
-SAMPLE_MS = 2.0  # a sample is as many steps as take this long
+SAMPLE_MS = 2.0  # duration of a sample, which has several steps
 ROUNDS = (5, 50)
 
 
 def milliseconds(advance: Advance, device: torch.device, seconds: float = 0.3) -> float:
-    """Median time of a step: samples of some steps each, for about so many seconds."""
+    """Median time of a step over samples of several steps, measured for about `seconds`."""
     for _ in range(3):
         advance()
     once = _sample(advance, 1, device)
@@ -48,7 +48,7 @@ def _sample(advance: Advance, repeats: int, device: torch.device) -> float:
 
 
 def graphed(step: Advance, steps: int) -> Advance:
-    """So many steps, captured in a CUDA graph that every call replays."""
+    """A number of steps, captured in a CUDA graph that every call replays."""
     side = torch.cuda.Stream()  # type: ignore[no-untyped-call]
     side.wait_stream(torch.cuda.current_stream())
     with torch.cuda.stream(side):
@@ -71,9 +71,9 @@ def graphed(step: Advance, steps: int) -> Advance:
 
 
 def launches(advance: Advance, steps: int = 1) -> float | None:
-    """Kernels per step, by torch.profiler, of an `advance` that makes so many steps.
+    """Kernels per step, by torch.profiler, of an `advance` that makes `steps` steps.
 
-    Profiling slows later launches down: it comes after everything that is timed.
+    Profiling slows later launches down, so call it after all timings.
     """
     if not torch.cuda.is_available():
         return None
@@ -91,7 +91,7 @@ def launches(advance: Advance, steps: int = 1) -> float | None:
 
 
 class PeakMemory:
-    """Bytes that the tensors of a block take at most, those from before it not counted."""
+    """Peak bytes of the tensors that a block allocates; earlier tensors do not count."""
 
     def __init__(self, device: torch.device) -> None:
         self.device = device

@@ -1,13 +1,13 @@
 """Errors of the loss and its gradient against float64, for random weights and trained networks.
 
 Near convergence the residuals are far smaller than their terms, so no fixed tolerance fits even
-float32: the rule is that the gradient of the mode "fast" errs at most 1.5 times as much as that of
-"fp32". The ratio of two rounding errors is mostly chance, and what the rounding of the weights adds
-is the same in every batch. So the rule is about the median over copies of the network whose weights
-differ by COPIED, of each copy's median over some batches.
+float32. The rule: the gradient in mode "fast" errs at most 1.5 times as much as in mode "fp32". The
+ratio of two rounding errors is mostly chance, and the rounding of the weights is the same in every
+batch. So the ratio is a median over copies of the network whose weights differ by COPIED; for each
+copy it is a median over some batches.
 
-Truth comes from the float64 kernels, which the row itself compares with nested autograd in float64
-(granpinn.reference); the yardstick "eager float32" is nested autograd, for the network as it is.
+The reference is the float64 kernels, which the row itself compares with nested autograd in float64
+(granpinn.reference). "eager float32" is nested autograd for the network without changed weights.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ RULE = 1.5
 BATCHES = 8
 COPIES = 8
 COPIED = 1e-6  # standard deviation of the relative change of a weight: eight epsilons of float32
-QUANTITIES = {"loss": 0, "gradient": 2, "gradient_theta": 3}  # index in what the op returns
+QUANTITIES = {"loss": 0, "gradient": 2, "gradient_theta": 3}  # index in the results of the op
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Weighed:
     physics: Sequence[float]
 
     def batches(self, interior: int, surface: int) -> Iterator[tuple[Any, ...]]:
-        """The arguments of residual_loss but the first two, for some draws of points."""
+        """The arguments of residual_loss after the first two, for some draws of points."""
         rng = torch.Generator().manual_seed(0)
         for _ in range(BATCHES):
             i = torch.randint(len(self.data[0]), (interior,), generator=rng)
@@ -69,7 +69,7 @@ class Weighed:
             yield (*drawn, weights, *spec, self.physics, self.spec.form)
 
     def copies(self, count: int) -> Iterator[Tensor]:
-        """The parameters with so many draws of small relative changes."""
+        """Copies of the parameters with random, small relative changes."""
         for seed in range(count):
             rng = torch.Generator().manual_seed(seed)
             change = torch.randn(self.params.shape, generator=rng, dtype=torch.float64)
@@ -130,8 +130,8 @@ def errors(
     """Median relative L2 errors of a network over some batches, and the ratios of its copies.
 
     Returns:
-        the errors by mode; "float64", those of the truth against nested autograd, of one batch;
-        and what `ratios` finds.
+        the errors by mode; "float64", the errors of the reference against nested autograd in one
+        batch; and the result of `ratios`.
     """
     batches = [_on(device, batch) for batch in network.batches(interior, surface)]
     own = _gradient_errors(network, network.params.to(device), batches, eager=True)
@@ -161,7 +161,7 @@ def _gradient_errors(
 ) -> dict[str, dict[str, list[float]]]:
     """Relative errors against the float64 kernels: by mode and quantity, one of each batch.
 
-    `eager` adds nested autograd in float32, and for the first batch that in float64.
+    `eager` adds nested autograd in float32, and in float64 for the first batch.
     """
     found: dict[str, dict[str, list[float]]] = {}
     loss: Any = ops.residual_loss
@@ -182,15 +182,15 @@ def _gradient_errors(
 
 
 def ratios(own: dict[str, list[float]], copies: list[dict[str, list[float]]]) -> dict[str, Any]:
-    """Of gradient errors [batches] of the modes: fast / fp32, fp32 / eager, and the rule.
+    """Ratios of gradient errors [batches] of the modes: fast / fp32, fp32 / eager, and the rule.
 
     Args:
-        own: of the network as it is, with "eager float32".
-        copies: of its copies; the rule is about their median, or the network's without any.
+        own: errors of the network without changes, with "eager float32".
+        copies: errors of its copies; the rule uses their median, or the network if there are none.
 
     Returns:
-        "fast_over_fp32", its range over the copies, that of the network "as_it_is", and every one:
-        "ratios" [copies][batches].
+        "fast_over_fp32", its range over the copies, its value for the network "as_it_is", and all
+        values: "ratios" [copies][batches].
     """
     every = [_quotients(errors["fast"], errors["fp32"]) for errors in copies or [own]]
     medians = [statistics.median(row) for row in every]
@@ -207,7 +207,7 @@ def ratios(own: dict[str, list[float]], copies: list[dict[str, list[float]]]) ->
 
 
 def _quotients(a: list[float], b: list[float]) -> list[float]:
-    """a / b one by one; 0 / 0 is 0: neither errs."""
+    """a / b one by one; 0 / 0 is 0, as neither has an error."""
     return [x / y if y else float(x > 0) for x, y in zip(a, b, strict=True)]
 
 
@@ -247,7 +247,7 @@ def text(rows: list[dict[str, Any]]) -> str:
         cells = [f"{row[name]['loss']:11.1e} {row[name]['gradient']:.1e}  " for name in names]
         line = f"{row['weights']:<40}" + "".join(f"{c:>22}" for c in cells)
         line += f"{row['fast_over_fp32']:13.2f}"
-        if row["copies"]:  # near convergence: there the rule is meant
+        if row["copies"]:  # near convergence, where the rule applies
             low, high = row["fast_over_fp32_range"]
             line += f" ({low:.2f} to {high:.2f} over {row['copies']} copies)"
             line += "" if row["rule_kept"] else f" above {RULE}"

@@ -2,8 +2,8 @@
 
 python -m bench.gpu_jax --form strong --points 512 4096
 
-JAX has no device events: a row is the wall clock of many steps that are waited for once, by calls
-of the jitted step or, for small batches, in a scan. Products are float32, as for everyone else.
+JAX has no device events: a row is the wall clock of many steps with one wait at their end, by calls
+of the jitted step or, for small batches, in a scan. Products are float32, as in all other rows.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ IN_SCAN = 50
 
 
 def milliseconds(advance: Callable[[Any], Any], state: Any, steps: int) -> float:
-    """Median over samples of about 50 ms, of a function that makes so many steps."""
+    """Median time of a step over samples of about 50 ms, of a function with several steps."""
 
     def sample(repeats: int) -> float:
         nonlocal state

@@ -1,10 +1,10 @@
-"""One optimization step on a GPU: granpinn against everything else a PINN user can run.
+"""One optimization step on a GPU: granpinn against the other ways to train a PINN.
 
 python -m bench.gpu_step --json bench/results/gpu_step.json
 
 One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
 every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
-that fails is a row with its error; what is slow to compile comes last. --quick leaves out most of
+that fails is a row with its error; rivals that compile slowly come last. --quick leaves out most of
 the rivals and sizes, ensembles, training and the trained network; --only chooses parts.
 --device cpu tries the command on tiny batches.
 """
@@ -44,7 +44,7 @@ PARTS = ("rows", "accuracy", "ensembles", "training")
 
 
 class Study:
-    """The measurements so far, and how much time is left for more."""
+    """The measurements so far, and the time that is left for more."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Study:
         return rows
 
     def add(self, name: str, content: Any) -> None:
-        """A part of the result is there: keep it on disk too."""
+        """Add a part of the result, in memory and on disk."""
         self.result[name] = content
         before = self.result.get("seconds", 0.0)
         self.result["seconds"] = round(time.monotonic() - self.begin, 1)
@@ -105,7 +105,7 @@ class Study:
         return rival in GRANPINN or self.named(rival.name)
 
     def named(self, name: str) -> bool:
-        """Whether the command line asks for a rival of this name."""
+        """Whether the command line selects a rival of this name."""
         return self.chosen is None or any(part in name for part in self.chosen)
 
     def _late(self, rival: Rival, expected: float) -> str | None:
@@ -115,7 +115,7 @@ class Study:
         return f"would take {expected:.0f} s of the {left:.0f} s left, see --seconds"
 
     def jax(self, sizes: Sizes) -> None:
-        """The rows of bench/gpu_jax.py, which runs in processes of its own: one for each form."""
+        """The rows of bench/gpu_jax.py, which runs in one process for each form."""
         platform = "cuda" if self.device.type == "cuda" else "cpu"
         switches = {"JAX_PLATFORMS": platform, "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
         if self.device.type == "cuda":
@@ -159,7 +159,7 @@ def gpu(device: torch.device) -> dict[str, Any]:
 
 
 def rounded(value: Any) -> Any:
-    """The same with four significant digits, as JSON that people read."""
+    """A JSON value with its numbers rounded to four significant digits."""
     if isinstance(value, float):
         return float(f"{value:.4g}")
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The arithmetic of the GPU benchmark's table, apart from measuring it: ratios, rates, goals."""
+"""The arithmetic of the GPU benchmark's table, without the measurements: ratios, rates, goals."""
 
 from __future__ import annotations
 

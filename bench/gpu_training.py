@@ -29,7 +29,7 @@ STEPS_GOAL = 8000.0
 
 
 def guarded(name: str, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """What `measure` finds, or its error, in a row with a name."""
+    """The result of `measure`, or its error, as a row with a name."""
     try:
         return {"name": name} | measure()
     except Exception as error:
@@ -37,7 +37,7 @@ def guarded(name: str, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def ensemble(device: torch.device, members: int, points: int) -> list[dict[str, Any]]:
-    """Members of so many points each against one network with all the points."""
+    """An ensemble with `points` for each member against one network with all points."""
 
     def step_ms(task: Task, precision: str, update: bool) -> float:
         step = fused_step(task, precision, update)
@@ -70,7 +70,7 @@ def ensemble(device: torch.device, members: int, points: int) -> list[dict[str, 
 
 @dataclass
 class Marks(Silent):
-    """When the rows of the history came: (step, seconds)."""
+    """Records the time of every row of the history: (step, seconds)."""
 
     marks: list[tuple[int, float]] = field(default_factory=list)
 
@@ -78,7 +78,7 @@ class Marks(Silent):
         self.marks.append((row.step, time.monotonic()))
 
     def rate(self, config: Config) -> float:
-        """Steps per second with the whole loss, from the third row on: all is captured then."""
+        """Steps per second with the whole loss, from the third row on, after all graph captures."""
         assert config.steps is not None
         begin = config.optimizer.prefit * config.steps + 2 * config.log_every
         whole = [mark for mark in self.marks if mark[0] >= begin]

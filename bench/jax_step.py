@@ -1,6 +1,6 @@
 """The strongest rival on the CPU: JAX, jitted, with hand-written Taylor jets, both forms.
 
-Optional: needs `pip install jax`. The step is that of `bench.steps`: same network, loss and Adam.
+Optional: needs `pip install jax`. The step has the network, loss and Adam of `bench.steps`.
 """
 
 from __future__ import annotations

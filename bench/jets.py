@@ -2,7 +2,7 @@
 
 One pass carries the value and the derivatives by x, y, t (and xx, xy, yy in the strong form) of the
 network through its layers, all channels of a layer in one matrix product. autograd differentiates
-the loss once. The step is that of `bench.steps`: same network, loss and Adam.
+the loss once. The step has the network, loss and Adam of `bench.steps`.
 """
 
 from __future__ import annotations

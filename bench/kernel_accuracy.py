@@ -1,13 +1,13 @@
 """Accuracy of the fused kernels over the table of random configurations (gate K-1).
 
-Claim: the error of every fused output against the float64 oracle is at most twice that of plain
-float32 autograd, of every gradient three times, in each of 500 configurations.
+Claim: against the float64 oracle, the error of every fused output is at most twice the error of
+plain float32 autograd, and of every gradient three times, in each of 500 configurations.
 
     python -m bench.kernel_accuracy --rows 500 --json bench/results/kernel_accuracy.json
     python -m bench.kernel_accuracy --only 68 --device cuda
 
-With --only, all that is compared in those rows is printed. An exact result of zeros, which proves
-nothing, counts as a failure too, but for the gradient of theta.
+With --only, all comparisons of those rows are printed. An exact result of zeros proves nothing and
+counts as a failure, except in the gradient of theta.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def line(c: Comparison) -> str:
 
 
 def summary(comparisons: list[Comparison]) -> dict[str, float]:
-    """Of one output: ratios to the yardstick and to autograd's error alone, worst cosine, bias."""
+    """One output: ratios to the yardstick and to autograd's error alone, worst cosine, bias."""
     told = [c for c in comparisons if c.norm > 0]
     ratios = [c.ratio for c in told]
     alone = [c.kernel_error / c.autograd_error for c in told if c.autograd_error > 0]

@@ -24,7 +24,7 @@ def _kilobytes(name: str) -> int:
 
 
 def peak(form: str, step: str, points: int) -> float:
-    """Megabytes that a step adds to the resident memory, its inputs already there (Linux)."""
+    """Megabytes that a step adds to the resident memory after its inputs are loaded (Linux)."""
     warm_up = STEPS[step](make_task(form, 32))
     warm_up()
     advance = STEPS[step](make_task(form, points))

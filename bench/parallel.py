@@ -34,7 +34,7 @@ WHOLE_RUN = Config().steps or 0  # steps of the default recipe
 
 
 def worker(settings: dict[str, Any]) -> dict[str, Any]:
-    """What one process of a group does; the finding of the first one."""
+    """Do the work of one process of a group; its measurement."""
     changes, members = settings["changes"], settings["members"]
     config = Config(**{"simulated_pressure__frames": 0} | changes)
     marks = Marks()
@@ -54,7 +54,7 @@ def worker(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def measure(processes: int, settings: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """The finding of a group of processes, or why there is none."""
+    """The measurement of a group of processes, or the error."""
     row = {"processes": processes, "members": settings["members"]}
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "answer.json"
@@ -69,9 +69,9 @@ def measure(processes: int, settings: dict[str, Any], seconds: float) -> dict[st
 
 
 def per_hour(row: dict[str, Any], steps: int) -> dict[str, float]:
-    """Identifications per hour: as measured, and with as many steps as the default recipe has.
+    """Identifications per hour: as measured, and with the number of steps of the default recipe.
 
-    The latter adds the steps that are missing, at the rate of those that were done.
+    The latter adds the missing steps at the measured rate.
     """
     whole = row["seconds"] + (WHOLE_RUN - steps) / row["steps_per_s"]
     return {

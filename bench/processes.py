@@ -10,7 +10,7 @@ from typing import Any
 def run_lines(
     command: list[str], environment: dict[str, str] | None, seconds: float
 ) -> tuple[list[dict[str, Any]], str | None]:
-    """The lines of JSON that a command prints, and why there are no more where it failed."""
+    """The lines of JSON that a command prints, and its error if it fails."""
     reason = None
     try:
         done = subprocess.run(

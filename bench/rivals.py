@@ -17,9 +17,9 @@ from bench.steps import Task, eager_step, functional_step, fused_step, make_task
 
 EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + graph"
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
-SMALL = 4096  # up to here a graph holds ten steps: launching it costs as much as the step
+SMALL = 4096  # up to here a graph holds ten steps: a launch takes as long as the step
 STEPS_PER_GRAPH = 10
-STEPS_OF_A_ROW = 14  # at least, warming up and capturing included (bench/device.py)
+STEPS_OF_A_ROW = 14  # least number, with warm-up and capture (bench/device.py)
 MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
@@ -33,7 +33,7 @@ class Rival:
 
     Attributes:
         graph: whether its steps are captured in a CUDA graph.
-        seconds: how long a row may take.
+        seconds: longest time of a row.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Rival:
     seconds: float = 4.0
 
     def wants(self, form: str, points: int) -> bool:
-        """Only a few sizes of what takes long to compile."""
+        """Whether the rival has a row of this size: slow compilers have only a few."""
         return self.seconds < 20 or points <= 512 or (form == "strong" and points == 32768)
 
 
@@ -92,7 +92,7 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
             row["ms"] = ms
         if memory.bytes is not None:
             row["peak_gb"] = memory.bytes / 1e9
-    except Exception as error:  # whatever a rival does, the others are measured
+    except Exception as error:  # the other rivals are measured after any error of this one
         lines = str(error).strip().splitlines()
         row["error"] = f"{type(error).__name__}: {lines[0][:300] if lines else ''}"
         return Measured(row, None, steps)
@@ -102,7 +102,7 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
 
 
 def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> str | None:
-    """Why a row is not measured: what its smaller rows say of its memory."""
+    """The reason to skip a row: its memory by the smaller rows of the rival; None to measure."""
     known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "peak_gb" in r]
     if not known:
         return None
@@ -114,7 +114,7 @@ def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) 
 
 
 def expected_seconds(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> float:
-    """How long a row will take to measure, by the largest one of the rival and the form so far."""
+    """Expected time of a row, from the largest one so far of the same rival and form."""
     known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "seconds" in r]
     if not known:
         return rival.seconds

@@ -49,7 +49,7 @@ class Task:
 
     @property
     def flop(self) -> float:
-        """Of the matrix products: forward and twice that backward, channels x 2 x weights each."""
+        """Operations of the products: channels x 2 x weights forward, twice as many backward."""
         weights = sum(n_in * n_out for n_in, n_out in pairwise(self.widths))
         channels = 7 if self.form == "strong" else 4
         return 3.0 * channels * 2 * weights * self.count
@@ -64,7 +64,7 @@ class Task:
         return replace(self, **tensors)
 
     def ensemble(self, members: int) -> Task:
-        """The points in equal parts, one for each of so many equal networks."""
+        """A task with the points in equal parts, one for each of `members` equal networks."""
         parts = {
             name: getattr(self, name).view(members, -1, 3 if name == "points" else 2)
             for name in ("points", "velocity")
@@ -93,7 +93,7 @@ def make_task(form: str, points: int, dtype: torch.dtype = torch.float32) -> Tas
 
 
 def adam(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
-    """Copies of params and theta to be trained, and the optimizer of torch that moves them."""
+    """Copies of params and theta to train, and the optimizer of torch for them."""
     params, theta = task.params.clone().requires_grad_(), task.theta.clone().requires_grad_()
     on_gpu = params.is_cuda
     options: dict[str, Any] = {"fused": True, "capturable": True} if on_gpu else {}

@@ -1,7 +1,7 @@
-"""Taylor jets written by hand, for any array library: what the rivals in torch and JAX share.
+"""Taylor jets written by hand, for any array library: shared by the rivals in torch and JAX.
 
 A jet is the list of channels [value, x, y, t] of an array, in the strong form also [xx, xy, yy].
-The loss is that of `bench.steps`. Functions of the library (`sqrt`, `sigmoid`) are arguments.
+The loss is the one of `bench.steps`. Functions of the library (`sqrt`, `sigmoid`) are arguments.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Memory of one step on the CPU.
 
-Claim: fused, the peak beyond the inputs does not grow with the number of points (points go through
-in tiles, nothing is stored for the backward pass); eager autograd needs gigabytes.
+Claim: the peak of the fused step beyond its inputs does not grow with the number of points. Points
+pass in tiles, and nothing is stored for a backward pass. Eager autograd needs gigabytes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One optimization step on the CPU: fused against what PINN users run.
+"""One optimization step on the CPU: fused against the usual ways to train a PINN.
 
 Claims:
 - fused, strong form: at least 6.5 times faster than eager autograd per core, at every batch size

@@ -1,4 +1,4 @@
-"""How one optimization step is timed, the same for every rival."""
+"""Timing of one optimization step, the same for every rival."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bench.steps import Task
 def time_step(
     benchmark: Any, name: str, task: Task, advance: Callable[[], Any], threads: int, rounds: int
 ) -> None:
-    """Times `advance` with pytest-benchmark; adds process CPU time and the rate to extra_info."""
+    """Time `advance` with pytest-benchmark; adds process CPU time and the rate to extra_info."""
     cpu: list[float] = []
 
     def timed() -> None:

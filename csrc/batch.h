@@ -13,16 +13,16 @@ template <class T>
 struct BatchArguments {
   Control control;
   std::int64_t interior, surface;  // points of a member
-  std::int64_t share;              // which part of a larger batch: it begins at share * interior
-  const std::int64_t* seeds;       // [E]
-  const std::int64_t* places;      // [E, 4]: first point, points; first surface point, their number
-  const T* points;                 // [N, 3], likewise below
-  const T* velocity;               // [N, 2]
-  const T* point_weights;          // [N, 2]
-  const T* surface_points;         // [M, 3]
-  const T* surface_pressure;       // [M]
-  const T* term_weights;           // [E, kTerms]
-  T* to_points;                    // [E, interior, 3], likewise below
+  std::int64_t share;          // number of this part of a larger batch: starts at share * interior
+  const std::int64_t* seeds;   // [E]
+  const std::int64_t* places;  // [E, 4]: first point, points; first surface point, their number
+  const T* points;             // [N, 3], likewise below
+  const T* velocity;           // [N, 2]
+  const T* point_weights;      // [N, 2]
+  const T* surface_points;     // [M, 3]
+  const T* surface_pressure;   // [M]
+  const T* term_weights;       // [E, kTerms]
+  T* to_points;                // [E, interior, 3], likewise below
   T* to_velocity;
   T* to_point_weights;
   T* to_surface_points;  // [E, surface, 3]
@@ -78,7 +78,7 @@ GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, 
   pressure.put(a.to_surface_pressure, to);
 }
 
-// The weights of member e in this step: the control table relaxes that of the velocity.
+// The weights of member e in this step: the control table relaxes the weight of the velocity.
 template <class T>
 GRANPINN_HD void weigh_terms(const BatchArguments<T>& a, std::int64_t e, std::int64_t step) {
   Row<kTerms, T> weights(a.term_weights, e);

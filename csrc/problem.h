@@ -1,4 +1,4 @@
-// The problem in plain structs: what crosses from the torch side to the kernels of any device.
+// The problem in plain structs, which the torch side passes to the kernels of any device.
 #pragma once
 
 #include <cstdint>
@@ -63,8 +63,8 @@ struct LossArguments {
   const T* surface_pressure;  // [m]
 };
 
-// The viscosity at n points: eta, or from `grad`, the adjoint of eta, those of gamma_dot, p and
-// theta at each point.
+// The viscosity at n points: eta; or, from `grad`, the adjoint of eta, the adjoints of gamma_dot, p
+// and theta at each point.
 template <class T>
 struct ViscosityArguments {
   Physics<T> physics;

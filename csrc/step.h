@@ -1,9 +1,9 @@
-// One optimization step of E members in plain structs: what the kernels of any device read and
-// write. Everything lives on the device; the step counter selects the row of the control table.
+// One optimization step of E members: plain structs that the kernels of any device read and write.
+// Everything lives on the device; the step counter selects the row of the control table.
 //
 // Order of a step: batch_loss, update, descend. The first fault of a member freezes it: later steps
-// do not update it. The caller must undo the update of the faulty step: parts of it that found no
-// fault have been made.
+// do not update it. The caller must undo the update of the faulty step, because its parts before
+// the fault have changed the state.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace granpinn {
 
-// What was not finite, in the order of a step.
+// The quantity that was not finite, in the order of a step.
 enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars };
 constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
 constexpr std::int64_t kHealthy = INT64_MAX;
@@ -41,7 +41,7 @@ struct Members {
   std::int64_t* fault;     // [E]
   std::int64_t* counts;    // [E, 2] updates since a reset: of the network and of the friction law
 
-  // Whether something before `what` went wrong, in this step or an earlier one.
+  // Whether the member had a fault before `what` in this step, or any fault in an earlier one.
   GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
     return fault[e] < step * kFaults + what;
   }
@@ -127,8 +127,8 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
   return good;
 }
 
-// The friction law of member e: its update, its average, and theta for the next step; false where
-// something would not be finite. All loads are issued before any store, so that they overlap.
+// The friction law of member e: its update, its average, and theta for the next step; false if a
+// new value is not finite. All loads are issued before any store, so that they overlap.
 template <class T>
 GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
   constexpr int N = kMaxLawParameters;

@@ -3,8 +3,8 @@
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report;
 with --free-I0 and --resimulate between the results and the figures.
 
-`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. Each uses
-its own GPU where there are GPUs.
+`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. If the
+machine has GPUs, each process uses its own one.
 
 Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
 """
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _identify(config: Config, rank: int) -> results.Result:
-    """The result, with the profile of I0 that --free-I0 asks for; every process takes part."""
+    """The result, with the profile of I0 if --free-I0 is set; every process takes part."""
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
@@ -70,7 +70,7 @@ def _identify(config: Config, rank: int) -> results.Result:
 
 
 def _conclude(config: Config, result: results.Result) -> None:
-    """The second opinion that --resimulate asks for, the results and the report."""
+    """Add the second opinion if --resimulate is set; write the results and the report."""
     assert config.out is not None
     folder = Path(config.out)
     if config.resimulate:
@@ -82,7 +82,7 @@ def _conclude(config: Config, result: results.Result) -> None:
 
 
 def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:
-    """The check by simulation and the fit of the simulator, in resimulation.json."""
+    """Simulate with the identified law, fit the simulator, and write resimulation.json."""
     assert config.flow is not None
     flow, cells, law = read_flow(config.flow), config.resimulation.cells, LAWS[result.law]
     summary, compared = resimulation.resimulate(

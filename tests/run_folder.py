@@ -1,4 +1,4 @@
-"""A small run folder, as training leaves it, and what it holds."""
+"""A small run folder, as after a training, and its contents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A build that cannot succeed says what is missing and what to do about it."""
+"""The message of a failed build names the missing part and the remedy."""
 
 import os
 import shutil

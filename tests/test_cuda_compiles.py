@@ -1,6 +1,6 @@
 """Every CUDA source compiles without a warning, where nvcc is installed.
 
-The build compiles them only where torch is a CUDA build; elsewhere this test is what tells.
+The build compiles them only if torch is a CUDA build; without one, only this test compiles them.
 """
 
 import shutil

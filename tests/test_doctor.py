@@ -1,4 +1,4 @@
-"""granpinn.doctor tells the truth: when the kernels work, and what to do when they do not."""
+"""granpinn.doctor: its report when the kernels work, and its advice when they do not."""
 
 import json
 import subprocess

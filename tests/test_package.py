@@ -1,4 +1,4 @@
-"""The public names of the package, and that they cost nothing until they are used."""
+"""The public names of the package, which are imported at their first use."""
 
 import subprocess
 import sys

@@ -11,8 +11,8 @@
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
-// Two ghost values on every side. Across a wall, u along it is odd (no slip) or even (free slip),
-// the velocity through it is odd, or even where continuity asks for a vanishing slope (no slip).
+// Two ghost values on every side. Along a wall, the velocity is odd (no slip) or even (free slip);
+// through it, odd (free slip) or even (no slip: continuity makes its slope vanish).
 inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid& grid) {
   const int nx = grid.nx, ny = grid.ny;
   const auto along = [](Side side) { return side == Side::no_slip ? -1.0 : 1.0; };

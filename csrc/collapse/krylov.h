@@ -26,7 +26,7 @@ class ConjugateGradients {
     sums_.assign(static_cast<std::size_t>(grid.ny) + 1, 0.0);
   }
 
-  // Solves A x = b to sqrt(r . M^-1 r) <= tolerance, from the x that is given.
+  // Solves A x = b to sqrt(r . M^-1 r) <= tolerance, starting from the given x.
   SolveReport solve(const Level& level, Multigrid<Coarse>& cycle, const Values& b, Values& x,
                     double tolerance, int largest_count, Team& team) {
     SolveReport report;

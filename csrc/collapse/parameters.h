@@ -5,7 +5,7 @@
 
 namespace granpinn::collapse {
 
-// What happens on one side of the box, or on an open side of the window.
+// The condition on one side of the box, or on an open side of the window.
 enum class Side {
   no_slip,    // u = v = 0
   free_slip,  // normal velocity 0, no shear stress
@@ -40,7 +40,7 @@ struct Parameters {
   int threads = 1;
 };
 
-// What one step did.
+// The record of one step.
 struct StepReport {
   double time = 0, step = 0;
   int viscous_iterations = 0, pressure_iterations = 0;

@@ -1,4 +1,4 @@
-// Allocation, the moving window, and what can be read from the state.
+// Allocation, the moving window, and the readers of the state.
 #include "time_step.h"
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {

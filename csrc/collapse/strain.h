@@ -3,9 +3,9 @@
 // The equations are ill-posed where
 //   C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2 > 0,   a = I mu'(I) / mu(I)
 // (Barker, Schaeffer, Bohorquez, Gray 2015). Short waves grow fastest there, and shear bands get
-// as thin as the grid allows. Inside the grains, gamma_dot^2 is therefore blended with that of
-// a mean D over the nine cells around, weights (1 2 1) x (1 2 1) / 16, by the share min(1, 4 C):
-// none where the law is well-posed, all of it where C >= 1/4. The difference is of second order.
+// as thin as the grid allows. Inside the grains, gamma_dot^2 is therefore blended with its value of
+// the mean D over nine cells, weights (1 2 1) x (1 2 1) / 16. The mean has the share min(1, 4 C),
+// and none where the law is well-posed. The difference is of second order.
 #pragma once
 
 #include <cmath>

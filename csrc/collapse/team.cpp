@@ -50,8 +50,8 @@ void Team::rows(int begin, int end, int columns, const Body& body) {
   }
 }
 
-// Runs one block of the present loop; false if none is left. Whoever holds a block keeps the loop
-// from ending, so its bounds and body stay what they are.
+// Runs one block of the present loop; false if none is left. A loop ends after its last block is
+// done, so its bounds and body do not change while a thread runs a block.
 bool Team::take_block() {
   std::uint64_t ticket = ticket_.load(std::memory_order_acquire);
   while (true) {

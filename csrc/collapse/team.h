@@ -1,7 +1,7 @@
 // A few threads that share loops over grid rows.
 //
-// A loop is cut into blocks that any thread may take: on a busy machine a thread that is not
-// running delays nobody. Every sum is formed per row first, so results do not depend on the number
+// A loop is cut into blocks that any thread may take. So on a busy machine a suspended thread does
+// not delay the others. Every sum is formed per row first, so results do not depend on the number
 // of threads. The module does not use OpenMP, because torch loads an OpenMP runtime of its own.
 #pragma once
 

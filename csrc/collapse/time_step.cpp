@@ -87,8 +87,8 @@ void CollapseSolver::extrapolate(double share) {
 void CollapseSolver::fill_coefficients(double step) {
   fill_velocity_ghosts(velocity_[0], velocity_[1], grid_);
   fill_pressure_ghosts(p_[0], grid_);
-  // Grains that are released are not rigid: with the viscosity of rest in the first step, a column
-  // that cannot stand would stand for many steps.
+  // The first step needs a low viscosity: with the viscosity of grains at rest, an unstable column
+  // would stand for many steps.
   const Field<double> no_pressure(grid_.nx, grid_.ny);
   const Field<double>& pressure = step_count_ == 0 ? no_pressure : p_[0];
   drained_ = c_;

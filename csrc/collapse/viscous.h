@@ -80,7 +80,7 @@ struct ViscousLevel {
     }
   }
 
-  // From cell, corner_eta and mass to what apply needs.
+  // Computes the coefficients of `apply` from cell, corner_eta and mass.
   void finish(Team& team) {
     if (grid.periodic()) {
       cell.wrap();

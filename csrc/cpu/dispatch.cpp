@@ -1,4 +1,4 @@
-// Which kernel table this processor runs.
+// Selects the kernel table for this processor.
 #include <cstdlib>
 #include <cstring>
 

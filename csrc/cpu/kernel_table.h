@@ -14,7 +14,7 @@ GRANPINN_HD std::int64_t padded(std::int64_t width) {
   return (width + kTilePoints - 1) / kTilePoints * kTilePoints;
 }
 
-// The gradient of a thread: as the parameters, but rows of W padded to whole tiles.
+// The gradient of a thread: the layout of the parameters, with rows of W padded to whole tiles.
 template <class T>
 GRANPINN_HD std::int64_t gradient_offset(const Network<T>& net, int layer) {
   std::int64_t at = 0;
@@ -22,7 +22,7 @@ GRANPINN_HD std::int64_t gradient_offset(const Network<T>& net, int layer) {
   return at;
 }
 
-// Scalars of scratch memory that a thread needs: it does not grow with the number of points.
+// Scalars of scratch memory of a thread; the size does not depend on the number of points.
 template <class T>
 GRANPINN_HD std::int64_t workspace_size(const Network<T>& net, int channels) {
   std::int64_t stash = 0;
@@ -74,14 +74,14 @@ struct KernelTable {
   void (*jet_adjoint)(const Network<T>&, int channels, const T* points, std::int64_t begin,
                       std::int64_t end, std::int64_t n, const T* grad_out, GradientSum<T>* gradient,
                       T* workspace);
-  // Tiles [begin, end) of the loss; interior tiles first, then those of the surface.
+  // Tiles [begin, end) of the loss; interior tiles first, then surface tiles.
   void (*loss)(const LossArguments<T>&, std::int64_t begin, std::int64_t end, LossSums<T>* sums,
                T* workspace);
   // Residuals, eta, and the adjoint of eta (problem.h).
   void (*residuals)(const ResidualArguments<T>&);
   void (*viscosity)(const ViscosityArguments<T>&);
   void (*viscosity_adjoint)(const ViscosityArguments<T>&);
-  // The orthogonal factor of G [m, n], roughly; see orthogonalize.h, also for the workspace.
+  // The orthogonal factor of G [m, n], roughly; orthogonalize.h describes it and the workspace.
   void (*orthogonalize)(const T* G, std::int64_t m, std::int64_t n, T* out, T* workspace);
 };
 

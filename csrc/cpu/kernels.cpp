@@ -1,7 +1,7 @@
 // The CPU kernels, compiled once for every instruction set (see CMakeLists.txt).
 //
-// Only always-inline templates and code of this namespace may be used here: anything else that the
-// linker may share between objects would carry one processor's instructions to another.
+// Use only always-inline templates and code of this namespace here. The linker may share any other
+// function between objects, and then a processor would run instructions that it lacks.
 #include "kernel_table.h"
 
 #include "math/forms/mixed.h"

@@ -12,8 +12,8 @@
 //   channel x        |    ...    |
 //                    +-----------+
 //
-// A tile stays in cache. The way back has the pre-activations z of all layers, and computes the
-// activations again. No memory grows with the number of points.
+// A tile stays in cache. The backward pass reads the pre-activations z of all layers and computes
+// the activations again. No memory grows with the number of points.
 #pragma once
 
 #include "gemm.h"

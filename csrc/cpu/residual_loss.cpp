@@ -32,7 +32,7 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
   const std::int64_t interior = tiles_of(a.n), tiles = interior + tiles_of(a.m);
   const Team<T> team(a.net, channels_of(a.form), tiles);
   std::vector<LossSums<T>> sums(team.size());
-  // tiles of the surface are cheaper than those of the interior: each kind is split by itself
+  // surface tiles are cheaper than interior tiles: each kind is split by itself
   split(team.size(), team.size(), [&](std::int64_t i, std::int64_t, std::int64_t) {
     sums[i].gradient = team.gradient(i);
     const auto share = [&](std::int64_t count, std::int64_t k) { return k * count / team.size(); };

@@ -1,8 +1,8 @@
 // A fixed-width vector of scalars built on the compiler's vector extension (GCC, Clang).
 //
 // `Vec<T>` has the arithmetic of a scalar, so the templates of csrc/math compute a register of
-// points at once. The instruction set is that of the translation unit: kernels.cpp is compiled once
-// per instruction set, each in a namespace of its own, and dispatch.cpp selects one at run time.
+// points at once. The translation unit sets the instruction set: kernels.cpp is compiled once for
+// each one, each in a namespace of its own, and dispatch.cpp selects one at run time.
 //
 //   instruction set   kVectorBytes   lanes, float / double   kMicroRows
 //   AVX-512           64             16 / 8                  14

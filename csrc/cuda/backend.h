@@ -1,4 +1,4 @@
-// The CUDA kernels behind the operators (csrc/ops/registration.h), and what their files share.
+// The CUDA kernels behind the operators (csrc/ops/registration.h), and their shared helpers.
 #pragma once
 
 #include <c10/cuda/CUDAGuard.h>
@@ -50,7 +50,7 @@ Batched<T> batched(const Shared& a) {
   return {a.data.const_data_ptr<T>(), a.stride};
 }
 
-// The input map is left to the caller.
+// The caller sets the input map.
 template <class T>
 DeviceNetwork<T> device_network(const at::Tensor& params, Ints widths, std::int64_t count,
                                 std::int64_t members) {

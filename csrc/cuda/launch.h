@@ -1,5 +1,5 @@
 // The seam between the torch side and the CUDA kernels: plain structs, and launchers that return
-// the first error. All pointers are those of the device; nothing here waits for it or allocates.
+// the first error. All pointers are device pointers; no launcher allocates or waits for the device.
 #pragma once
 
 #include <cuda_runtime_api.h>
@@ -55,7 +55,7 @@ struct DeviceNetwork {
   }
 };
 
-// Everything of residual_loss (granpinn/kernels/ops.py), for all members.
+// All arguments and results of residual_loss (granpinn/kernels/ops.py), for all members.
 template <class T>
 struct DeviceLoss {
   DeviceNetwork<T> net;
@@ -74,7 +74,7 @@ struct DeviceLoss {
   T* terms;                     // [members, kTerms]
   T* grad_params;               // [members, count]
   T* grad_theta;                // [members, parameters of the law]
-  bool drawn;                   // the launch before was draw_batch's, which changes no parameters
+  bool drawn;                   // draw_batch was the launch before; it does not change parameters
 };
 
 // network_jet and its adjoint, for all members.
@@ -89,8 +89,8 @@ struct DeviceJet {
   T* grad_params;     // [members, count]
 };
 
-// Layer after layer, any width, depth and precision (layered_*.cu). The scratch memory, of as many
-// bytes as *_scratch says, must be aligned to 256.
+// Layer after layer, any width, depth and precision (layered_*.cu). The scratch memory has the size
+// in bytes that *_scratch returns, and is aligned to 256.
 template <class T>
 std::size_t layered_loss_scratch(const DeviceLoss<T>& a);
 template <class T>

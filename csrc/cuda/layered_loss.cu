@@ -14,7 +14,7 @@ __global__ void add_sums(const double* sums, int blocks, double* total) {
   total[blockIdx.x * kSums + threadIdx.x] += sum;
 }
 
-// The outputs of a member: one thread does what is left.
+// Stores the outputs of a member from its totals, in one thread.
 template <class T>
 __global__ void store_loss(const __grid_constant__ DeviceLoss<T> a, std::int64_t first_member,
                            const double* total) {
@@ -38,7 +38,7 @@ Layout<T> layout_of(const DeviceLoss<T>& a) {
   return Layout<T>(a.net, channels_of(a.form), std::max(a.n, a.m));
 }
 
-// The sums lie behind the network's panels: totals, then those of the blocks of a chunk.
+// The sums lie behind the network's panels: totals, then the sums of the blocks of a chunk.
 template <class T>
 std::size_t sums_bytes(const Layout<T>& layout) {
   const std::size_t blocks = blocks_of(layout.points, kMisfitThreads);

@@ -1,7 +1,7 @@
 // From raw outputs at the points of a chunk to their adjoints, and the sums of the loss.
 //
 // raw and g are [members][C][count][fields]; a block writes its sums into row `blockIdx.x` of its
-// member's partial sums [blocks][kSums]: kTerms sums of weighted squares, then those of theta.
+// member's partial sums [blocks][kSums]: kTerms sums of weighted squares, then gradients by theta.
 #pragma once
 
 #include "block_sum.cuh"

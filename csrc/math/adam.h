@@ -13,7 +13,7 @@ GRANPINN_HD bool finite(T a) {
   return a - a == T(0);
 }
 
-// a + w (b - a), exact at both ends: from the end that is closer.
+// a + w (b - a), exact at both ends because it starts from the closer one.
 template <class T>
 GRANPINN_HD T interpolate(T a, T b, T w) {
   return w < T(0.5) ? a + w * (b - a) : b - (b - a) * (T(1) - w);
@@ -23,7 +23,7 @@ struct AdamSettings {
   double learning_rate, beta_1, beta_2, epsilon;
 };
 
-// What the elements of one update share.
+// Numbers that the elements of one update share.
 template <class T>
 struct AdamRates {
   T step_size;   // learning rate / (1 - beta_1^t)
@@ -34,7 +34,7 @@ struct AdamRates {
 };
 
 // `t` counts from 1; `factor` scales the learning rate. The powers are made by squaring, with the
-// same bits on every device: off by t / 2^53 of themselves at most, and small where t is large.
+// same bits on every device. Their relative error is at most t / 2^53; they are small for large t.
 template <class T>
 GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, std::int64_t t) {
   double power_1 = 1, power_2 = 1, square_1 = s.beta_1, square_2 = s.beta_2;
@@ -52,7 +52,7 @@ GRANPINN_HD AdamRates<T> adam_rates(const AdamSettings& s, double factor, std::i
           static_cast<T>(s.epsilon)};
 }
 
-// One element; false where something would not be finite: it then keeps its value.
+// Updates one element; false if a new value is not finite: the element then keeps its old value.
 template <class T>
 GRANPINN_HD bool adam(const AdamRates<T>& r, T gradient, T* param, T* first, T* second) {
   const T m = interpolate(*first, gradient, r.gain_1);

@@ -30,7 +30,7 @@ GRANPINN_HD R pressure_slope(const R& z, scalar_t<R> scale) {
   if constexpr (map == PressureMap::linear) {
     return R(scale);
   } else {
-    // sigma(z), of exp(-|z|): exp(-z) would overflow where the pressure is as good as zero
+    // sigma(z) from exp(-|z|): exp(-z) would overflow where the pressure is nearly zero
     const R e = exponential(-absolute(z)), one(T(1));
     return scale * (select(less(z, R(T(0))), e, one) / (one + e));
   }
@@ -48,7 +48,7 @@ GRANPINN_HD PressureJet<R> pressure_jet(const R (&z)[C], scalar_t<R> scale) {
   return {pressure_value<map>(z[kValue], scale), slope * z[kX], slope * z[kY]};
 }
 
-// Its adjoint: that of the raw jet z, from those of p, p_x and p_y.
+// The adjoint: z_a of the raw jet z from a, the adjoints of p, p_x and p_y.
 template <PressureMap map, int C, class R>
 GRANPINN_HD void pressure_jet_adjoint(const R (&z)[C], scalar_t<R> scale, const PressureJet<R>& a,
                                       R (&z_a)[C]) {
@@ -59,7 +59,7 @@ GRANPINN_HD void pressure_jet_adjoint(const R (&z)[C], scalar_t<R> scale, const 
   z_a[kX] = slope * a.p_x;
   z_a[kY] = slope * a.p_y;
   if constexpr (map == PressureMap::softplus) {
-    // sigma'(z), likewise of exp(-|z|)
+    // sigma'(z), also from exp(-|z|)
     const R e = exponential(-absolute(z[kValue])), one(T(1));
     const R curvature = scale * e / ((one + e) * (one + e));
     z_a[kValue] = z_a[kValue] + curvature * (a.p_x * z[kX] + a.p_y * z[kY]);

@@ -1,6 +1,6 @@
 // The parameters theta of a friction law as unbounded numbers q, which an optimiser moves
 // (granpinn/physics/laws/law.py):
-//   fixed            theta_k stays
+//   fixed            theta_k is constant
 //   logarithm        theta_k = exp(q_k)
 //   logarithm_above  theta_k = theta_(k-1) + exp(q_k)
 //   logistic         theta_k = 1 / (1 + exp(-q_k))
@@ -31,8 +31,8 @@ GRANPINN_HD void theta_from(const LawVariables& v, const T* q, T* theta) {
   }
 }
 
-// d loss / d q from d loss / d theta; 0 for a fixed parameter. Changes theta_a: a parameter that
-// others build on collects their adjoints.
+// d loss / d q from d loss / d theta; 0 for a fixed parameter. Changes theta_a: theta_(k-1) adds up
+// the adjoints of the parameters that depend on it.
 template <class T>
 GRANPINN_HD void pull_back(const LawVariables& v, const T* q, T* theta_a, T* q_a) {
   for (int k = kMaxLawParameters - 1; k >= 0; --k) {

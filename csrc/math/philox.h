@@ -1,7 +1,7 @@
 // Philox4x32-10: a counter-based random generator (Salmon et al., SC 2011).
 //
 // The output is a pure function of (counter, key): minibatches need no sampler state, a resumed
-// run draws what the uninterrupted one would have drawn, and every device draws the same bits.
+// run draws the same numbers as an uninterrupted one, and every device draws the same bits.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What the shared mathematics asks of a real number type.
+// The functions that the shared mathematics needs of a real number type.
 //
 // Every function of csrc/math is a template over a real type R: float or double (host and
 // device), Vec<T> (cpu/simd.h) or Dual<R, N> (dual.h). R provides + - * /, comparison by

@@ -17,7 +17,7 @@ struct Swish {
   R f, f1, f2, f3;
 };
 
-// `Derivatives` 1 .. 3: how many derivatives are wanted; the others are left unset.
+// `Derivatives` 1 .. 3: number of derivatives to compute; the others are left unset.
 template <int Derivatives, class R>
 GRANPINN_HD Swish<R> swish(const R& z) {
   using T = scalar_t<R>;

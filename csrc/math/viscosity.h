@@ -8,13 +8,13 @@
 
 namespace granpinn {
 
-// The viscosity with its partial derivatives, zero where the clamp acts. Or adjoints of the three.
+// The viscosity with its partial derivatives, zero where the clamp acts; or their three adjoints.
 template <class R>
 struct ViscosityJet {
   R eta, by_gamma_dot, by_p;
 };
 
-// What viscosity_jet and its adjoint are made of, without the clamp:
+// The quantities of viscosity_jet and its adjoint, without the clamp:
 //   eta = mu p / gamma_dot,  I_gamma_dot = I / gamma_dot,  p I_p = -half I
 // where half is 1/2 above the floor of p and 0 below.
 template <class Law, class R, class T>
@@ -50,7 +50,7 @@ GRANPINN_HD ViscosityJet<R> viscosity_jet(const R& gamma_dot, const R& p, const 
           v.clamped(v.by_p, zero, zero, c)};
 }
 
-// The adjoint of viscosity_jet: from `a`, those of its results, those of gamma_dot, p and theta.
+// The adjoints of gamma_dot, p and theta from `a`, the adjoints of the results of viscosity_jet.
 template <class Law, class R, class T, int N>
 GRANPINN_HD void viscosity_jet_adjoint(const R& gamma_dot, const R& p, const R (&theta)[N],
                                        const Physics<T>& c, const ViscosityJet<R>& a,
@@ -72,7 +72,7 @@ GRANPINN_HD void viscosity_jet_adjoint(const R& gamma_dot, const R& p, const R (
   for (int i = 0; i < Law::parameters; ++i) theta_a[i] = inside(theta_a[i]);
 }
 
-// Where grains rest the quotient has no value; its limit is the clamp, and its derivatives are 0.
+// For gamma_dot = 0 the quotient has no value; its limit is the clamp, and its derivatives are 0.
 // NaN where an argument is NaN.
 template <class Law, class R, class T, int N>
 GRANPINN_HD R viscosity(const R& gamma_dot, const R& p, const R (&theta)[N], const Physics<T>& c) {
@@ -81,7 +81,7 @@ GRANPINN_HD R viscosity(const R& gamma_dot, const R& p, const R (&theta)[N], con
   return select(less(zero, gamma_dot), eta, at_rest + (p + gamma_dot) * zero);
 }
 
-// The adjoint of viscosity, from that of eta.
+// The adjoints of gamma_dot, p and theta from eta_a, the adjoint of eta.
 template <class Law, class R, class T, int N>
 GRANPINN_HD void viscosity_adjoint(const R& gamma_dot, const R& p, const R (&theta)[N],
                                    const Physics<T>& c, const R& eta_a, R& gamma_dot_a, R& p_a,

@@ -1,7 +1,7 @@
 // From tensors to the plain structs that kernels take, with every argument checked.
 //
-// Shared by all devices. Each check says what was expected and what was found. An ensemble of E
-// networks has parameters [E, P]; every other tensor may then have the leading E or be shared.
+// Shared by all devices. The message of a check has the expected and the found value. An ensemble
+// of E networks has parameters [E, P]; other tensors then have the leading E or are shared.
 #pragma once
 
 #include <ATen/ATen.h>
@@ -34,7 +34,7 @@ inline std::int64_t parameter_count(Ints widths) {
   return count;
 }
 
-// Likewise, and checks the input map.
+// Number of parameters of a network; checks its widths and its input map.
 inline std::int64_t parameter_count(Ints widths, Doubles shift, Doubles scale) {
   GRANPINN_CHECK_VALUE(shift.size() == 3 && scale.size() == 3,
                        "input_shift and input_scale must have 3 values (x, y, t), got ",
@@ -137,7 +137,7 @@ inline Form form_of(c10::string_view name) {
   return Form::data;
 }
 
-// Whether the products may run on tensor cores, compensated; processors have one precision only.
+// Whether the products may run on tensor cores, compensated; a CPU has one precision only.
 inline bool fast_precision(c10::string_view name) {
   GRANPINN_CHECK_VALUE(name == "fp32" || name == "fast",
                        "precision must be 'fp32' or 'fast', got '", name, "'");

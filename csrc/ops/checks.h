@@ -1,4 +1,4 @@
-// Checks of arguments: what was expected and what was found, as Python's ValueError and TypeError.
+// Checks of arguments: a failed one raises Python's ValueError or TypeError.
 //
 // Messages are put together without streams: in some builds of torch, whose libraries bring parts
 // of another C++ library along, printing a number into a stream crashes.

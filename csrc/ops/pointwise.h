@@ -12,7 +12,7 @@
 
 namespace granpinn {
 
-// Contiguous arguments of viscosity, and what the plain struct takes from them.
+// Contiguous arguments of viscosity, to which the plain struct points.
 struct ViscosityTensors {
   at::Tensor gamma_dot, p, theta;
   LawName law;
@@ -59,7 +59,7 @@ at::Tensor viscosity(const at::Tensor& gamma_dot, const at::Tensor& p, const at:
   return eta;
 }
 
-// The adjoints of gamma_dot [N], p [N] and theta [parameters] from that of eta [N].
+// The adjoints of gamma_dot [N], p [N] and theta [parameters] from the adjoint of eta [N].
 template <class Backend>
 std::tuple<at::Tensor, at::Tensor, at::Tensor> viscosity_backward(
     const at::Tensor& grad, const at::Tensor& gamma_dot, const at::Tensor& p,

@@ -1,4 +1,4 @@
-// Puts a backend behind every operator: the names are those of schemas.cpp.
+// Puts a backend behind every operator, with the names of schemas.cpp.
 #pragma once
 
 #include <torch/library.h>

@@ -1,6 +1,6 @@
 // The operators of granpinn: their schemas; and the Python module.
 //
-// Shapes, meaning and gradients are documented where users meet them: granpinn/kernels/ops.py.
+// Shapes, meaning and gradients are documented in granpinn/kernels/ops.py.
 #include <pybind11/pybind11.h>
 #include <torch/library.h>
 

@@ -13,7 +13,7 @@
 
 namespace granpinn {
 
-// Checks type, device (that of `like`) and shape of a tensor that is used in place.
+// Checks the type, the shape and the device (the same as `like`) of a tensor that is used in place.
 inline void expect(const char* name, const at::Tensor& a, at::ScalarType type,
                    const at::Tensor& like, std::vector<std::int64_t> shape) {
   const at::IntArrayRef expected(shape);

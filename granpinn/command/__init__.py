@@ -1,1 +1,1 @@
-"""What the commands share: cli and completion of `granpinn VERB`, parser, settings as arguments."""
+"""Shared parts of the commands: cli and completion of `granpinn VERB`, parser, arguments."""

@@ -20,8 +20,8 @@ from granpinn.config.values import NONE, convert
 from granpinn.physics.laws import LAWS
 from granpinn.simulation import demo_path
 
-# What a bare `python -m granpinn.train` runs: the collapse that comes with the package, in half the
-# steps of the default recipe.
+# `python -m granpinn.train` without arguments: the collapse that comes with the package, in half
+# the steps of the default recipe.
 DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "20000")
 EXAMPLES = """examples:
   python -m granpinn.train
@@ -41,9 +41,9 @@ Ctrl-C saves a checkpoint and stops; a second Ctrl-C stops at once."""
 
 
 def parse(argv: Sequence[str]) -> Config:
-    """The settings of a command line; ConfigError says in one sentence what is wrong with it.
+    """The settings of a command line; the message of ConfigError is one sentence.
 
-    Without any argument: the demonstration.
+    Without arguments: the settings of the demonstration.
     """
     argv = argv or [str(demo_path()), *DEMONSTRATION]
     parser = Parser(
@@ -105,7 +105,7 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def metavar_of(stated: Setting) -> str:
-    """What stands for the value of a setting in the help, such as {V0,V1,V2} or N."""
+    """The placeholder for the value of a setting in the help, such as {V0,V1,V2} or N."""
     if stated.choices:
         return "{" + ",".join(stated.choices) + "}"
     kind, _ = without_none(stated.kind)

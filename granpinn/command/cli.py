@@ -1,7 +1,7 @@
 """The console command: `granpinn VERB ...` is the same as `python -m granpinn.VERB ...`.
 
-A verb is imported when it is used, so that `granpinn --help` is quick. Exit codes are those of the
-verb; 2 where there is no such verb.
+A verb is imported when it is used, so that `granpinn --help` is quick. The exit code comes from the
+verb; it is 2 for an unknown verb.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def command(verb: str) -> Callable[[Sequence[str]], int]:
 
 
 def help_text() -> str:
-    """What `granpinn --help` prints."""
+    """The text of `granpinn --help`."""
     lines = ["usage: granpinn VERB [arguments]", "", PURPOSE, "", "verbs:"]
     for name in available():
         lines += [f"  {name:<12}{VERBS[name].does}", f"  {'':<12}  {VERBS[name].example}"]

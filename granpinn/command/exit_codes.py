@@ -13,7 +13,7 @@ from granpinn.training.guard import Interrupted, NonFiniteError
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:
-    """The exit code of `run`, or that of the error that it raises."""
+    """The exit code of `run`, or the code for the error that it raises."""
     try:
         return run()
     except (ConfigError, FlowFileError) as error:

@@ -1,4 +1,4 @@
-"""Parts that the commands share: a parser that refuses in one sentence, and a failed end."""
+"""Shared parts of the commands: a parser with one-sentence errors, and the end after an error."""
 
 from __future__ import annotations
 
@@ -17,6 +17,6 @@ class Parser(argparse.ArgumentParser):
 
 
 def fail(command: str, code: int, message: str) -> int:
-    """Print why a command failed; returns the exit code."""
+    """Print the reason why a command failed; returns the exit code."""
     print(f"granpinn.{command}: {message}", file=sys.stderr)
     return code

@@ -15,7 +15,7 @@ from granpinn.physics.law_values import LawValues
 
 
 class FlowFileError(ValueError):
-    """A flow breaks a rule of the format; the message is one sentence that says what to do."""
+    """A flow breaks a rule of the format; the message is one sentence with the remedy."""
 
 
 class FlowFileWarning(UserWarning):
@@ -72,11 +72,11 @@ class Flow:
         u, v: velocity [T, Y, X], float32 or float64; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1.
         gravity: (g_x, g_y).
-        density: bulk density of the grains, that of the momentum equation.
+        density: bulk density of the grains, for the momentum equation.
         grain_diameter: mean diameter d of the grains.
         length_unit, time_unit: names of the units, "1" = dimensionless.
         density_unit: name of the unit of density, None if unknown.
-        grain_density: density of a grain, that of the inertial number; None = `density`.
+        grain_density: density of a grain, for the inertial number; None = `density`.
         p: reference pressure [T, Y, X]: for scoring, never for training.
         surface: observed points of the free surface.
         sigma_u, sigma_v: standard deviation of u and v, one number or [T, Y, X].

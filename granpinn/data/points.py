@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 # In the toe the layer is thinner than this many grains, and p = 0 does not hold.
 TOE_GRAINS = 2.0
 # Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
-# measurement. The same data in other units differ by 1e-16 and become the same numbers, and with
-# them the same training.
+# measurement. The same data in other units differ by 1e-16. After rounding they are equal, and so
+# are their trainings.
 RESOLUTION = 2.0**-24
 
 Indices = tuple[Index, Index, Index]
@@ -36,8 +36,8 @@ class TrainingSet:
         points: (x, y, t) of the data, [N, 3].
         velocity: measured (u, v), [N, 2].
         point_weights: weights of the velocity and of the physics at each point, [N, 2].
-        surface_points: (x, y, t) of the free surface, [M, 3]; at level V0 of the upper outline of
-            the data.
+        surface_points: (x, y, t) of the free surface, [M, 3]; at level V0, points of the upper
+            outline of the data.
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
@@ -56,7 +56,7 @@ class TrainingSet:
     def pooled(self) -> TrainingSet:
         """The training set with the B points among the data points, for the draws of batches.
 
-        Their velocity has the weight 0. That of the data is larger in return, so that the mean over
+        Their velocity has the weight 0. The data have more weight in return, so that the mean over
         all N + B points is the mean over the data.
         """
         N, B = len(self.points), len(self.between)
@@ -91,8 +91,8 @@ def training_set(
     """The data points (t > 0, valid vector; on a grid: c = 1) and the surface points of a level.
 
     Args:
-        level: "V0" velocity only, p = 0 on the upper `outline` of its points; "V1" and the line of
-            the free surface, where p = 0; "V2" and the pressure measured there.
+        level: "V0": velocity only, p = 0 on the upper `outline` of its points; "V1": also the line
+            of the free surface, with p = 0; "V2": also the measured pressure on this line.
         dtype: of all tensors.
 
     Raises:
@@ -156,7 +156,7 @@ def _points(flow: Flow, scales: Scales, indices: Indices) -> Float64:
 
 
 def _samples(flow: Flow) -> Particles:
-    """The vectors at t > 0, in the units of the file, those of a grid in the order (t, y, x).
+    """The vectors at t > 0, in the units of the file; grid vectors have the order (t, y, x).
 
     Vectors at t = 0 are left out, because the pressure of the initial state is a guess. A uniform
     standard deviation does not change the weights and is left out.

@@ -26,7 +26,7 @@ from granpinn.data.format import (
 )
 from granpinn.data.particles import check_particles
 
-# Volume fractions of a solver leave 0..1 by rounding; anything more is a mistake.
+# Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
 # If the share of exact zeros among the vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005

@@ -91,7 +91,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
 
 
 def _units(flow: Flow) -> dict[str, str]:
-    """The unit of every dataset; that of pressure only for a dimensionless flow."""
+    """The unit of every dataset; the pressure has one only in a dimensionless flow."""
     length, time = flow.length_unit, flow.time_unit
     dimensionless = length == time == "1"
     velocity = "1" if dimensionless else f"{length}/{time}"

@@ -1,4 +1,4 @@
-"""All figures of a run: which there are, in which order, and what each of them needs."""
+"""All figures of a run in their order, with the data that each needs."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class Picture(NamedTuple):
 
 
 class Missing(NamedTuple):
-    """A figure that could not be drawn, and why."""
+    """A figure that could not be drawn, and the reason."""
 
     title: str
     reason: str
 
 
 def fields_of(source: Source) -> Fields:
-    """The fields of a run, whole and with grains; NothingToDraw says what is missing."""
+    """The fields of a run with grains; the message of NothingToDraw names a missing part."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
     absent = set(VARIABLES) - {"p_reference", "p_simulated"} - set(source.fields.values)
@@ -102,7 +102,7 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
 
 
 def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
-    """Write every figure that can be drawn to `folder`; remove old files of those that cannot."""
+    """Write every possible figure to `folder`; remove old files of figures that are missing."""
     folder.mkdir(exist_ok=True)
     pictures, missing = [], []
     for name, (title, draw) in (FIGURES | _of_checks(source)).items():

@@ -43,7 +43,7 @@ class Window(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """A field to compare: its name in captions, its symbol and unit, predicted and known [Y, X]."""
+    """Two fields to compare: name in captions, symbol, unit, predicted and known values [Y, X]."""
 
     name: str
     symbol: str
@@ -94,7 +94,7 @@ def pressure_fields(fields: Fields, k: int) -> Drawing:
 def simulated_pressure(fields: Fields, k: int) -> Drawing:
     """The simulated pressure, at the time nearest to frame k that has one.
 
-    Beside it, its difference from the predicted pressure, and from a reference where there is one.
+    Beside it, its difference from the predicted pressure, and from the reference if there is one.
     """
     frames = frames_with(fields, "p_simulated")
     if not frames:
@@ -184,7 +184,7 @@ def aspect_of(fields: Fields, window: Window) -> float:
 
 
 def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
-    """A figure with `count` maps, stacked if the grains lie wide and side by side if not."""
+    """A figure with `count` maps: one above the other for wide grains, else side by side."""
     aspect = aspect_of(fields, window)
     if aspect < WIDE:
         figure = new_figure(((WIDTH - 1.6) * aspect + 0.5) * count + 0.3)

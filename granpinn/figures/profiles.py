@@ -71,7 +71,7 @@ def profile_rows(fields: Fields, k: int) -> list[int]:
 
 
 def _outline(axes: Axes, fields: Fields, window: Window, rows: list[int]) -> None:
-    """The free surface, and where the profiles lie in the grains."""
+    """The free surface, and the lines of the profiles in the grains."""
     draw_surface(axes, fields, window)
     inside = fields.c[window.k] > 0.5
     for row, color in zip(rows, HEIGHT_COLORS, strict=False):

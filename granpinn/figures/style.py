@@ -1,6 +1,6 @@
-"""One look for all figures: sizes, colours, labels, and how a figure becomes a file.
+"""The style of all figures: sizes, colours, labels, and the writing of a figure to a file.
 
-The colours are those of Okabe and Ito and the maps are perceptually uniform, so that figures stay
+The colours are by Okabe and Ito and the maps are perceptually uniform, so that figures stay
 readable for colour-blind readers and in grey print.
 """
 
@@ -54,7 +54,7 @@ class Drawing(NamedTuple):
 
 
 class NothingToDraw(ValueError):
-    """The run folder lacks what a figure needs; the message says what."""
+    """The run folder lacks the data of a figure; the message names them."""
 
 
 P = ParamSpec("P")

@@ -36,27 +36,27 @@ def identify_many(
 ) -> list[Result]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
-    The members share the settings and so the shape of the network and the schedule; each has its
-    own data, seed (of the network, of the batches and of the noise) and I0. Members that are given
-    the same flow without noise share its data on the device. With `config.members` = K, each is an
-    ensemble of K networks of its own. In a group of processes
-    (granpinn/training/parallel.py) each process trains its own members, and all return all results.
+    The members share the settings, hence the shape of the network and the schedule. Each has its
+    own data, I0 and seed (of the network, of the batches and of the noise). Members with the same
+    flow and without noise share its data on the device. With `config.members` = K, each member is
+    an ensemble of K networks. In a group of processes (granpinn/training/parallel.py) each process
+    trains its own members, and all return all results.
 
     Args:
         flows: a flow or the path of a flow file for every member.
         config: settings of all, by default the default recipe.
-        seeds, I0, noise: one for every member, by default that of the settings.
-        run_dir: folder for the checkpoints of the batch and, in 000, 001, ..., what `identify`
-            leaves of every member.
-        keep_fields: whether fields.h5, tens of megabytes for each member, is among that.
+        seeds, I0, noise: one value for every member, by default the value in the settings.
+        run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
+            that `identify` writes, one subfolder for each member.
+        keep_fields: whether to write fields.h5, tens of megabytes for each member.
         progress: a listener; it gets the medians over the members.
 
     Returns:
-        The results in the order of `flows`. A member that diverged has a `failure`, and the others
-        are not touched by it.
+        The results in the order of `flows`. A member that diverged has a `failure`; the others
+        continue.
 
     Raises:
-        As `identify`, but for NonFiniteError.
+        As `identify`, except NonFiniteError.
     """
     begin = time.monotonic()
     config = config or Config()
@@ -96,7 +96,7 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
 
-        # All share the cores that simulate pressures, so that none is idle while there are frames.
+        # One pool for all members: every core simulates pressures as long as frames are left.
         with ThreadPoolExecutor(max(1, _cores() // group.size)) as pool:
 
             def finished(e: int) -> Result:
@@ -119,7 +119,7 @@ T = TypeVar("T")
 
 
 def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
-    """`work` on every item: with a GPU on all cores; on a CPU one by one, for torch uses all."""
+    """`work` on every item: with a GPU in parallel; on a CPU in turn, as torch uses all cores."""
     with ThreadPoolExecutor(_cores() if choose_device(device).type == "cuda" else 1) as pool:
         return list(pool.map(work, items))
 

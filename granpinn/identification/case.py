@@ -1,4 +1,4 @@
-"""What is identified: a flow with its settings as a training problem, and the trained model."""
+"""A flow with its settings as a training problem, and the trained model."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Case:
 
     Attributes:
         config: with the seed and the I0 of this case.
-        seen: the flow that training uses: with added noise, without the truth.
+        seen: the flow that training uses: with added noise, without the true values.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
-        redrawn: whether its data have the known noise once more.
+        redrawn: whether a second draw of the known noise was added to its data.
     """
 
     flow: Flow
@@ -109,8 +109,8 @@ def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
 def members(case: Case) -> list[Case]:
     """The ensemble of a case: its first member, and others that differ in their seeds.
 
-    Where the noise of the data is known, the second half gets it once more
-    (uncertainty/error_bars.py).
+    If the noise of the data is known, the data of the second half of the members get a second draw
+    of it (granpinn/uncertainty/error_bars.py).
     """
     config, made = case.config, [case]
     for k in range(1, config.members):
@@ -125,9 +125,9 @@ def members(case: Case) -> list[Case]:
 
 
 def member_seed(seed: int, k: int) -> int:
-    """The seed of member k of an ensemble, in [0, 2^63); that of member 0 is the given one.
+    """The seed of member k of an ensemble, in [0, 2^63); member 0 has the given seed.
 
-    Hashed, so that ensembles of neighboring seeds have no member in common.
+    The others are hashed, so that ensembles of neighboring seeds have no member in common.
     """
     if k == 0:
         return seed
@@ -136,7 +136,7 @@ def member_seed(seed: int, k: int) -> int:
 
 
 def choose_device(name: str) -> torch.device:
-    """The device of "auto", "cpu" or "cuda"; ConfigError where there is no such thing."""
+    """The device for "auto", "cpu" or "cuda"; ConfigError if it cannot be used."""
     kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
     if name == "cuda" and not kernels:
         raise ConfigError(

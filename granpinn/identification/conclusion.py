@@ -19,9 +19,9 @@ from granpinn.uncertainty import of_training
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
-    """The values of the members from `first` on, and the place of the one that is shown.
+    """The values of the members from `first` on, and the place of the member that is shown.
 
-    Those that diverged are left out; if all did, the first one is kept in its last good state.
+    Members that diverged are left out. If all did, the first is kept in its last good state.
     """
     config, law = cases[0].config, LAWS[cases[0].config.law]
     places = range(len(cases))
@@ -38,7 +38,7 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
 
 
 def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
-    """The residuals of a trained member, None where one is not finite."""
+    """The residuals of a trained member; None if one of them is not finite."""
     if loss is None:
         return None
     rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves

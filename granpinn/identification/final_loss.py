@@ -1,6 +1,6 @@
-"""The loss at the end of a training, over the same many points for every member with that flow.
+"""The loss at the end of a training, over many points: the same ones for members of one flow.
 
-The loss of a step is that of a small batch. Its scatter hides the differences between two laws.
+The loss of a step is over a small batch. Its scatter hides the differences between two laws.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ CHUNK = 16384  # points per evaluation
 
 @torch.no_grad()
 def final_loss(trainer: Trainer, member: int) -> Loss | None:
-    """Mean terms of a member as the steps of the training have left it (`Trainer.trained`).
+    """Mean terms of a member after the steps of the training (`Trainer.trained`).
 
-    Over every k-th point, so that at most `MOST_POINTS` are used. None where one is not finite.
+    The mean is over every k-th point, at most `MOST_POINTS`. None if a term is not finite.
     """
     objective, e = trainer.objective, member
     spec, form = objective.spec, objective.spec.form

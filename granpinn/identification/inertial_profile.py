@@ -1,24 +1,24 @@
 r"""Which I0 of mu(I) the data allow: the loss over a grid of I0, each value trained on its own.
 
-Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0, and the data determine only the slope
-(mu_2 - mu_s)/I0: mu_2 and I0 grow together, and a number for either alone would be an invention. So
+Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0. The data then determine only the slope
+(mu_2 - mu_s)/I0: mu_2 and I0 can grow together, and neither has a value of its own. So
 every value of the grid is held fixed in several trainings (seeds), all as one batch, and a value is
 **excluded** only if both hold:
 
 1. the loss is higher than at the best value by more than three standard errors of the mean over
-   the seeds. Differences are taken within a seed, so that what a seed does to all its losses
+   the seeds. Differences are taken within a seed. So an effect that a seed has on all its losses
    (batches, draw of synthetic noise) drops out. The standard deviation s of the rest is pooled,
 
    $$ \Delta L > 3 s \sqrt{2/n}, \quad
       s^2 = \sum_{v,k} (L_{vk} - \bar L_v - \bar L_k + \bar L)^2 / ((V - 1)(n - 1)); $$
 
 2. the law differs, max |mu(I) - mu_best(I)| > 0.005 (--profile.law_accuracy) for some I between the
-   5 % and 95 % quantiles of the grains: laws that agree to the accuracy of an identification there
+   5 % and 95 % quantiles of the grains. Laws that agree there to the accuracy of an identification
    (bench/studies/inertial_number) count as equal, however small the scatter of the losses.
 
 Both ends of the grid excluded: I0 is separable, and its estimate is the vertex of the parabola
 through the three values around the least loss, in log I0. One end: a bound. None: not separable.
-The losses are those of averaged parameters over the same many points with the same weights.
+All losses are of averaged parameters, over the same points and with the same weights.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def grid_of(config: Config) -> list[float]:
 
 
 def require_mu_of_i(config: Config) -> None:
-    """ConfigError where the law has no profile of I0."""
+    """Raise ConfigError if the law has no profile of I0."""
     if config.law != mu_of_i.LAW.name:
         raise ConfigError(
             f"--free-I0 is for {mu_of_i.LAW.title} alone, got --law {config.law}: leave out one of "
@@ -70,16 +70,16 @@ def profile_I0(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Profile:
-    """Train the grid of I0 as one batch, and weigh it up.
+    """Train the grid of I0 as one batch, and make the profile.
 
     Args:
         flow, run_dir, progress: as for `identify_many`.
-        config: settings of every training; `profile` is about the grid.
-        steps: of every training, by default what the settings say.
+        config: settings of every training; `profile` describes the grid.
+        steps: of every training, by default as in the settings.
 
     Raises:
-        As `identify_many`; NonFiniteError where too few trainings came to their end; ConfigError
-        where the law is not mu(I).
+        As `identify_many`; NonFiniteError if too many trainings diverged; ConfigError if the law
+        is not mu(I).
     """
     require_mu_of_i(config)
     average = max(LEAST_AVERAGE, config.optimizer.average)
@@ -113,7 +113,7 @@ def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -
         given: I0 of the run, at which slope and d mu_2 / d I0 are taken.
 
     Raises:
-        NonFiniteError: fewer than two seeds came to their end at every I0.
+        NonFiniteError: fewer than two seeds finished their training at every I0.
     """
     grid = sorted({r.parameters.I0.value for r in results})
     ended = {(r.parameters.I0.value, r.seed): r for r in results if r.failure is None and r.loss}

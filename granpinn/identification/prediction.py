@@ -5,8 +5,8 @@ At every grid point inside the grains (c = 1), from the network and the identifi
 $$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\sqrt{|p|/\rho},
    \quad \eta = \mu(I)\,p/\dot\gamma \ \text{inside its limits,} $$
 
-the deviatoric stress tau (the network's own in the mixed form, 2 eta D in the strong form), and
-the residual of the strong momentum equation, whatever form was trained.
+the deviatoric stress tau (an output of the network in the mixed form, 2 eta D in the strong form),
+and the residual of the strong momentum equation, for both forms.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from granpinn.physics.scales import Quantity
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, Units
 
-CHUNK = 32768  # points per evaluation: bounds the memory, does not change the values
+CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
 
 

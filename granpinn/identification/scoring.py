@@ -5,16 +5,16 @@ grains after the start,
 
 $$ \epsilon = 100 \sqrt{\sum |f_{predicted} - f_{reference}|^2 / \sum |f_{reference}|^2}. $$
 
-**Flowing and stagnant.**  Where the material does not shear, kinematics does not fix the pressure,
-so a mean over all points hides the error where the motion does fix it.  A point flows where
-D2 >= 0.05 sqrt(|g| / H0) and is stagnant (at rest or in rigid motion) where it is less. 0.05 is the
-strain-rate error of a velocity field resolved to about 1 %; below it the direction of the stress
-is lost.  A quarter of the points of a column collapse are stagnant by this rule. D2 is spread
-evenly over the decades around it, so that no threshold is natural; results.json states this one.
+**Flowing and stagnant.**  The motion determines the pressure only where the material shears. A mean
+over all points would hide the error there.  A point flows where D2 >= 0.05 sqrt(|g| / H0);
+elsewhere it is stagnant (at rest or in rigid motion). 0.05 is the strain-rate error of a velocity
+field resolved to about 1 %; below it the direction of the stress is lost.  A quarter of the points
+of a column collapse are stagnant by this rule. D2 is spread evenly over the decades around this
+threshold, so that no threshold is natural; results.json states it.
 
 D2 is taken from finite differences of the velocity in the file, so that the zones do not depend on
-the network, unless the file declares measurement noise (sigma_u, sigma_v): differences of noise
-never rest, and the predicted D2 is used.
+the network. If the file declares measurement noise (sigma_u, sigma_v), the predicted D2 is used:
+differences of noise are large even in grains at rest.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Scores(NamedTuple):
 
 
 class Split(NamedTuple):
-    """Points [K] that flow and points that do not, and where their strain rate comes from."""
+    """Flowing points [K], stagnant points [K], and the source of their strain rate."""
 
     source: str
     flowing: Bool
@@ -57,8 +57,7 @@ def strain_rate(u: Floats, v: Floats, y: Floats, x: Floats) -> Floats:
 
     Second order inside a uniform grid, first order elsewhere; exact for a linear velocity.
 
-    NaN in u, v marks points without a value; D2 is NaN where a point lacks a neighbour along an
-    axis.
+    NaN in u, v marks points without a value. D2 is NaN at a point without neighbors along an axis.
     """
     dx, dy = np.diff(x)[:, None], np.diff(y)[:, None]
     u_x, v_x = difference(u, dx, 1), difference(v, dx, 1)
@@ -69,8 +68,8 @@ def strain_rate(u: Floats, v: Floats, y: Floats, x: Floats) -> Floats:
 def difference(f: Floats, step: Floats | float, axis: int) -> Floats:
     """df/dx along an axis: the mean of the forward and backward differences that exist.
 
-    NaN in f marks points without a value. `step` is that of the coordinate: a number, or an array
-    that broadcasts against the differences of f with this axis first.
+    NaN in f marks points without a value. `step` is the step of the coordinate: a number, or an
+    array that broadcasts against the differences of f with this axis first.
     """
     f = np.moveaxis(np.asarray(f, np.float64), axis, 0)
     slope = np.diff(f, axis=0) / step
@@ -91,7 +90,7 @@ def after_start(fields: Fields) -> Bool:
 def flowing(fields: Fields, d2: Floats | None = None) -> Bool:
     """Points [K] whose strain rate (the predicted one unless given, in the file's units) flows.
 
-    A point whose strain rate is not known (NaN) is not called flowing.
+    A point with an unknown strain rate (NaN) does not count as flowing.
     """
     d2 = fields.values["D2"] if d2 is None else d2
     return np.asarray(d2 * fields.time >= D2_STAGNANT)
@@ -104,8 +103,8 @@ def score(
 
     Args:
         flow: the file's own data, without added noise.
-        fields: predicted on its grid.
-        at_particles: predicted (u, v) at its scattered vectors [2, n], where it has them.
+        fields: the prediction on its grid.
+        at_particles: predicted (u, v) at its scattered vectors [2, n]; None on a grid.
     """
     counted, values = after_start(fields), fields.values
     errors = {
@@ -133,7 +132,7 @@ def score(
 
 
 def zones_of(flow: Flow, fields: Fields) -> Split:
-    """The zones; a point whose strain rate is not known is in neither."""
+    """The zones; a point with an unknown strain rate is in neither."""
     source, d2 = _zone_strain_rate(flow, fields)
     flows = flowing(fields, d2)
     return Split(source, flows, np.isfinite(d2) & ~flows)

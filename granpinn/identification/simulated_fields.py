@@ -23,16 +23,16 @@ from granpinn.second_opinion import simulated_pressure
 from granpinn.training.loop import TrainingLoop
 
 AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
-EACH_FRAME = 2.0  # more of them for every simulated frame, over the cores that share the work
-AFTER_TRAINING_PART = 0.25  # at most this part of a time limit
-SIMULATION_PART = 0.5  # of the kept time: no frame is begun after it
+EACH_FRAME = 2.0  # additional seconds for every simulated frame, divided by the number of cores
+AFTER_TRAINING_PART = 0.25  # largest part of a time limit that is kept
+SIMULATION_PART = 0.5  # part of the kept time in which frames may begin
 SAY_EVERY = 10.0  # seconds
 
 
 def kept_after_training(config: Config, members: int) -> float:
-    """Seconds of a time limit that are left when so many networks are trained; 0 without one.
+    """Seconds that a training of `members` networks keeps of its time limit; 0 without a limit.
 
-    Of `config.members` networks one is shown, and only that one has a simulated pressure.
+    One of `config.members` networks is shown, and only this one has a simulated pressure.
     """
     frames = config.simulated_pressure.frames * max(1, members // config.members)
     wanted = AFTER_TRAINING + EACH_FRAME * frames / len(os.sched_getaffinity(0))
@@ -42,7 +42,7 @@ def kept_after_training(config: Config, members: int) -> float:
 def add(
     case: Case, run: TrainingLoop, model: Model, maps: Fields, pool: Executor
 ) -> tuple[Fields, SimulatedPressure]:
-    """The fields with `p_simulated`, where the simulation gives one, and the record of it."""
+    """The fields, with `p_simulated` if a frame has a simulated pressure, and its record."""
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -78,7 +78,7 @@ def add(
 def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:
     """The predicted velocity at any point, in the units and axes of a flow."""
     axes = Axes.of(flow.gravity)
-    one_at_a_time = threading.Lock()  # torch takes all cores for each
+    one_at_a_time = threading.Lock()  # torch uses all cores for one evaluation
 
     def velocity(x: Float64, y: Float64, t: float) -> tuple[Float64, Float64]:
         points = model.scales.points_to_dimensionless(x, y, t)
@@ -101,7 +101,7 @@ def with_simulated_pressure(fields: Fields, pressures: dict[int, Float64]) -> Fi
 def difference(flow: Flow, fields: Fields) -> tuple[float | None, float | None]:
     """rms difference of predicted and simulated pressure over the rms of the simulated one, in %.
 
-    For flowing grains, and for the others; None for no points.
+    One value for the flowing points and one for the stagnant points; None for an empty zone.
     """
     p, simulated = fields.values["p"], fields.values["p_simulated"]
     known = np.isfinite(simulated)

@@ -35,7 +35,7 @@ def identify(
 ) -> Result:
     """Identify the friction law of a flow, with its velocity and pressure fields.
 
-    In a group of processes (training/parallel.py) all train this one flow; the first one writes.
+    In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
 
     Args:
         flow: a flow, or the path of a flow file.
@@ -47,7 +47,7 @@ def identify(
     Raises:
         FlowFileError, ConfigError: bad input; the message is one sentence.
         NonFiniteError, CheckpointError: the run cannot go on.
-        Interrupted: SIGINT or SIGTERM; a checkpoint has been written where there is a folder.
+        Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
     """
     begin = time.monotonic()
     config = config or Config()
@@ -76,7 +76,7 @@ def parts_of(folder: Path, count: int) -> list[Path]:
 
 
 def histories(folder: Path | None, count: int) -> list[Path | None]:
-    """The same; None for each where there is no run folder."""
+    """The folders of the histories of `count` members; None for each without a run folder."""
     return [None] * count if folder is None else [*parts_of(folder, count)]
 
 
@@ -123,7 +123,7 @@ def finish(
 ) -> Result:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
-    The threads of `pool` simulate the pressure; None leaves that out.
+    The threads of `pool` simulate the pressure; None: without a simulated pressure.
     """
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
@@ -146,7 +146,7 @@ def finish(
 
 
 def prepare(folder: Path, config: Config, members: int = 1) -> Path:
-    """Make the folder of a run of so many members and write config.toml; never mix two runs."""
+    """Make the folders of a run and write config.toml; ConfigError if they hold another run."""
     taken = [
         name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
     ]

@@ -33,7 +33,7 @@ def convert(
         report: called with every line of a report.
 
     Raises:
-        DataFileError: files or settings cannot be used; one sentence says what to do.
+        DataFileError: files or settings cannot be used; the message is one sentence.
     """
     settings = settings or Settings()
     tell = report or (lambda line: None)

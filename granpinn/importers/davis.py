@@ -30,7 +30,7 @@ _MAX_TEXT_UNIT = 40
 
 
 def sniff_vc7(path: Path, head: bytes) -> bool:
-    """Whether the name ends like one of DaVis; the content has no mark."""
+    """Whether the file has a suffix of DaVis; the content has no mark."""
     return path.suffix.lower() in (".vc7", ".im7", ".set")
 
 

@@ -180,7 +180,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
 
 
 def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
-    """Units of length, time and velocity, those of the settings first."""
+    """Units of length, time and velocity, from the settings if they have them, else the files."""
     length = settings.length_unit or fields.length_unit
     time = settings.time_unit or fields.time_unit
     velocity = settings.velocity_unit or fields.velocity_unit

@@ -23,7 +23,7 @@ class Material:
     """Constants of the grains.
 
     Attributes:
-        density: bulk density, that of a grain times the solid fraction.
+        density: bulk density: the density of a grain times the solid fraction.
         grain_density: of a grain; None = as the bulk density (data without units).
         wall_gap: distance between the side walls, or None.
     """

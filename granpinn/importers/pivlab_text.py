@@ -38,7 +38,7 @@ TYPES = {
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Whether the file begins as PIVlab writes it."""
+    """Whether the file begins like a PIVlab export."""
     text = head.decode("utf-8", "replace").lstrip("\ufeff# ")
     return text.startswith(("PIVlab", "FRAME:")) or bool(re.match(r"x \[(px|m)\][,\t ]+y \[", text))
 

@@ -1,8 +1,8 @@
 r"""Points of the free surface: where the volume fraction crosses 1/2, or from a table.
 
-Between the centers of two neighboring cells, one in the grains and one not, the surface lies where
-c = 1/2 on the straight line between them; for a mask that is half way. Not every edge of a mask is
-a free surface: the bed and the side walls are edges too. An edge counts if it faces up (against
+Between the centers of two neighboring cells, one in the grains and one outside, the surface lies
+where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are no free
+surface: the bed and the side walls are edges too. An edge counts if it faces up (against
 gravity), or if it faces sideways and has grains beyond it at another time. An edge that faces down
 never counts.
 """
@@ -74,7 +74,7 @@ def from_scattered(fields: VectorFields) -> Surface | None:
 def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
     """The points of a CSV file with the columns t (or frame), x, y.
 
-    A column with a unit in brackets is in that unit, all others are in those of the vectors.
+    A column with a unit in brackets is in that unit; the others have the units of the vectors.
 
     Args:
         frame: of the vectors, in whose axes the points are given.

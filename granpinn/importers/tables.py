@@ -43,7 +43,7 @@ def numbers(
 
     Args:
         lines: separated by tabs, blanks, commas or semicolons.
-        first_line: number of the first of them in the file, for the message.
+        first_line: number of the first line in the file, for the message.
         decimal_comma: whether "," is the decimal point.
     """
     separator = re.compile(r"[\t ;]+" if decimal_comma else r"[\t ]*[,;\t ][\t ]*")
@@ -76,7 +76,7 @@ def to_grid(
     """Arrays [1, Y, X] and axes of one frame from lists of x, y, u, v and others [n].
 
     Args:
-        columns: must hold x and y; all others become grids, NaN where no row is.
+        columns: must hold x and y; all others become grids, NaN at places without a row.
         validity: of every row, an array [n]; places without a row become MASKED.
         complete: raise an error if a place of the grid has no row.
 

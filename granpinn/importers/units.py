@@ -15,7 +15,7 @@ from granpinn.importers.vectors import DataFileError
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*")
-# Plain products and quotients of names with one-digit powers: nothing that takes long to parse.
+# Only plain products and quotients of names with one-digit powers, which are quick to parse.
 _POWER = r"(?:\^|\*\*)?-?\d"
 _NAME = rf"[A-Za-zµμ°]+(?:{_POWER})?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/· ]\s*{_NAME}){{0,5}}")

@@ -23,7 +23,7 @@ MAX_ZERO_SHARE = 0.005
 
 
 class DataFileError(ValueError):
-    """A measurement file cannot be used; the message is one sentence that says what to do."""
+    """A measurement file cannot be used; the message is one sentence with the remedy."""
 
 
 class Validity(enum.IntEnum):

@@ -20,7 +20,7 @@ OUTPUTS = {"strong": 3, "mixed": 5}
 
 @dataclass(frozen=True)
 class NetworkSpec:
-    """Everything about a network but its parameters."""
+    """The layers, input map and form of a network: everything except its parameters."""
 
     widths: tuple[int, ...]
     input_shift: tuple[float, ...]

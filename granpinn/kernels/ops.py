@@ -94,8 +94,8 @@ def residual_loss(
     """The loss, its terms, and its gradients by the network and the friction law, in one pass.
 
     The loss is sum_k term_weights_k terms_k; a term is half the weighted mean square of a residual.
-    csrc/math/forms states the equations. Only ``loss`` is differentiable, in ``params`` and
-    ``theta``: its backward hands out the returned gradients.
+    csrc/math/forms has the equations. Only ``loss`` is differentiable, in ``params`` and
+    ``theta``: its backward returns the gradients that the forward computed.
 
     Args:
         params: parameters of the network [P].
@@ -112,8 +112,8 @@ def residual_loss(
         precision: "fp32", or "fast" for tensor cores, compensated to float32 in the forward
             products and halves in the backward ones; without effect on a CPU and in float64.
 
-    The input map and ``physics`` are numbers, or tensors that may lead with E: members of an
-    ensemble can be different problems.
+    The input map and ``physics`` are numbers, or tensors with a leading E: members of an ensemble
+    can be different problems.
 
     Returns:
         loss [], terms, gradient by params [P], gradient by theta.

@@ -1,6 +1,6 @@
 """Loads the compiled operators and registers their shapes for tracing and their gradients.
 
-Gradients are of first order: a second derivative is refused, for it would need kernels of its own.
+Gradients are of first order. A second derivative raises an error: it would need further kernels.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
-"""The operators of one optimization step, for E members at a time: csrc/step.h says what each does.
+"""The operators of one optimization step of E members; csrc/step.h describes each.
 
-In an optimization step nothing crosses to the host: `counter` int64 [3] says which step it is and
-`table` [rows, 2 + E] float64 what the schedule has for it (granpinn/training/control.py). `update`
+A step copies nothing to the host. `counter` int64 [3] holds the number of the step, and `table`
+[rows, 2 + E] float64 the schedule of the next steps (granpinn/training/control_table.py). `update`
 and `descend` change tensors in place.
 
-`batch_loss` is `residual_loss` of what `draw_batch` draws: for its arguments, followed by params,
-theta and what comes after the term weights in granpinn.kernels.ops.residual_loss. As one operator,
-a GPU brings the weights into order while it draws.
+`batch_loss` draws a batch as `draw_batch` does and evaluates `residual_loss` on it. Its arguments
+are the arguments of `draw_batch`, then params and theta, then the arguments of
+granpinn.kernels.ops.residual_loss after the term weights. On a GPU it also packs the weights.
 
 `orthogonalize` gives U V^T of matrices G = U S V^T [..., m, n], to about 30 %, by five steps of
 Newton-Schulz (csrc/cpu/orthogonalize.h); `descend` subtracts it, times a learning rate, from
-matrices of the parameters. Their `precision` "fast" lets a GPU round the operands of products to
-half precision where G is float32 with sides up to 128: U V^T is then off by 0.2 % (Muon is
-published in bfloat16, 2 %), and `descend` takes one launch. Sums and the iterate stay in float32.
-It changes nothing on a CPU, in float64 and for larger matrices.
+matrices of the parameters. With `precision` "fast" a GPU rounds the operands of products to half
+precision if G is float32 with sides up to 128. The error of U V^T is then 0.2 % (Muon is published
+in bfloat16, 2 %), and `descend` takes one launch. Sums and the iterate stay in float32. "fast"
+changes nothing on a CPU, in float64 and for larger matrices.
 """
 
 from __future__ import annotations

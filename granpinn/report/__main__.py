@@ -1,6 +1,6 @@
 """The report of a run: `python -m granpinn.report DIR`.
 
-It needs nothing but the run folder: results.json, and fields.h5 and history.csv if they are there.
+It reads the run folder alone: results.json, and fields.h5 and history.csv if they are there.
 It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
 network. The page lists what is missing. With --paraview it writes fields.vtkhdf too.
 """

@@ -1,8 +1,8 @@
 """The fields over time, for the slider of the page: frames quantised to a palette of 255 colours.
 
-Every quantity becomes one indexed PNG, a sheet with its frames one below the other, which the page
-draws from.  A pixel is the nearest grid point, index 255 is "no grains" (transparent).  Where a
-sheet would make the page too large, all of them get fewer pixels.
+Every quantity becomes one indexed PNG: a sheet with its frames one below the other. The page draws
+its frames from the sheet.  A pixel is the nearest grid point, index 255 is "no grains"
+(transparent).  If the sheets would make the page too large, all of them get fewer pixels.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DECADES = 1e-4  # a logarithmic scale shows at most this part of its largest val
 
 
 class Quantity(NamedTuple):
-    """What a sheet shows: variables of fields.h5, how they combine, and the scale."""
+    """The quantity of a sheet: variables of fields.h5, their combination, and the scale."""
 
     label: str
     kind: str
@@ -80,7 +80,7 @@ class Film(NamedTuple):
         times: of the frames, as text with their unit.
         start: index of the frame to show first.
         still: that frame of the first quantity as a PNG in base64.
-        x, y: what the frames cover, as text.
+        x, y: the ranges of the frames, as text.
         colors: of the scale, from low to high.
     """
 

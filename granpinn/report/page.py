@@ -1,6 +1,6 @@
 """From a run folder to report.html, one page that needs no other file and no network.
 
-It needs nothing but the run folder: results.json, and fields.h5 and history.csv if they are there.
+It reads the run folder alone: results.json, and fields.h5 and history.csv if they are there.
 The page lists what is missing.
 """
 
@@ -42,8 +42,8 @@ from granpinn.training.history import columns
 from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
-PAGE = 2_900_000  # bytes that figures and film may make of the page
-OWN_PLACE = ("flow", "out")  # settings that name folders of one machine, of no use to a reader
+PAGE = 2_900_000  # largest number of bytes of figures and film in the page
+OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
 class HistoryFileError(ValueError):
@@ -177,7 +177,7 @@ def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
 
 
 def symbol(text: str) -> Markup:
-    """The symbol of a parameter, such as "μₛ", with a real index: it is easier to read."""
+    """The symbol of a parameter, such as "μₛ", with a subscript tag, which is easier to read."""
     index = escape(unicodedata.normalize("NFKD", text[1:]))
     return Markup("<i>{}</i><sub>{}</sub>").format(text[:1], index)
 

@@ -1,10 +1,10 @@
 """fields.vtkhdf: the fields of a run over time for ParaView (5.11 or later) and pyvista.
 
 VTKHDF version 2.0, type ImageData with time steps: point data with the axes (t, y, x) and, for
-vectors, a last axis of length 3; the reader wants no axis for the single layer in z.  NaN means no
-grains.  The format asks for even
-spacing: the points of an uneven grid are moved to the nearest of an even one, and the caller is
-told.  https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/
+vectors, a last axis of length 3; the single layer in z has no axis.  NaN means no grains.  The
+format has even spacing only: the points of an uneven grid are moved to the nearest points of an
+even one, and `write_vtkhdf` returns True.
+https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format/
 """
 
 from __future__ import annotations

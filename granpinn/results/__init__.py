@@ -1,4 +1,4 @@
-"""What a run leaves: the result and its files results.json, results.csv and fields.h5.
+"""The result of a run and its files results.json, results.csv and fields.h5.
 
 In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
 bars, verdict), findings (checks and simulations), result (all of it, and results.json), decoding

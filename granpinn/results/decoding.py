@@ -1,8 +1,8 @@
 """JSON values into typed dataclasses, strictly, and back.
 
 Exactly the types that results.json needs: dataclasses, `Named`, float, int, bool, str, `X | None`,
-tuples, dict[str, X] and Any.  An unknown key, a missing one or a wrong type is a ValueError that
-names the place, what was expected and what was found.
+tuples, dict[str, X] and Any.  An unknown key, a missing key or a wrong type is a ValueError that
+names the place, the expected type and the found value.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The predicted fields on the input grid, in the units of the flow file, and their file fields.h5.
 
 fields.h5 has the layout of a flow file (dimension scales t, y, x; variables [T, Y, X]) with NaN
-where there are no grains, and opens in xarray.  It holds the values of the flow file beside the
-predicted ones, so that a run folder can be read and drawn without its input.
+where there are no grains, and opens in xarray.  It also holds the values of the flow file, so that
+a run folder can be read and drawn without its input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
 
 
-# name -> (kind of quantity, what it is); `Units.of` turns the kind into a unit.
+# name -> (kind of quantity, description); `Units.of` turns the kind into a unit.
 VARIABLES = {
     "u": ("velocity", "predicted velocity along x"),
     "v": ("velocity", "predicted velocity along y"),
@@ -56,7 +56,7 @@ class Units:
     def of(self, kind: str) -> str | None:
         """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
 
-        A flow file need not say in which unit its density is, hence not the unit of pressure.
+        A flow file may lack the unit of its density, which determines the unit of pressure.
         """
         if kind == "number" or self.length == self.time == "1":
             return "1"
@@ -159,7 +159,7 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
 
 
 def read_fields(path: str | Path) -> Fields:
-    """Read fields.h5; FieldsFileError says in one sentence what is wrong."""
+    """Read fields.h5; the message of FieldsFileError is one sentence."""
     path = Path(path)
     if not path.is_file():
         raise FieldsFileError(f"{path} does not exist")

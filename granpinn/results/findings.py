@@ -1,6 +1,6 @@
-"""What a result may hold besides the identified values: final loss, profile of I0, simulations.
+"""Optional parts of a result beside the identified values: final loss, profile of I0, simulations.
 
-Each field is None (null in results.json) where it was not asked for or means nothing.
+Each field is None (null in results.json) if it was not computed or has no meaning.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class Loss:
 
 @dataclass(frozen=True)
 class ProfilePoint:
-    """One value of I0 of mu(I): the law that was identified there, and whether it is excluded.
+    """One value of I0 of mu(I): the law that was identified with it, and whether it is excluded.
 
     Attributes:
         mu_s, mu_2, slope: means over the seeds; slope = (mu_2 - mu_s) / I0.
-        loss_rise: mean over the seeds of the loss less that at the best I0, with the same seed.
+        loss_rise: loss minus the loss at the best I0 with the same seed, mean over the seeds.
         law_difference: largest |mu(I) - mu(I) at the best I0| over the I that the data cover.
         excluded: whether the data exclude this I0.
     """
@@ -54,17 +54,17 @@ class Profile:
 
     Attributes:
         points: in increasing I0.
-        n_seeds: trainings at each value that came to their end.
+        n_seeds: number of finished trainings at each value.
         smallest_rise: a rise of the loss up to this is scatter of the training.
         law_accuracy: laws that differ by no more than this count as equal.
         I_low, I_high: the inertial numbers that the data cover (5 % and 95 % quantiles).
         best: I0 of the least loss where the data separate it, else None.
-        allowed: the I0 that are not excluded; None at a side where the grid ends before.
+        allowed: lower and upper bound of I0; None where the grid excludes no value at that side.
         slope, slope_std: (mu_2 - mu_s) / I0 at the I0 of the run, and its scatter over the seeds.
         correlation: of mu_2 with I0 over all trainings at values that are not excluded.
         mu_2_by_I0: d mu_2 / d I0 at the I0 of the run.
         status: "separable", "lower bound", "upper bound", "not separable".
-        verdict: the same in a sentence.
+        verdict: the status in a sentence.
     """
 
     points: tuple[ProfilePoint, ...]
@@ -108,12 +108,12 @@ class SimulatorFit:
     """The mu(I) law whose simulation is closest to the data (second_opinion/simulator_fit.py).
 
     Attributes:
-        mu_s, mu_2: of the least misfit.
+        mu_s, mu_2: at the least misfit.
         std: of both, by noise and the roughness of runs, without the error of the simulator.
         misfit_percent: of the velocity, relative to its root mean square.
         common_percent: share of the points that all simulations have.
         inside: whether the least misfit lies among the laws that were simulated.
-        cells: across the box, of the last ones; runs: all simulations.
+        cells: across the box, in the last simulations; runs: number of all simulations.
         I0, I0_std, correlation: where I0 was fitted too, and its correlation with mu_2; else None.
     """
 
@@ -148,17 +148,17 @@ class SimulatorFit:
 class Resimulation:
     """The data against a simulation with the identified law (second_opinion/resimulation.py).
 
-    `objection` says why there is no simulation, and all numbers are then None.
+    `objection` is the reason for the lack of a simulation; all numbers are then None.
 
     Attributes:
         cells: across the box.
         column: width and height of the column at the start, in the units of the file.
         velocity_percent: relative L2 error of the velocity over the common points, eq. (errorL2).
         common_percent: share of the points of the data that the simulation has too.
-        front_percent, front_worst_percent: rms and largest difference of the fronts, of the initial
-            height.
-        profile_percent: rms difference of the surface profiles, of the initial height.
-        fit: the law by which the simulator itself would come closest to the data.
+        front_percent, front_worst_percent: rms and largest difference of the fronts, relative to
+            the initial height.
+        profile_percent: rms difference of the surface profiles, relative to the initial height.
+        fit: the law whose simulation is closest to the data.
     """
 
     objection: str | None
@@ -189,11 +189,11 @@ class SimulatedPressure:
     """The simulated pressure at some frames (second_opinion/simulated_pressure.py).
 
     Attributes:
-        objection: why there is none; all numbers are then None.
+        objection: the reason for its absence; all numbers are then None.
         cells: across the box.
         frames: indices of the frames that have a simulated pressure.
         failed: frames at which a solve did not converge.
-        late: frames for which the time limit left no time.
+        late: frames that the time limit left out.
         seconds: for all frames.
         flowing_percent, stagnant_percent: rms difference of the predicted and the simulated
             pressure over the rms of the simulated one, by zones (identification/scoring.py); None
@@ -224,7 +224,7 @@ class SimulatedPressure:
 
     @property
     def left_out(self) -> str:
-        """How many frames were left out and why, in brackets; "" if none."""
+        """The number of frames without a simulated pressure and the reasons, in brackets, or ""."""
         parts = [f"{self.failed} did not converge"] if self.failed else []
         parts += [f"{self.late} had no time left"] if self.late else []
         return f" (left out: {', '.join(parts)})" if parts else ""

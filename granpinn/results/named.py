@@ -30,8 +30,8 @@ class Named(dict[str, V]):
 class ErrorPercent(Named[float | None]):
     """Relative errors in %, by the parameters of the law and `FIELD_ERRORS`; None: not known.
 
-    Of a parameter |value - true| / |true|, of a field eq. (errorL2). Those of the simulated
-    pressure are over the frames that have one.
+    The error of a parameter is |value - true| / |true|, of a field eq. (errorL2). Errors of the
+    simulated pressure are over the frames that have one.
     """
 
     def __init__(self, *values: Any, **errors: float | None) -> None:
@@ -41,14 +41,14 @@ class ErrorPercent(Named[float | None]):
 
 
 class Residuals(Named[float]):
-    """Root mean squares of what a trained network leaves, over many points, dimensionless.
+    """Root mean squares of the residuals of a trained network over many points, dimensionless.
 
     By the terms of the loss (`granpinn.physics.terms`), and "noise". `velocity` is the misfit of
-    the data that were fitted, relative to their root mean square; `noise` is the known measurement
-    noise in these data in the same unit, 0 where none is known.
+    the fitted data, relative to their root mean square. `noise` is the known measurement noise of
+    these data in the same unit, 0 if none is known.
 
     Raises:
-        ValueError: a name is missing or not known.
+        ValueError: a name is missing or unknown.
     """
 
     def __init__(self, *values: Any, **residuals: float) -> None:
@@ -59,7 +59,7 @@ class Residuals(Named[float]):
 def require_names(
     values: dict[str, Any], needed: tuple[str, ...], allowed: tuple[str, ...] = (), where: str = ""
 ) -> None:
-    """ValueError where a name is missing, or is neither needed nor allowed."""
+    """Raise ValueError if a needed name is missing, or if a name is not allowed."""
     for name in values:
         if name not in (*needed, *allowed):
             known = ", ".join((*needed, *allowed))

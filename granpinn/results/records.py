@@ -1,4 +1,4 @@
-"""What results.json holds beside the values: the ensemble, what the fit leaves, and the verdict."""
+"""Records of results.json beside the values: the ensemble, its error bars, verdict and zones."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Members:
     Attributes:
         seed: of each.
         values: of each, by the names of the identified parameters; in JSON beside the seed.
-        redrawn: whether its data have the known noise once more (bench/studies/coverage).
-        shown: index of the member that is nearest to the center; the fields are those of it.
-        diverged: how many did.
+        redrawn: whether its data have a second draw of the known noise (bench/studies/coverage).
+        shown: index of the member nearest to the center; the result has the fields of this member.
+        diverged: number of members that diverged.
     """
 
     seed: tuple[int, ...]
@@ -38,10 +38,10 @@ class Verdict:
     """Whether the data follow the law at all.
 
     Attributes:
-        follows: None where no answer is possible.
-        words: the same in a sentence.
-        ratios: residuals relative to those of simulated flows of the law, by terms of the loss; in
-            JSON beside the words.
+        follows: None if no answer is possible.
+        words: the answer in a sentence.
+        ratios: residuals relative to residuals of simulated flows of the law, by terms of the loss;
+            in JSON beside the words.
     """
 
     follows: bool | None
@@ -51,15 +51,15 @@ class Verdict:
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """What the standard deviations of (mu_s, mu_2) consist of; for mu(I) alone.
+    """The parts of the standard deviations of (mu_s, mu_2); for mu(I) alone.
 
     Attributes:
         scatter: sd that comes from seeds and measurement noise.
-        discrepancy: sd of what simulated collapses show beyond that, scaled by the misfit.
+        discrepancy: sd of the further error of simulated collapses, scaled by misfit and steps.
         freedom: degrees of freedom behind the intervals.
         half_width: of the 90 % intervals, in standard deviations.
-        provenance: where the calibration comes from.
-        provisional: no coverage study has confirmed the calibration yet.
+        provenance: the trainings behind the calibration.
+        provisional: whether a coverage study has still to confirm the calibration.
     """
 
     scatter: tuple[float, float]

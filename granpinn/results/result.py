@@ -1,11 +1,11 @@
-"""The result of an identification: what it holds, and results.json.
+"""The result of an identification, and its file results.json.
 
-A number that means nothing is None here and null in the file, never 0: an error without a
+A number without a meaning is None here and null in the file, never 0: an error without a
 reference, a standard deviation without a covariance.  The file is strict JSON (no NaN, no
 Infinity), written atomically, and validated when it is read back.
 
 Format version 2.  A field may be added with a default; any other change needs a new version.
-Version 2 has the friction law (mu(I) where a file names none), and `members.diverged`.
+Version 2 adds the friction law (mu(I) if a file names none) and `members.diverged`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Covariance:
 
 @dataclass(frozen=True)
 class InertialNumber:
-    """Quantiles of I over the grains: the friction law is known only over this band."""
+    """Quantiles of I over the grains: the data determine the friction law over this band only."""
 
     q05: float
     median: float
@@ -98,7 +98,7 @@ class InertialNumber:
 
 @dataclass(frozen=True)
 class DataSummary:
-    """What the training saw; `noise` is the added sd relative to the maximum speed."""
+    """The data of the training; `noise` is the added sd relative to the maximum speed."""
 
     n_points: int
     n_surface: int
@@ -123,19 +123,19 @@ class Input:
 
 @dataclass(frozen=True)
 class LawName:
-    """The friction law as results.json has it."""
+    """The friction law in the form of results.json."""
 
     name: str = DEFAULT.name
 
 
 @dataclass(frozen=True)
 class Result:
-    """Everything about one identification.
+    """All records of one identification.
 
     Attributes:
         law: name of the friction law (`granpinn.physics.laws.LAWS`).
-        failure: why the training of a member of a batch ended before the others; its numbers are
-            then those of its last good state, and `stopped` is "diverged".
+        failure: why the training of a member of a batch ended before the others; the numbers then
+            belong to its last good state, and `stopped` is "diverged".
     """
 
     parameters: Parameters
@@ -246,7 +246,7 @@ def plain(value: Any) -> Any:
         return plain(os.fspath(value))
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8, JSON may not
+    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8; JSON cannot
         return value.encode(errors="backslashreplace").decode()
     if value is None or isinstance(value, (bool, int)):
         return value
@@ -254,7 +254,7 @@ def plain(value: Any) -> Any:
 
 
 def write_results(result: Result, path: str | Path) -> None:
-    """Write results.json.  The result is decoded first: what cannot be read is not written."""
+    """Write results.json.  The result is decoded first, so that the file can be read back."""
     content = result.to_dict()
     from_dict(content)
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
@@ -263,7 +263,7 @@ def write_results(result: Result, path: str | Path) -> None:
 
 
 def read_results(path: str | Path) -> Result:
-    """Read and validate results.json; ResultsFileError says in one sentence what is wrong."""
+    """Read and validate results.json; the message of ResultsFileError is one sentence."""
     path = Path(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
@@ -281,7 +281,7 @@ def _refuse_constant(name: str) -> None:
 
 
 def from_dict(content: Any, where: str = "the result") -> Result:
-    """The inverse of `Result.to_dict`; ResultsFileError says in one sentence what is wrong."""
+    """The inverse of `Result.to_dict`; the message of ResultsFileError is one sentence."""
     if not isinstance(content, dict):
         raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
     content = dict(content)

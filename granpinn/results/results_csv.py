@@ -1,7 +1,7 @@
 """results.csv: one run as one row, for spreadsheets and for tables of many runs.
 
-Every value has its unit in a column of its own ("1": dimensionless, "%", "s").  An empty cell means
-not known; a fixed parameter has neither standard deviation nor interval.
+Every value has its unit in a column of its own ("1": dimensionless, "%", "s").  An empty cell is an
+unknown value; a fixed parameter has neither standard deviation nor interval.
 """
 
 from __future__ import annotations

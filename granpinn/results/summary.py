@@ -25,8 +25,8 @@ class Band(NamedTuple):
     """The friction law over the inertial numbers that the data cover.
 
     Attributes:
-        largest_difference: between the identified and the true law, None without a truth.
-        half_width: half of the 90 % band where that is widest, None without error bars.
+        largest_difference: between the identified and the true law; None if the latter is unknown.
+        half_width: half of the 90 % band at its widest place; None without error bars.
     """
 
     I_low: float
@@ -73,9 +73,9 @@ def summarize(result: Result, history: Mapping[str, Floats] | None = None) -> Su
 
 
 def true_theta(result: Result) -> tuple[float, ...] | None:
-    """The true parameters in the order of the law; None where one of them is not known.
+    """The true parameters in the order of the law; None if one of them is unknown.
 
-    A fixed parameter whose true value is not known counts as true.
+    A fixed parameter with an unknown true value counts as true.
     """
     theta = []
     for name in LAWS[result.law].names:

@@ -29,7 +29,7 @@ class Comparison(NamedTuple):
 
     Attributes:
         t, front, front_simulated, velocity_percent, profile_rms: [T]; NaN where there is none.
-        x: places of the profiles [X].
+        x: coordinates of the profiles [X].
         frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
     """
 
@@ -115,7 +115,7 @@ def surface_heights(flow: Flow) -> Float64:
 def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any], Float64]:
     """Bilinear values of a frame of `source` at the grid of `target` [Y, X].
 
-    NaN where one of the points around has no value, or there are none.
+    NaN where one of the four points around is missing or has no value.
     """
 
     def places(own: Any, wanted: Any) -> tuple[Any, Any, Float64]:
@@ -140,7 +140,7 @@ def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any],
 
 
 def write_comparison(summary: Resimulation, comparison: Comparison | None, path: Path) -> None:
-    """Write resimulation.json; what is not known is null."""
+    """Write resimulation.json; unknown numbers are null."""
     content = {
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
@@ -152,7 +152,7 @@ def write_comparison(summary: Resimulation, comparison: Comparison | None, path:
 
 
 def read_comparison(path: Path) -> Comparison | None:
-    """The comparison of a resimulation.json; None where there is none. ValueError: not readable."""
+    """The comparison in a resimulation.json, None if it has none; ValueError: not readable."""
     content = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(content, dict) or content.get("format_name") != FORMAT_NAME:
         raise ValueError(f"{path.name} must have format_name {FORMAT_NAME!r}")

@@ -1,9 +1,9 @@
 """Runs of the simulator at the nodes of a lattice of mu(I) laws, at the points of measured data.
 
 A law is a place on the axes q = (log mu_s, log k, log I0) with the slope k = (mu_2 - mu_s)/I0 of
-the law at small I. Where I << I0 the data determine k and not I0, so that these axes separate the
-well known from the badly known. I0 is in units of the given one. With I0 held there are two
-unknowns, q = (log mu_s, log(mu_2 - mu_s)), and their nodes are among the nodes of three.
+the law at small I. Where I << I0 the data determine k and not I0, so these axes separate well known
+from badly known parameters. I0 is relative to the given one. With I0 held there are two unknowns,
+q = (log mu_s, log(mu_2 - mu_s)), and their nodes are also nodes of the lattice of three unknowns.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Theta = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
 
 SPACING = np.array([0.0075, 0.0375, 0.075])  # of the lattice, in q
-COARSE_CELLS = 256  # across the box, at most, where a law is searched for from afar
+COARSE_CELLS = 256  # largest number across the box in the first stage of a search
 MOST_POINTS = 1 << 20  # 8 MB for every run
 
 
 class AtPoints:
-    """Takes the velocity at points of a flow from a simulation, frame by frame.
+    """Records the velocity of a simulation at points of a flow, frame by frame.
 
     Attributes:
         collapse: the settings of the simulation, resolved.
@@ -51,7 +51,7 @@ class AtPoints:
         self._taken: list[Float32] = []
 
     def add(self, time: float, state: State) -> None:
-        """Keeps the velocity of the next frame; NaN where there are no grains."""
+        """Keep the velocity of the next frame; NaN where there are no grains."""
         s, h = self.collapse.stride, self.collapse.spacing
         empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
@@ -87,7 +87,7 @@ class LawRuns:
         self.flow, self.column, self.I0 = flow, column, I0
         finest = cells or cells_of(flow, column)
         coarse, unknowns = min(finest, COARSE_CELLS), 3 if free_I0 else 2
-        # A coarse grid nearly finds mu_s and mu_2. Its errors move I0 too far for that.
+        # mu_s and mu_2 are nearly the same on a coarse grid, but its errors shift I0 too far.
         self.stages = [*dict.fromkeys([(coarse, 2), (finest, unknowns)])]
         there = np.flatnonzero(flow.valid & (flow.t > 0)[:, None, None])
         if len(there) > MOST_POINTS:

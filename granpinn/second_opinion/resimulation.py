@@ -1,9 +1,9 @@
-"""The check that no residual can replace: simulate with the identified law, compare with the data.
+"""Simulate with the identified law and compare with the data: a check beside the residuals.
 
 The simulator (granpinn/simulation) starts from the column of the first frame, with the gravity,
 density and grain diameter of the flow file, and writes its frames at the times of the data. It
-uses nothing of the network. It can start only from a column at rest in the lower left corner of a
-box; for other flows the result holds the reason instead.
+takes only the law from the training. It can start only from a column at rest in the lower left
+corner of a box; for other flows the result holds the reason instead.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
 
-MOST_CELLS = 512  # where the settings do not say otherwise
+MOST_CELLS = 512  # across the box, unless the settings have a number
 LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
-LATEST_START = 0.1  # of sqrt(H/|g|): the first frame may be that late
+LATEST_START = 0.1  # of sqrt(H/|g|): latest time of the first frame
 AT_REST = 0.02  # of sqrt(|g| H)
 MORE_THAN_FREE_FALL = 1.5
 CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
@@ -43,7 +43,7 @@ class Column(NamedTuple):
 
 
 def initial_column(flow: Flow) -> Column | str:
-    """The column that a flow starts from, or the reason why there is none."""
+    """The column at the start of a flow, or the reason why there is none."""
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
@@ -78,12 +78,12 @@ def initial_column(flow: Flow) -> Column | str:
 
 
 def spacings(flow: Flow) -> tuple[float, float]:
-    """Of the grid, along x and y."""
+    """Spacings of the grid along x and y."""
     return float(np.median(np.diff(flow.x))), float(np.median(np.diff(flow.y)))
 
 
 def in_corner(flow: Flow, k: int) -> bool:
-    """Whether the grains of frame k stand where the simulator has its wall and its floor."""
+    """Whether the grains of frame k touch the wall and the floor of the simulator."""
     dx, dy = spacings(flow)
     return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
 
@@ -96,13 +96,13 @@ def extent(flow: Flow, full: Bool) -> Column:
 
 
 def _stated(flow: Flow, name: str, measured: float, spacing: float) -> float:
-    """A length that the file states, where it agrees with the first frame; else the measured."""
+    """The length in the file if it agrees with the first frame, else the measured length."""
     stated = flow.stated(name)
     return stated if stated is not None and abs(stated - measured) <= spacing else measured
 
 
 def box_of(flow: Flow) -> float | None:
-    """The width of the box, where the file states it."""
+    """The width of the box in the file; None if the file lacks it."""
     return flow.stated("box_width") or flow.stated("domain_size")
 
 
@@ -111,7 +111,7 @@ def _box_width(flow: Flow, column: Column) -> float:
 
 
 def cells_of(flow: Flow, column: Column) -> int:
-    """Cells across the box on the grid of the solver that made the data, or else of the data."""
+    """Cells across the box by the grid of the solver that made the data, else by the data grid."""
     spacing = flow.stated("grid_spacing_of_solver") or spacings(flow)[0]
     whole = CELLS_MULTIPLE * round(_box_width(flow, column) / spacing / CELLS_MULTIPLE)
     return min(max(whole, FEWEST_CELLS), MOST_CELLS)
@@ -120,7 +120,7 @@ def cells_of(flow: Flow, column: Column) -> int:
 def collapse_of(
     flow: Flow, column: Column, law: Law, theta: Sequence[float], cells: int | None
 ) -> Collapse:
-    """The settings of the simulation; ConfigError where the simulator refuses them.
+    """The settings of the simulation; ConfigError if they are invalid.
 
     Args:
         theta: parameters of the law, in its order.
@@ -129,7 +129,7 @@ def collapse_of(
     width, dx = _box_width(flow, column), spacings(flow)[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     cells = cells_of(flow, column) if cells is None else cells
-    # The simulator has one density: the density of a grain, in the inertial number, goes into d.
+    # The simulator has one density, so the grain density in the inertial number is a factor of d.
     denser = (flow.grain_density or flow.density) / flow.density
     narrow = min(column) / (width / cells)
     return Collapse(

@@ -1,21 +1,21 @@
 r"""A quadratic surface through runs at some places, and its point of least misfit to data.
 
-The values of n points at K places x_k, v_k, are taken for a quadratic in x by least squares. It is
-linear in them: at x it is a mean with weights, of which some are negative,
+A quadratic in x is fitted by least squares to the values v_k of n points at K places x_k. It is
+linear in the values: at x it is a mean with weights, some of them negative,
 
 $$ v(x) = \sum_k w_k(x) v_k, \quad \sum_k w_k = 1, \quad w(x) = P^T z(x), $$
 
-with z(x) the terms 1, x_i, x_i x_j and P the pseudo-inverse of those of the places. So the points
-are needed in one K x K matrix only, the products of the misfits, however many they are:
+with z(x) the terms 1, x_i, x_i x_j and P the pseudo-inverse of the terms z(x_k). So the n points
+enter through one K x K matrix only, the products of the misfits:
 
 $$ |d - v(x)|^2 = w^T S w, \quad S_{kl} = (v_k - d) \cdot (v_l - d). $$
 
 A run is rough: a law that differs by a billionth has other bands, and the velocity differs as much
-as between two distant laws. This roughness moves many points at once, unlike noise. The data of
-such a run have a roughness of their own. The residuals of the quadratic are samples of it:
-E = V^T Q, where the columns of Q are the K - dim z combinations of runs that no quadratic has. Its
-covariance is C = 2 E E^T / (K - dim z), for the data and for the surface together. With noise of
-variance s^2 the misfit is weighed by the inverse of s^2 + C, again by K x K matrices:
+as between two distant laws. Roughness moves many points at once, unlike noise. The data of such a
+run have a roughness of their own. The residuals of the quadratic are samples of it: E = V^T Q. The
+K - dim z columns of Q are the combinations of runs that vanish for every quadratic. The covariance
+is C = 2 E E^T / (K - dim z), for the data and for the surface together. With noise of variance s^2
+the misfit is weighed by the inverse of s^2 + C, again by K x K matrices:
 
 $$ s^2 (d - v)^T (s^2 + C)^{-1} (d - v) = w^T (S - S Q (Q^T S Q + r)^{-1} Q^T S) w,
 \quad r = s^2 (K - dim z)/2. $$
@@ -36,10 +36,10 @@ from granpinn.arrays import Float64
 
 Place = tuple[float, ...]
 
-REACH = 2.0  # distances between places from the middle one: the quadratic is not trusted beyond
+REACH = 2.0  # largest distance from the middle place at which the quadratic is used
 NEWTON_STEPS = 8
 PASSES = 4
-ROUGH_RUNS = 2.0  # the data's own, and about as much as the surface keeps of its runs'
+ROUGH_RUNS = 2.0  # one for the roughness of the data, one for the part left in the surface
 TINY = 1e-300
 
 
@@ -69,7 +69,7 @@ def composite(dimension: int) -> list[Place]:
 
 
 def filled(dimension: int) -> list[Place]:
-    """Those, and the cube of half the size: 17 places, 41 of three dimensions."""
+    """The composite places, and the cube of half the size: 17 places, 41 of three dimensions."""
     inner = product((0, -0.5, 0.5), repeat=dimension)
     return list(dict.fromkeys([*composite(dimension), *inner]))
 
@@ -105,12 +105,12 @@ class Surface:
 
         Args:
             S: products of the misfits at the places [K, K].
-            values: how many they are sums of.
+            values: number of values that S sums over.
         """
         x = self._least(S, np.zeros(self.dimension))
         variance = self._misfit(S, x) / max(1.0, values - self.dimension)
         smooth = S
-        for _ in range(PASSES):  # the variance of the noise is what the roughness leaves
+        for _ in range(PASSES):  # the variance without the roughness is the variance of the noise
             smooth = self.without_roughness(S, variance)
             x = self._least(smooth, x)
             variance = self._misfit(smooth, x) / max(1.0, values - self.dimension)

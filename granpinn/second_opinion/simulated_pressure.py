@@ -1,12 +1,12 @@
 """Simulated pressure: the pressure of a simulation that starts from a known velocity.
 
 Where nothing shears, the velocity does not fix the pressure (docs/explanation/pressure.md), and the
-pressure of the network is a smooth continuation. The simulated pressure is defined there too. It
-starts from the velocity of the network at one time, with the grains of that time and the identified
-law. It computes the pressure from the momentum balance, the law clamped at eta_max, the floor and
-the plane of symmetry (simulation/settling.py). In flowing grains the two pressures agree. In
-resting grains the simulated one belongs to a material that creeps at eta_max between these walls.
-Their difference shows how far the data leave the pressure open. Frames are simulated side by side.
+pressure of the network is a smooth continuation. The simulated pressure is defined there too. The
+simulation starts from the velocity of the network at one time, with the grains of that time and the
+identified law. It computes the pressure from the momentum balance, the law clamped at eta_max, the
+floor and the plane of symmetry (granpinn/simulation/settling.py). In flowing grains the two
+pressures agree. In resting grains the simulated pressure is of a material that creeps at eta_max.
+So their difference measures the freedom of the pressure. Frames are simulated side by side.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from granpinn.simulation.settling import settle, settled_after
 Velocity = Callable[[Float64, Float64, float], tuple[Float64, Float64]]
 Listener = Callable[[int, int], None]
 
-SUBCELLS = 4  # samples along the side of a cell that say how full it is
+SUBCELLS = 4  # samples along the side of a cell, for its volume fraction
 NEAR = 3  # cells of air around the grains that have the velocity of the grains
 FAILED, LATE = "failed", "late"
 NO_FRAME = "no frame after the start shows all of the grains"
@@ -61,7 +61,7 @@ def at_frames(
     Args:
         theta: parameters of the law, in its order.
         velocity: of the grains, at any point and any time.
-        frames: how many, at most; the last of the flow is one of them.
+        frames: largest number of frames; the last usable frame is among them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
         pool: of the threads that work side by side; None for all cores at hand.
         deadline: value of time.monotonic() after which no further frame is begun.
@@ -100,7 +100,7 @@ def at_frames(
 
     own = min(len(os.sched_getaffinity(0)), len(chosen))
     with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
-        # From the last frame on: a time limit leaves out early frames.
+        # The last frame comes first, so that a time limit leaves out early frames.
         found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
     pressures = {k: p for k in chosen if not isinstance(p := found[k], str)}
     missing = [p for p in found.values() if isinstance(p, str)]
@@ -118,7 +118,7 @@ def at_frames(
 def collapse_over(
     flow: Flow, frames: list[int], law: Law, theta: Sequence[float], cells: int | None
 ) -> Collapse:
-    """The box around the grains of some frames, resolved; ConfigError where it is refused."""
+    """The box around the grains of some frames, resolved; ConfigError if it is invalid."""
     ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
     everywhere = resimulation.extent(flow, ever_full)
     collapse = resimulation.collapse_of(flow, everywhere, law, theta, cells)
@@ -126,7 +126,7 @@ def collapse_over(
 
 
 def usable_frames(flow: Flow) -> list[int] | str:
-    """The frames that a simulation can start from, or the reason why there are none."""
+    """The frames at which a simulation can start, or the reason why there are none."""
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if resimulation.in_corner(flow, k)]
     if after and not standing:
@@ -151,7 +151,7 @@ def start_of(
 ) -> Start:
     """Frame k on the grid of a resolved collapse: grains, and the velocity on its faces.
 
-    Both are those of the time `before` the frame, which is the duration of the simulation.
+    Both belong to the time `before` the frame, which is the duration of the simulation.
     """
     nx, ny, h = collapse.cells, collapse.cells_y, collapse.spacing
     c = fraction_of(flow, k, collapse, before)

@@ -1,10 +1,10 @@
 r"""The mu(I) law whose simulation is closest to the measured velocity.
 
-A second opinion that shares nothing with the network. It uses the initial column, the walls and the
-equations of the whole box. For data of such a box it makes better use of noisy vectors
-(bench/studies/simulator_fit). It errs where shear bands decide (mu_s of 0.6) or the walls differ.
+This fit does not use the network. It uses the initial column, the walls and the equations of the
+whole box. For data of such a box it is more exact with noisy vectors (bench/studies/simulator_fit).
+It errs if shear bands dominate (mu_s of 0.6) or the walls differ.
 
-For mu(I) alone: the axes and distances of the lattice (law_runs.py) are those of its parameters.
+For mu(I) alone: the lattice (law_runs.py) is made for its parameters.
 
 The simulated velocity is taken as a quadratic function of the law q at every point
 (response_surface.py), fitted to runs at the nodes of a lattice around the start (law_runs.py): nine
@@ -13,13 +13,13 @@ for mu_s and mu_2, 15 where I0 is free,
 $$ v(q) = a + b \cdot q + q \cdot C q, \qquad \sum |v_{data} - v(q)|^2 \to \min. $$
 
 The nodes move until the least misfit is nearest to their middle. The distance of two nodes is at
-least the standard deviation of each unknown, so that the noise does not move the minimum out of
-them, and at least SPACING, below which the quadratic is no better. The search begins on at most 256
-cells across the box, with nodes twice as far apart, and ends on the cells of the data.
+least the standard deviation of each unknown, so that noise keeps the minimum among them. It is also
+at least SPACING, below which the quadratic is no better. The search begins on at most 256 cells
+across the box, with nodes twice as far apart, and ends on the cells of the data.
 
-A run is rough: a law that differs by a billionth has other bands and splashes. Where this roughness
-is not far below the noise, more nodes are added in the end, half as far apart (17, or 41). They
-measure the roughness, which then does not count as a misfit.
+A run is rough: a law that differs by a billionth has other bands and splashes. If this roughness
+exceeds the noise, more nodes are added in the end, half as far apart (17, or 41). They measure the
+roughness, which then does not count as a misfit.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from granpinn.second_opinion.response_surface import REACH, Place, Surface, comp
 
 ROUNDS = 12  # of all nodes, at most, on each grid
 # Spacings of the lattice between two nodes, powers of two:
-NARROWEST = 2  # at least; of a search from afar twice that
+NARROWEST = 2  # the least in the last search; twice as many in the first one
 WIDEST = 16
-DEVIATIONS = 1.0  # at least so many standard deviations are from node to node
-ROUGH = 1.0  # of the noise's variance: a roughness that is worth more nodes
-FARTHEST_I0 = 10.0  # times the given one, or a tenth
+DEVIATIONS = 1.0  # least distance between nodes, in standard deviations of an unknown
+ROUGH = 1.0  # roughness above which nodes are added, relative to the variance of the noise
+FARTHEST_I0 = 10.0  # largest factor between I0 and the given one
 CHUNK = 1 << 14  # points at a time
 
 
@@ -57,9 +57,9 @@ class Minimum(NamedTuple):
     """The least misfit over the laws.
 
     Attributes:
-        q: where it is.
+        q: place of the minimum.
         widths: between two nodes along each unknown, in spacings of the lattice.
-        x: of q from the middle of the nodes, in those widths.
+        x: distance of q from the middle of the nodes, in `widths`.
         limited: whether I0 is at the largest distance from the given one.
         covariance: of q, by the scatter of the misfit and the roughness of the runs.
         misfit: of the velocity, relative to its root mean square.
@@ -78,7 +78,7 @@ class Minimum(NamedTuple):
 
     @property
     def inside(self) -> bool:
-        """Whether it lies among the nodes."""
+        """Whether the minimum lies among the nodes."""
         return bool(np.abs(self.x).max() <= 1) and not self.limited
 
 
@@ -126,7 +126,7 @@ def fit(flow: Flow, runs: LawRuns, start: tuple[float, float]) -> SimulatorFit:
 def search(
     data: Float32, runs: LawRuns, cells: int, q: Float64, widths: Int64, last: bool
 ) -> Minimum:
-    """The least misfit to data [2, n] on one grid, from q; at first with nodes so wide apart."""
+    """The least misfit to data [2, n] on one grid; the first nodes are `widths` apart around q."""
     least = np.full(len(q), NARROWEST if last else 2 * NARROWEST)
     found = settle(data, runs, cells, q, widths, least, composite(len(q)))
     if not last or found.roughness <= ROUGH:
@@ -143,7 +143,7 @@ def settle(
     least: Int64,
     places: Sequence[Place],
 ) -> Minimum:
-    """Moves the nodes, and changes their distances, until nothing changes any more."""
+    """Move the nodes and change their distances until they repeat, for at most ROUNDS rounds."""
     seen: set[tuple[Node, Node]] = set()
     nodes = around(q, widths, places)
     while True:
@@ -156,7 +156,7 @@ def settle(
             widths = np.where(np.abs(found.x) >= REACH, np.minimum(2 * widths, WIDEST), widths)
         nodes = around(found.q, widths, places)
         if (nodes[0], tuple(widths.tolist())) in seen and not found.inside:
-            least = widths = np.minimum(2 * widths, WIDEST)  # they go round in circles
+            least = widths = np.minimum(2 * widths, WIDEST)  # the nodes repeat in a cycle
             nodes = around(found.q, widths, places)
         if (nodes[0], tuple(widths.tolist())) in seen or len(seen) == ROUNDS:
             return found
@@ -171,7 +171,7 @@ def around(q: Float64, widths: Int64, places: Sequence[Place]) -> list[Node]:
 def closest(
     data: Float32, runs: LawRuns, cells: int, nodes: Sequence[Node], widths: Int64
 ) -> Minimum:
-    """The least misfit of the surface through the nodes, of which the first is its middle."""
+    """The least misfit of the surface through the nodes; the first node is the middle one."""
     unit, middle = SPACING[: len(widths)], np.array(nodes[0])
     S, energy, common = products(runs.velocities(cells, nodes), data)
     surface = Surface((np.array(nodes) - middle) / widths)

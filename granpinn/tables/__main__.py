@@ -1,4 +1,4 @@
-"""The command `python -m granpinn.tables --out DIR`: the paper's tables, beside its own figures.
+"""The command `python -m granpinn.tables --out DIR`: the paper's tables, beside its own numbers.
 
 Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
 """
@@ -28,7 +28,7 @@ from granpinn.tables.rows import Case
 from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
-SIMULATED_FRAMES = 10  # with a simulated pressure, of every training; --config may differ
+SIMULATED_FRAMES = 10  # frames with a simulated pressure in a training, unless --config has others
 EXAMPLES = """examples:
   python -m granpinn.tables --out tables
       tables 1 and 2 of the paper: six collapses are simulated, then everything is trained at once
@@ -44,7 +44,7 @@ PASSED = ("recipe", "device", "steps", "max_time", "dtype", "seed", "members")
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asks for."""
+    """The settings of the command line."""
 
     paths: list[Path]
     out: Path
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse(argv: Sequence[str]) -> Request:
-    """The request of a command line; ConfigError names its error in one sentence."""
+    """The request of a command line; the message of ConfigError is one sentence."""
     parser = Parser(
         prog="python -m granpinn.tables",
         description="Run the tables of the paper again, all cases and seeds as one batch.",
@@ -176,10 +176,10 @@ def _run(request: Request, rank: int) -> int:
 
 
 def _flows(request: Request, rank: int) -> list[Flow]:
-    """The flows; where they are simulated, by the first process for all."""
+    """The flows; the first process simulates missing ones for all."""
     if request.paths:
         return flows.given(request.paths)
-    # The grid is in the name, so that another one does not take the place of the first.
+    # The name holds the grid, so flows of another grid keep their files.
     stride = "" if request.stride is None else f"-stride-{request.stride}"
     folder = request.out / f"flows-{request.cells}{stride}"
     together = parallel.processes(choose_device(request.config.device))

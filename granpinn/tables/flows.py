@@ -23,10 +23,10 @@ SUFFIXES = (".h5", ".hdf5", ".nc")
 
 
 def given(paths: Iterable[Path]) -> list[Flow]:
-    """The flows of files and of all flow files in folders, by name; one name only once.
+    """The flows of files and of all flow files in folders, by name; every name at most once.
 
     Raises:
-        ConfigError: nothing is there. FlowFileError: a file is none.
+        ConfigError: there is no file. FlowFileError: a file is not a flow file.
     """
     files: list[Path] = []
     for path in paths:
@@ -48,10 +48,10 @@ def given(paths: Iterable[Path]) -> list[Flow]:
 def six_regimes(folder: Path, cells: int, stride: int | None, say: Say) -> list[Flow]:
     """The paper's six regimes from files in `folder`; those that are missing are simulated.
 
-    Each takes one or more of the cores at hand; a file is there when it is complete.
+    Each simulation uses one or more cores. A file appears when it is complete.
 
     Args:
-        stride: every how many cells a point is kept; None for the paper's spacing, 12/128.
+        stride: spacing of the stored points in cells; None for the paper's spacing, 12/128.
     """
     wanted = [Collapse(mu_s, mu_2, cells=cells) for mu_s, mu_2 in PAPER_CASES]
     if stride is None:
@@ -66,7 +66,7 @@ def six_regimes(folder: Path, cells: int, stride: int | None, say: Say) -> list[
 
 
 def _holds(path: Path, collapse: Collapse) -> bool:
-    """Whether a file is the flow of a collapse, complete."""
+    """Whether a file holds the complete flow of a collapse."""
     try:
         flow = read_flow(path)
     except (FlowFileError, OSError):
@@ -82,7 +82,7 @@ def _holds(path: Path, collapse: Collapse) -> bool:
 
 
 class _Share(Silent):
-    """Listens to one of several simulations; `Board` speaks for all."""
+    """Reports the progress of one of several simulations to their `_Board`."""
 
     def __init__(self, board: _Board, name: str) -> None:
         self.board, self.name = board, name
@@ -93,7 +93,7 @@ class _Share(Silent):
 
 
 class _Board:
-    """One line every ten seconds on how far each simulation is."""
+    """One line every ten seconds with the progress of each simulation."""
 
     def __init__(self, say: Say) -> None:
         self.say, self.done = say, dict[str, float]()
@@ -115,7 +115,7 @@ class _Board:
 
 
 def _simulate(missing: list[tuple[Collapse, Path]], say: Say) -> None:
-    """Simulate side by side; the compiled solver leaves Python's lock to the others."""
+    """Simulate side by side in threads: the compiled solver releases Python's lock."""
     cores = len(os.sched_getaffinity(0))
     at_once = min(cores, len(missing))
     threads = max(1, cores // at_once)

@@ -30,7 +30,7 @@ IN_TEXT = {
 
 
 class Table(NamedTuple):
-    """Rows beside those of the paper, where it has them."""
+    """Rows, beside the rows of the paper if it has them."""
 
     title: str
     source: str
@@ -38,8 +38,8 @@ class Table(NamedTuple):
 
 
 def tables_of(rows: Sequence[Row]) -> list[Table]:
-    """For each level of information, table 1: without noise; table 2: flows with noise, without
-    it too where they are.
+    """For each level of information, table 1: flows without noise; table 2: flows with noise, and
+    the same flows without noise if they were trained.
     """
     clean = [(row, row.paper_1) for row in rows if row.noise == 0]
     with_noise = {row.name for row in rows if row.noise > 0}
@@ -79,7 +79,7 @@ def text(study: Study) -> str:
 
 
 def summary(study: Study) -> str:
-    """How much was trained, how long it took, and what failed."""
+    """The number of trainings, their time, and the failures."""
     members = sum(len(group) for group in study.results)
     failed = sum(row.failed for row in study.rows)
     first = study.results[0][0]
@@ -106,7 +106,7 @@ def _line(row: Row, paper: PaperRow | None) -> str:
 
 
 def paper_error(paper: PaperRow | None, name: str) -> float | None:
-    """The error in % that the paper has for a parameter, or for "pressure"."""
+    """The error in % in the paper for a parameter, or for "pressure"."""
     short = "p" if name == "pressure" else name
     found: float | None = getattr(paper, f"error_{short}", None)
     return found

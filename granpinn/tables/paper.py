@@ -1,4 +1,4 @@
-"""The numbers of the paper for mu(I), typed in from its tables, with their places there."""
+"""The numbers of the paper for mu(I), copied from its tables, with the number of each table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from granpinn.data import Truth
 SOURCE_1 = "the paper, table 1 (label tab:id): one training each, pressure measured at the surface"
 SOURCE_2 = "the paper, table 2 (label tab:bruit): one training and one draw of the noise each"
 
-# Section "Identification of mu_s and mu_2", where the paper gives no more than these two numbers.
+# Section "Identification of mu_s and mu_2", where the paper gives only these two numbers.
 VELOCITY_ALONE = "from the velocity alone the paper reports 53 % in mu_s and up to 100 % in mu_2"
 
 

@@ -3,8 +3,8 @@
 A signed error is 100 (value - true)/true, an absolute one its size. **Scatter** is the standard
 deviation of the identified value over the seeds relative to the true one, **worst** the largest
 absolute error. RMSE is the root of the mean squared signed error, **bias** the mean signed error:
-rmse^2 = bias^2 + scatter^2 (n - 1)/n. Trainings that diverged are counted, and are in no other
-number.
+rmse^2 = bias^2 + scatter^2 (n - 1)/n. Trainings that diverged are counted, but have no part in
+other numbers.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Row:
 
     Attributes:
         fixed: values of the parameters that are held.
-        values: medians of the identified parameters, None where no training came to its end.
+        values: medians of the identified parameters; None if all trainings diverged.
         errors: by the names of the identified parameters and `FIELD_ERRORS`.
-        members: trainings that came to their end; failed: those that did not.
+        members: number of finished trainings; failed: number of diverged ones.
     """
 
     name: str
@@ -101,7 +101,7 @@ def row_of(case: Case, results: Sequence[Result]) -> Row:
 
 
 def _spread(values: Sequence[float], true: float | None) -> Spread:
-    """Of identified values around the true one."""
+    """Errors of identified values around the true one."""
     if not values or not true:
         return Spread(None, None)
     signed = [100 * (value - true) / true for value in values]
@@ -117,7 +117,7 @@ def _spread(values: Sequence[float], true: float | None) -> Spread:
 
 
 def _of_sizes(sizes: Iterable[float]) -> Spread:
-    """Of errors that have no sign."""
+    """Statistics of errors without a sign."""
     known = list(sizes)
     if not known:
         return Spread(None, None)

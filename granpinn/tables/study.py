@@ -17,7 +17,7 @@ from granpinn.tables.paper import NOISY_CASE, case_of
 from granpinn.tables.rows import Case, Row, row_of
 from granpinn.training.progress import Progress
 
-I0_UNKNOWN = 0.3  # that of the paper
+I0_UNKNOWN = 0.3  # the paper's I0
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,9 @@ def run(
     """Train everything side by side, one batch for each level of information.
 
     Args:
-        cases: those of one level one after another.
-        I0: for all; None for that of each flow file.
-        folder: for the checkpoints and the results of the members; `config.resume` goes on there.
+        cases: sorted by level.
+        I0: for all; None for the I0 of each flow file.
+        folder: for checkpoints and results of the members; `config.resume` continues from there.
     """
     begin = time.monotonic()
     many = len({case.level for case in cases}) > 1
@@ -90,7 +90,7 @@ def run(
 
 
 def batches(count: int) -> str:
-    """How many batches, in words."""
+    """The number of batches, in words."""
     return "one batch" if count == 1 else f"{count} batches"
 
 
@@ -102,7 +102,7 @@ def _train(
     folder: Path,
     progress: Progress | None,
 ) -> list[Result]:
-    """One batch: of every case its seeds."""
+    """Train one batch: every case with all its seeds."""
     many = [case for case in cases for _ in range(seeds)]
     return identify_many(
         [case.flow for case in many],

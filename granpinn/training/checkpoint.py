@@ -5,7 +5,7 @@ training state, `step-N.json` the rest and the SHA-256 of the first. Each is wri
 file, flushed to disk and renamed, tensors first. So a checkpoint is complete once its JSON exists.
 The two newest are kept. If the newest is damaged, the one before it is read.
 
-No code is read from these files: there is no pickle.
+The files hold no pickle, so reading them executes no code.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Checkpoint:
 def save(folder: Path, step: int, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> Path:
     """Write the checkpoint of `step` and remove all but the two newest; path of the JSON.
 
-    CheckpointError: a tensor holds a NaN or an infinity, or the disk refuses.
+    CheckpointError: a tensor holds a NaN or an infinity, or a file cannot be written.
     """
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
@@ -96,7 +96,7 @@ def _newest_first(folder: Path) -> list[Path]:
 
 
 def newest(folder: Path) -> Checkpoint | None:
-    """The newest checkpoint that is undamaged, None where there is none at all."""
+    """The newest undamaged checkpoint; None without any, CheckpointError if all are damaged."""
     damaged = []
     for path in _newest_first(folder):
         try:
@@ -128,7 +128,7 @@ def _refuse_constant(name: str) -> float:
 
 
 def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha256: str) -> None:
-    """CheckpointError, with the difference, for other settings or another flow file."""
+    """Raise CheckpointError, with the difference, for other settings or another flow file."""
     saved = checkpoint.state.get("settings")
     if not isinstance(saved, dict) or checkpoint.state.get("input_sha256") is None:
         raise CheckpointError(f"{checkpoint.path} lacks its settings or the hash of its flow file")
@@ -146,7 +146,7 @@ def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha2
 
 
 def _differs(saved: Any, value: Any) -> bool:
-    """Infinity is stored as the text "inf", as JSON has no number for it."""
+    """Compare a saved value; an infinite number is saved as text, as JSON has none."""
     return bool(saved != plain(value))
 
 

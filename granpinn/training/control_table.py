@@ -1,9 +1,9 @@
 """The control table: the schedule of the next steps, on the device.
 
 The schedule is a pure function of the step, in Python. The host computes the rows of the next
-steps and copies them to the device once. A step finds its row by the step counter, which is on the
-device too. So no number crosses between host and device in a step, and a captured CUDA graph
-freezes none.
+steps and copies them to the device once. A step reads its row by the step counter, which is on the
+device too. So a step moves no number between host and device, and a captured CUDA graph holds no
+number that a later step changes.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _CODES = 8  # csrc/step.h: fault = step * 8 + index into FAULTS
 
 
 class Position(NamedTuple):
-    """What the rows from `step` on depend on.
+    """A place in the schedule; it determines the rows from `step` on.
 
     Attributes:
-        averaged: number of steps before it that are in the running average.
-        misfit: of every member after the pre-fit.
+        averaged: number of steps before `step` that are in the running average.
+        misfit: rms velocity misfit of every member after the pre-fit.
     """
 
     schedule: Schedule
@@ -46,7 +46,7 @@ class Position(NamedTuple):
 
 
 class ControlTable:
-    """Tensors on the device that steer the steps of E members.
+    """Tensors on the device that control the steps of E members.
 
     Args:
         velocity_weights: 1/sigma^2 of the velocity term of every member.

@@ -1,17 +1,17 @@
 r"""The equations of the mixed form in the last-layer step, in plain torch and float64.
 
-They are those of the training (csrc/math/mixed_form.h) with two changes in the friction law.
+The training has the same equations (csrc/math/forms/mixed.h) but for two parts of the friction law.
 
 **A mean strain rate where the law is ill-posed.** There strain gathers in very thin bands: a few
-grains, or a few cells of the solver that made the data. Within a band the law does not hold point
-by point but for the mean over such a length L, so the law has
+grains, or a few cells of the solver that made the data. Within a band the law does not hold at
+every point, but for the mean over such a length L. So the law has
 
 $$ \hat\gamma^2 = \dot\gamma^2 + \min(1, 4 C)_+ (\bar\gamma^2 - \dot\gamma^2), $$
 
 with $\bar\gamma$ from the mean of D over four points at $\pm L/\sqrt{2}$ along x and y, and C of
 `Law.ill_posedness`. To second order this is the mean 1-2-1 over three cells of size L, as in the
-friction of the simulator (docs/explanation/simulator.md). L is the grain diameter, or the cell of
-the solver of the data if that is larger (`mean_length`).
+friction of the simulator (docs/explanation/simulator.md). L is the grain diameter, or the cell
+size of the solver that made the data if the cell is larger (`mean_length`).
 
 **Errors of the pressure.** An error $\delta p$ causes an error $\dot\gamma\, \delta p / p$ of the
 strain rate in the law. In thin fast layers under the free surface this is the largest error; there
@@ -44,8 +44,8 @@ def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Ten
     """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5] and the weights w [N] of the law.
 
     Args:
-        z: outputs of the network, their derivatives by x, y, t, and the means of those by x and y
-            over the length of the law [6, N, 5].
+        z: outputs of the network, their derivatives by x, y, t, and the means of the x and y
+            derivatives over the length of the law [6, N, 5].
         theta: parameters of the law at each point [N, len(law.parameters)].
     """
     (u, v), (s_1, s_2) = (physics.velocity_scale * z[:, :, :2]).unbind(2), z[:, :, 3:].unbind(2)

@@ -1,8 +1,8 @@
 """Steps as CUDA graphs, which are captured once and replayed.
 
 A graph repeats its kernels on the same memory, without Python and without single launches. Numbers
-that Python passes by value are frozen in it. A step therefore reads everything that changes from
-tensors on the device (granpinn/training/control_table.py).
+that Python passes by value are constants of the graph. A step therefore reads all changing numbers
+from tensors on the device (granpinn/training/control_table.py).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""What stops a run: a number that is not finite, or a signal.
+"""Numbers that are not finite, and signals: either can stop a run.
 
 Loss and gradients are tested before the update that uses them, the parameters after it. So a NaN is
-found in the step that makes it (csrc/step.h; `ControlTable.faults` reads the result). The training
-loop then goes back to its last good state once, at half the learning rate: this helps a run whose
-steps were too long. The second time the run stops, with the name of the tensor; of several members
-only the faulty ones stop.
+found in the step that makes it (csrc/step.h; `ControlTable.faults` reads the result). The first
+time, the training loop goes back to its last good state, at half the learning rate: this helps if
+the steps were too long. The second time the run stops and names the tensor. If the run has several
+members, only the faulty ones stop.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def require_finite(tensors: Mapping[str, Tensor]) -> None:
-    """Refuse data with a NaN or an infinity in it."""
+    """Raise NonFiniteError for data with a NaN or an infinity."""
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             bad = int((~torch.isfinite(tensor)).sum())
@@ -52,7 +52,7 @@ def require_finite(tensors: Mapping[str, Tensor]) -> None:
 
 
 class Signals:
-    """Keeps the first SIGINT or SIGTERM; a second one ends the process at once."""
+    """Holds the number of the first SIGINT or SIGTERM; a second one ends the process at once."""
 
     def __init__(self) -> None:
         self.received: int | None = None

@@ -1,7 +1,7 @@
 """history.csv: one row of loss terms and identified values every so many steps.
 
-The file grows at its end. A checkpoint holds its length, and a resumed run cuts the file there. The
-rows of later steps are written again.
+New rows are appended. A checkpoint holds the length of the file, and a resumed run cuts the file
+there. The rows of later steps are then written again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Row:
     Attributes:
         step: counts from 1.
         wall_s: seconds of training up to this step.
-        terms: of the loss of this batch without their weights, one for each of `NAMES`.
+        terms: unweighted loss terms of this batch, one for each of `NAMES`.
         parameters: theta, one for each of `law.names`.
     """
 
@@ -115,7 +115,7 @@ class History:
 
     def close(self) -> None:
         if self._file is not None:
-            # Every row was flushed, so that a failure has been reported before.
+            # Every row has been flushed, so a failure was reported earlier.
             with contextlib.suppress(OSError):
                 self._file.close()
             self._file = None
@@ -130,7 +130,7 @@ class History:
 
     @contextlib.contextmanager
     def _naming_the_file(self) -> Iterator[None]:
-        """Errors of the operating system on an open file do not say which it is."""
+        """Add the path to OSErrors: an error on an open file does not name it."""
         try:
             yield
         except OSError as error:

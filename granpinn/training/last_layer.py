@@ -8,12 +8,12 @@ $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 in all coefficients C [5, F] and the L free parameters of the law together, on many points at once.
 The descent before it leaves the scatter of its small batches; this step removes it.
 
-The equations are those of the training with two changes in the friction law (`equations.py`): it
-has a mean strain rate where it is ill-posed, and a small weight where errors of the pressure are
-large. Its weight is 0 closer to the lowest points than the length of that mean, as there is no data
-below.
+The equations of the training hold, with two changes in the friction law (`equations.py`): it has a
+mean strain rate where it is ill-posed, and a small weight where errors of the pressure are large.
+The mean needs data below its point. So the weight is 0 at points that are closer to the lowest
+points than the length of the mean.
 
-bench/studies/last_layer has the measurements behind it. Everything is dimensionless and float64.
+bench/studies/last_layer has the measurements. Everything is dimensionless and float64.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Unknowns(NamedTuple):
 
 @dataclass(frozen=True)
 class Data:
-    """The points of the sums.
+    """The points over which the loss is summed.
 
     Attributes:
         points, weights: of the equations, [N, 3] and [N].
@@ -69,7 +69,7 @@ class Data:
 
 
 def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
-    """The points of the sums, a function of (seed, step); all have a velocity."""
+    """Choose the points of the sums by (seed, step); all have a velocity."""
     i = draw(seed, step, LAST_LAYER, min(POINTS, len(data.points)), data.points)
     surface = data.surface_points
     j = draw(seed, step, LAST_LAYER + 1, min(SURFACE_POINTS, len(surface)), surface)
@@ -92,7 +92,7 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
 def velocity_moments(
     features: Features, points: Tensor, velocity: Tensor, weights: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Weighted means of h h^T [F, F], v h^T [2, F] and v^2 [2]: they give the misfit."""
+    """Weighted means of h h^T [F, F], v h^T [2, F] and v^2 [2]: they determine the misfit."""
     parts = []
     for rows in _chunks(points):
         h = features.jet(points[rows], 0)[0]
@@ -128,7 +128,7 @@ class Sums:
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
         self._velocity = weights["velocity"] * self.physics.velocity_scale**2
         self._surface = (weights["surface"] / M) ** 0.5
-        self._law_weights: Tensor | None = None  # those of the first evaluation, kept
+        self._law_weights: Tensor | None = None  # kept from the first evaluation
 
     def loss(self, at: Unknowns) -> float:
         """The loss, with the weights of the law from the first evaluation."""
@@ -199,7 +199,7 @@ def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:
     Args:
         L: number of parameters of the law, the last ones of the K unknowns.
         ridge: added to the unit diagonal of the scaled equations for C. The hidden units are nearly
-            dependent; the ridge holds the directions that no data determine.
+            dependent; the ridge keeps the step small in directions that no data determine.
     """
     scale = A.diagonal().sqrt().clamp_min(1e-30)
     scaled = A / scale / scale[:, None]
@@ -213,8 +213,8 @@ def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:
 def improve(sums: Sums, at: Unknowns) -> Unknowns:
     """The unknowns after a Gauss-Newton step from `at`.
 
-    If a step does not lower the loss or is too long, half of it is tried, and so on; `at` if all
-    fail.
+    While a step does not lower the loss or is too long, it is halved, at most `HALVINGS` times. If
+    all fail, the result is `at`.
     """
     free, law = sums.free, sums.law
     before = sums.loss(at)

@@ -1,12 +1,12 @@
 """The friction law as unknowns: an unbounded number q for each parameter.
 
-Every q gives a possible law. `LawParameter.variable` says how; the setting "sigmoid" makes every
-free parameter logistic, so that it lies in [0, 1], as in the paper:
+Every q gives a possible law. `LawParameter.variable` is the kind of a parameter. The setting
+"sigmoid" makes every free parameter logistic, so that it lies in [0, 1], as in the paper:
 
 log:        theta_k = exp(q)
 log_above:  theta_k = theta_(k-1) + exp(q), hence theta_k > theta_(k-1)
 logistic:   theta_k = 1 / (1 + exp(-q))
-fixed:      theta_k stays; q is 0 and means nothing
+fixed:      theta_k is constant; q is 0 and has no effect
 
 A step moves q and theta in C++ (csrc/math/law_variables.h). It also keeps the logarithms within
 the bounds of the parameters.

@@ -1,7 +1,7 @@
 """A training from its first step, or its newest checkpoint, to its end.
 
-`TrainingLoop` makes the steps of a `Trainer`. Between them it writes the history and checkpoints,
-obeys signals, rolls back members that diverge, and keeps a time limit.
+`TrainingLoop` calls the steps of a `Trainer`. Between them it writes the history and checkpoints,
+stops at signals, rolls back members that diverge, and keeps a time limit.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class TrainingLoop:
         folder: the run folder; None writes nothing to disk.
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
-        processes: of several, the first one writes.
+        processes: the processes that share the run; the first one writes.
 
     Attributes:
         deadline: value of time.monotonic() when training has to end, None without a time limit.
         wall_s: time spent in training, over all resumptions.
-        stopped: what set the number of steps, "steps" or "max_time".
+        stopped: the setting that limited the steps, "steps" or "max_time".
     """
 
     def __init__(
@@ -72,11 +72,11 @@ class TrainingLoop:
         self.wall_s = 0.0
 
     def train(self) -> None:
-        """Train to the end. Interrupted, NonFiniteError, CheckpointError: why it did not."""
+        """Train to the end; Interrupted, NonFiniteError or CheckpointError if that fails."""
         trainer = self.trainer
         try:
             resumed = self.config.resume and self._resume()
-            self.processes.barrier()  # others must not find the files of this run
+            self.processes.barrier()  # the other processes must look before files are written
             if not resumed:
                 self._begin()
             self.progress.start(trainer.schedule.total, trainer.step)
@@ -97,7 +97,7 @@ class TrainingLoop:
         self._save()
 
     def _resume(self) -> bool:
-        """Restore the newest checkpoint, False where there is none."""
+        """Restore the newest checkpoint; False without one."""
         if self.checkpoints is None:
             raise ConfigError("resume needs a run folder: give run_dir, or --out")
         found = checkpoint.newest(self.checkpoints)
@@ -140,7 +140,7 @@ class TrainingLoop:
         self._save()
         if self._stopping(caught):
             where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
-            signum = caught.received or signal.SIGTERM  # which another process received
+            signum = caught.received or signal.SIGTERM  # None: another process received one
             raise Interrupted(signum, f"stopped at step {trainer.step}{where}")
         trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
@@ -180,7 +180,7 @@ class TrainingLoop:
             self.progress.total(schedule.total)
 
     def _recover(self, error: NonFiniteError) -> None:
-        """Roll a member back once; the second time give it up, with an error if it is alone."""
+        """Roll a faulty member back; at its second fault freeze it, or raise if it is alone."""
         trainer, many = self.trainer, not self.single
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds a good state"
         again = {
@@ -224,7 +224,7 @@ class TrainingLoop:
 
 
 def _steps(config: Config, n_points: int) -> int:
-    """Steps that the settings ask for, by themselves or as epochs."""
+    """Number of steps in the settings, given as steps or as epochs."""
     if config.steps is not None:
         return config.steps
     if config.epochs is not None:
@@ -233,7 +233,7 @@ def _steps(config: Config, n_points: int) -> int:
 
 
 def _digest(objective: Objective) -> str:
-    """SHA-256 of all that the network is fitted to."""
+    """SHA-256 of the data and constants of the fit."""
     sha = hashlib.sha256()
     for tensor in (*objective.tensors().values(), objective.places, objective.seeds):
         sha.update(tensor.cpu().numpy().tobytes())

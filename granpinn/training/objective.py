@@ -64,7 +64,7 @@ class Objective:
     Attributes:
         law: the friction law of all members.
         distinct: training sets of the members, each once.
-        share: number of the part of every batch that this process draws, and of the equal parts.
+        share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
 
@@ -113,7 +113,7 @@ class Objective:
         self.physics = like.new_tensor([m.problem.physics for m in members])
 
     def _places(self) -> list[list[int]]:
-        """First point, number of points, and the same of the surface, for every member."""
+        """[First point, points, first surface point, surface points] of every member."""
         places, point, surface = [], 0, 0
         for s in self.sets:
             places.append([point, len(s.points), surface, len(s.surface_points)])
@@ -121,7 +121,7 @@ class Objective:
         return [places[i] for i in self.set_of]
 
     def data(self, member: int) -> TrainingSet:
-        """All points of a member, on the device; those of the surface if the loss has that term."""
+        """All points of a member, on the device; surface points only if the loss has that term."""
         first, count, first_surface, count_surface = self.places[member].tolist()
         own = slice(first, first + count)
         surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
@@ -153,7 +153,7 @@ class Objective:
         Args:
             params: [E, P].
             theta: parameters of the friction law [E, N].
-            prefit: the velocity alone, without the equations and the surface; this needs no
+            prefit: the loss of the velocity alone, without equations and surface; it needs no
                 derivatives of the network.
         """
         return Evaluation(

@@ -1,7 +1,7 @@
-"""One update of E networks and friction laws: Adam, or Muon on the hidden matrices with Adam else.
+"""One update of E networks and laws: Adam, or Muon for the hidden matrices and Adam elsewhere.
 
 The state is a few tensors with a leading axis of members, which a checkpoint holds. The arithmetic
-is in csrc/step.h. This module says which parameters are matrices.
+is in csrc/step.h. This module lists the parameters that are matrices.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ class BatchOptimizer:
 
 
 def hidden_groups(widths: Sequence[int]) -> list[Group]:
-    """The matrices between hidden layers; neighbours of one square shape make a group."""
+    """The matrices between hidden layers; successive square ones of one shape form a group."""
     groups: list[Group] = []
     offsets = layer_offsets(widths)
     for layer in range(1, len(widths) - 2):

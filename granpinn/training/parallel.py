@@ -2,8 +2,8 @@
 
 Each process draws an equal share of every batch; all shares together are the batch of a single
 process. One all-reduce in a step averages losses and gradients. The update then has the same bits
-everywhere, so parameters are never sent. The first process decides what depends on the clock, and
-a signal to any process stops all of them.
+everywhere, so parameters are never sent. The first process makes the decisions that depend on the
+clock, and a signal to any process stops all of them.
 """
 
 from __future__ import annotations
@@ -75,16 +75,16 @@ class Group(Processes):
 
 
 def processes(device: torch.device) -> Processes:
-    """The group that was joined, or this process alone."""
+    """The group of torchrun after `joined`, or this process alone."""
     grouped = distributed.is_available() and distributed.is_initialized()
     return Group(device) if grouped and distributed.get_world_size() > 1 else Processes()
 
 
 @contextmanager
 def joined() -> Iterator[int]:
-    """Join the group of torchrun, if any, and leave it at the end; gives the rank.
+    """Join the group of torchrun, if any, and leave it at the end; yields the rank.
 
-    Tensors of GPUs are sent by NCCL, others by gloo; each process has the GPU of its local rank.
+    NCCL sends tensors of GPUs, gloo the others; each process uses the GPU of its local rank.
     """
     if int(os.environ.get("WORLD_SIZE", "1")) < 2:
         yield 0

@@ -1,4 +1,4 @@
-"""What training needs besides the data: the scaling of the network and the weights of the terms.
+"""The scaling of the network, the weights of the loss terms and the constants of the equations.
 
 Only this module scales inputs and outputs. All its results are dimensionless
 (granpinn/physics/scales.py).
@@ -25,7 +25,7 @@ from granpinn.physics.terms import TERMS
 
 @dataclass(frozen=True)
 class Problem:
-    """The network and the constants of the residuals, as granpinn.kernels.ops takes them.
+    """The network and the constants of the residuals, as arguments of granpinn.kernels.ops.
 
     Attributes:
         spec: widths, input map and form of the network.
@@ -83,10 +83,10 @@ def velocity_relaxation(
 ) -> Float64:
     """Factor on the weight of the velocity term of noisy data, 1 for clean data.
 
-    sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too
-    strict: the network then bends its strain rate to the noise. It rises geometrically over the
-    first part `noise_rise` of the stage, to the part `noise_part` of the noise. The noise itself is
-    far too much: the friction law then bends the velocity (bench/studies/noise).
+    sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too small:
+    the strain rate of the network then follows the noise. So sigma rises geometrically over the
+    first part `noise_rise` of the stage, to the part `noise_part` of the noise. The whole noise is
+    far too large: the friction law then distorts the velocity (bench/studies/noise).
 
     Args:
         weight: 1/sigma_velocity^2, of one or of many members.

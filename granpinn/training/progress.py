@@ -1,4 +1,4 @@
-"""What a run shows on the way: a bar in a terminal, plain lines elsewhere, TensorBoard.
+"""The progress of a run: a bar in a terminal, plain lines elsewhere, events for TensorBoard.
 
 A run calls its listener: `start`, then `show` for every row of the history, then `stop`.
 """
@@ -31,10 +31,10 @@ class Progress:
         """A row was added to the history."""
 
     def message(self, text: str) -> None:
-        """Something worth a sentence happened."""
+        """Show a sentence about an event of the run."""
 
     def stop(self) -> None:
-        """The run ended, in whatever way."""
+        """The run ended, with or without an error."""
 
 
 class Silent(Progress):
@@ -108,7 +108,7 @@ class Bar(Silent):
 
 
 class TensorBoard(Silent):
-    """Events for TensorBoard, if it is installed, besides what `inner` shows."""
+    """Writes events for TensorBoard, if it is installed, and calls the listener `inner` too."""
 
     def __init__(self, folder: Path, inner: Progress) -> None:
         try:

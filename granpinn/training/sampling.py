@@ -1,4 +1,4 @@
-"""The points of a step, a pure function of (seed, step); so there is no state to save.
+"""The points of a step, a pure function of (seed, step) without a state to save.
 
 The numbers come from Philox4x32-10 in C++ (csrc/math/philox.h), the same bits on every device.
 Points are drawn with replacement; the streams of interior and surface points are independent.
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granpinn.kernels import ops
 
-INTERIOR, SURFACE, MISFIT, LAST_LAYER = 0, 1, 2, 3  # of which the last has three
+INTERIOR, SURFACE, MISFIT, LAST_LAYER = 0, 1, 2, 3  # streams; the last layer uses 3, 4 and 5
 
 
 def draw(seed: int, step: int, stream: int, count: int, points: Tensor) -> Tensor:

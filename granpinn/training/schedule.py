@@ -49,7 +49,7 @@ class Schedule:
         return step > 0 and self.in_prefit(step - 1) and not self.in_prefit(step)
 
     def stage(self, step: int) -> tuple[float, float]:
-        """How much of its stage is done before and after step `step`, each in [0, 1]."""
+        """Parts of the present stage that are done before and after `step`, each in [0, 1]."""
         prefit = self.settings.prefit
         begin, end = (0.0, prefit) if self.in_prefit(step) else (prefit, 1.0)
         before, after = ((self.progress(i) - begin) / (end - begin) for i in (step, step + 1))

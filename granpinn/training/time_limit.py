@@ -1,8 +1,8 @@
-"""A run with a time limit: how many steps fit into it.
+"""The number of steps of a run with a time limit.
 
-The time of a few steps is measured before the first one. The schedule then has as many steps as
-fit, so that the learning rate is annealed to its end when the time is up. The schedule is corrected
-on the way.
+Before the run begins, the time of a few steps is measured. The schedule then has as many steps as
+fit, so that the learning rate is annealed to its end when the time is up. Later measurements
+correct the schedule.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WORTHWHILE = 0.02  # smallest relative change of the steps left that changes the
 
 
 def schedule_until(deadline: float, trainer: Trainer, at_most: int) -> Schedule:
-    """The schedule of a run that has not begun and ends at time.monotonic() == `deadline`."""
+    """The schedule of a new run that ends at time.monotonic() == `deadline`."""
     schedule = trainer.schedule
     prefit = schedule.settings.prefit
     pace = sum(
@@ -52,7 +52,7 @@ def _steps(deadline: float, pace: float, at_most: int) -> int:
 
 
 def _pace(trainer: Trainer, prefit: bool) -> float:
-    """Median seconds of a step, of the pre-fit or after it; the state is as before."""
+    """Median seconds of a step of the pre-fit, or of a later one; restores the state."""
     schedule = trainer.schedule
     settings = dataclasses.replace(schedule.settings, prefit=float(prefit))
     trainer.schedule = Schedule(10**9, settings)

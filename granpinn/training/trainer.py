@@ -37,9 +37,9 @@ class Trainer:
 
     Attributes:
         lr_scale: factor on the learning rates of each member.
-        diverged: members that were given up, with the reason; they stay as they are.
+        diverged: members that are frozen after a second fault, with the reason.
         solved: params [P] and theta [N] of the members after the last-layer step.
-        graphs: what replays the steps on a GPU; None: each step is called.
+        graphs: CUDA graphs of the steps on a GPU; None on a CPU, where each step is called.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Trainer:
     def advance(self) -> None:
         """The next steps: one on a CPU; on a GPU all until the next row of the history.
 
-        NonFiniteError: a member is not finite; the state is not to be kept.
+        NonFiniteError: a member is not finite; the caller must restore an earlier state.
         """
         if self.schedule.ends_prefit(self.step):
             self.optimizer.reset()
@@ -153,14 +153,14 @@ class Trainer:
             raise NonFiniteError(next(iter(found.values())), found)
 
     def one_step(self, prefit: bool) -> Evaluation:
-        """The step at the counter of `control`, on the device: no number comes to the host."""
+        """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
         e = self.processes.all_reduce(e)
         self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
         return e
 
     def _stretch(self) -> int:
-        """How many steps are made before the host looks at the result."""
+        """The number of steps before the host reads a result."""
         if self.graphs is None:
             return 1
         every, in_prefit = self.config.log_every, self.schedule.in_prefit
@@ -181,15 +181,15 @@ class Trainer:
         return int(self._good_state["step"])
 
     def restore(self) -> None:
-        """Go back to the copy."""
+        """Restore all members from the copy."""
         self._take_back(range(len(self.lr_scale)))
         self.set_plain_state(self._good_state)
 
     def roll_back(self, members: Iterable[int]) -> None:
-        """Take members back to the copy; they continue at half the learning rate.
+        """Restore members from the copy; they continue at half the learning rate.
 
         If no others are left, the run goes back to the step of the copy. Otherwise the others keep
-        their state, and the members continue from their copy with the present step.
+        their state, and the restored members continue with the present step.
         """
         members, diverged = set(members), self.diverged
         if len(members) + len(diverged) == len(self.lr_scale):

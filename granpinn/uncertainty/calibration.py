@@ -1,9 +1,9 @@
 """The table behind the error bars: the errors of identifications of simulated mu(I) collapses.
 
-calibration.json in this folder is made by `python -m bench.studies.coverage.calibrate`; its
-provenance says from what. Covariances are those of z = (error of mu_s, error of mu_2) / mu_s: in
-this unit the scatter along the valley between mu_s and mu_2 is the same for every material, while
-the relative error of mu_2 grows as mu_2 / mu_s falls (bench/studies/coverage).
+`python -m bench.studies.coverage.calibrate` makes calibration.json in this folder; `provenance`
+names its trainings. All covariances are of z = (error of mu_s, error of mu_2) / mu_s. In this unit
+the scatter along the valley between mu_s and mu_2 is the same for every material, while the
+relative error of mu_2 grows as mu_2 / mu_s falls (bench/studies/coverage).
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ class Range:
 class Calibration:
     """
     Attributes:
-        law: name of the friction law of the study; for no other law there are error bars.
-        provenance: which trainings the numbers come from.
-        provisional: no coverage study has confirmed them.
+        law: name of the friction law of the study; other laws have no error bars.
+        provenance: the trainings that gave the numbers.
+        provisional: whether a coverage study has still to confirm the numbers.
         scatter: covariance of z of one member over seeds.
-        scatter_weight: members of one's own that this covariance is worth.
+        scatter_weight: number of members of an ensemble with the same weight as this covariance.
         mu_s: knots of the discrepancy, ascending.
         discrepancy: second moment of z at these knots, beyond the scatter.
         discrepancy_weight: number of truths behind each.
         misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
         steps: of the shortest trainings in the study; the discrepancy grows for fewer steps.
         noise_part: velocity error of the fit, as a part of the measurement noise.
-        widening: factors on the 90 % intervals of mu_s and mu_2, for what is not normal.
+        widening: factors on the 90 % intervals of mu_s and mu_2, as errors are not quite normal.
         residuals: of the equations, by terms of the loss.
         valid_mu_s, valid_ratio: mu_s and mu_2 / mu_s of the materials in the study.
-        largest_misfit: above it the residuals say nothing about the law.
+        largest_misfit: the residuals can test the law up to this misfit.
     """
 
     law: str
@@ -100,5 +100,5 @@ class Calibration:
 
 @cache
 def load(path: Path = PATH) -> Calibration:
-    """The table; ValueError names what is wrong with one of your own."""
+    """The table; ValueError names the error in a file."""
     return decode(Calibration, json.loads(path.read_text(encoding="utf-8")))

@@ -14,8 +14,8 @@ Matrix = tuple[tuple[float, ...], ...]
 def center(members: Members, law: Law = DEFAULT) -> tuple[float, ...]:
     """Medians over the members whose data are as measured, in the order of `law.free`.
 
-    Over all members where none of those is left. A parameter that is optimised as the rise above
-    the one before it has the median of the rise: of mu(I) the data feel the slope and not mu_2. The
+    Over all members if no such member is left. If a parameter is optimised as its rise above the
+    one before it, the median is of the rise: the data determine the slope of mu(I), not mu_2. The
     median of the logarithm would be the same.
     """
     values = values_of(members, law)
@@ -34,8 +34,8 @@ def nearest(members: Members, law: Law, scatter: Matrix | None = None) -> int:
     """Index of the member that is nearest to the center.
 
     Args:
-        scatter: covariance of `deviations` over seeds, by which distance is measured; None: all
-            parameters alike.
+        scatter: covariance of `deviations` over seeds, the metric of the distance; None: equal
+            weights of the parameters.
     """
     z = deviations(members, law)
     covariance = np.eye(z.shape[1]) if scatter is None else np.array(scatter)

@@ -1,30 +1,30 @@
-r"""Error bars of (mu_s, mu_2); for mu(I) alone, by whose flows they are calibrated.
+r"""Error bars of (mu_s, mu_2); for mu(I) alone, as they are calibrated by simulated mu(I) flows.
 
 For the center c of an ensemble, with z = (error of mu_s, error of mu_2) / mu_s, the covariance is
 
 $$ C = V + s^2 D, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 
-V is the scatter of the center over seeds and measurement noise, estimated from the members and,
-as there are few of them, from the calibration table; D is what simulated collapses with known
-parameters show beyond that (the mean of e e^T, so that a common offset is in it); s lets it grow
-where the velocity is resolved worse (error m) than in the study (m_0) and where there are fewer
-steps (n) than there (n_0): mu_2 was 12, 19 and 33 % too high after 4,000, 2,800 and 2,000 steps.
-m is the misfit beyond the known noise, capped by the misfit that the equation residuals imply
-(`resolution`): the rest of the misfit is noise that the file does not state.
+V is the scatter of the center over seeds and measurement noise, estimated from the members and, as
+they are few, from the calibration table. D is the further error of simulated collapses with known
+parameters: the mean of e e^T, which includes a common offset. s enlarges D if the velocity error m
+is larger than in the study (m_0), or the number n of steps is smaller than there (n_0): mu_2 was
+12, 19 and 33 % too high after 4,000, 2,800 and 2,000 steps. m is the misfit beyond the known noise,
+capped by the misfit that the equation residuals imply (`resolution`): the rest of the misfit is
+noise that the file does not state.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
 
 **Scatter with noise.** Seeds alone share one draw of the noise, so their scatter does not contain
-the effect of another draw. Half of the members get the known noise once more, on top of the data.
+the effect of another draw. A second draw of the known noise is added to the data of half of them.
 To first order, their shift from the center has the covariance of the sampling error. Their mean
 square shift also contains the scatter over seeds and the bias of doubled noise (errors in
 variables). V is the V without noise plus this mean square, with as many degrees of freedom as
 members are redrawn.
 The table does not enter the mean square: its studies have no noise.
 
-Intervals are those of Student's distribution with the degrees of freedom of C (Welch,
-Satterthwaite), times the widening of the table, in log mu: they hold no negative friction.
+Intervals are from Student's distribution with the degrees of freedom of C (Welch, Satterthwaite),
+times the widening of the table. They are symmetric in log mu, so friction stays positive.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from granpinn.uncertainty.of_law import excess, velocity_error
 Pair = tuple[float, float]
 
 LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of the value in the table
-SLOWNESS = 1.5  # power of the steps with which errors fall where they are too few
-LONGEST = 10.0  # half an interval, in log mu: beyond that nothing is known anyway
+SLOWNESS = 1.5  # errors of short trainings are proportional to steps^-SLOWNESS
+LONGEST = 10.0  # largest half interval, in log mu
 
 
 class Estimate(NamedTuple):
@@ -113,8 +113,8 @@ def median_variance(K: int) -> float:
 def resolution(residuals: Residuals, calibration: Calibration) -> float:
     """Relative error of the fitted velocity, capped by the largest that the residuals imply.
 
-    Noise that the file does not state is in the misfit, but a fit that does not follow it keeps
-    small residuals.
+    Noise that the file does not state enlarges the misfit. The residuals stay small if the fit
+    does not follow this noise.
     """
     shown = max(
         usual.misfit(residuals[name] / LEAST_RESIDUAL)
@@ -124,7 +124,7 @@ def resolution(residuals: Residuals, calibration: Calibration) -> float:
 
 
 def discrepancy_scale(residuals: Residuals, steps: int, calibration: Calibration) -> float:
-    """s; larger still where the residuals reject the law, by their excess over the limit."""
+    """s, times the excess of the residuals over their limit where they reject the law."""
     resolved = max(1.0, resolution(residuals, calibration) / calibration.misfit)
     trained = math.pow(max(1.0, calibration.steps / max(1, steps)), SLOWNESS)
     return resolved * trained * excess(residuals, calibration)

@@ -1,6 +1,6 @@
-"""What inspected data can answer, before any training; for mu(I) alone.
+"""Can the inspected data identify the law? A verdict before any training, for mu(I) alone.
 
-Findings first, then what to measure better.
+Findings come first, then advice on the measurement.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Do the data follow the friction law? By the residuals that a training leaves of its equations."""
+"""Do the data follow the friction law? The equation residuals after a training decide."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def velocity_error(residuals: Residuals, calibration: Calibration) -> float:
 
 
 def residual_ratios(residuals: Residuals, calibration: Calibration) -> dict[str, float]:
-    """Residuals relative to those of simulated flows of the law, by the terms of the table."""
+    """Residuals relative to residuals of simulated flows of the law, by terms of the table."""
     error = max(velocity_error(residuals, calibration), 1e-12)
     return {
         name: usual.ratio(residuals[name], error) for name, usual in calibration.residuals.items()
@@ -32,7 +32,7 @@ def excess(residuals: Residuals, calibration: Calibration) -> float:
 
 
 def verdict(mu: tuple[float, ...], residuals: Residuals, calibration: Calibration) -> Verdict:
-    """Whether the residuals are those of data that follow mu(I), in words.
+    """Whether the residuals fit data that follow mu(I), in words.
 
     Data of another law can leave small residuals, because the stress is an unknown of the fit.
     They then give parameters outside of the materials of the calibration.

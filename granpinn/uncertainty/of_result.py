@@ -1,7 +1,6 @@
-"""The headline of a report: may these numbers be used, and what speaks against it.
+"""The headline of a report: may these numbers be used? With the reasons against it.
 
-It weighs the records of results.json and history.csv, with the verdict on the law (of_law) as one
-of them.
+The records of results.json and history.csv decide, among them the verdict on the law (of_law).
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ def assess(result: Result, summary: Summary) -> Assessment:
 
 
 def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], list[str]]:
-    """Sentences on the course of the training: bad ones, those that ask for care, good ones."""
+    """Sentences on the course of the training, by grade: bad, care, good."""
     bad: list[str] = []
     care: list[str] = []
     good: list[str] = []
@@ -78,7 +77,7 @@ def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], l
 
 
 def _interval(result: Result, name: str) -> tuple[bool, str]:
-    """Whether the interval of a parameter asks for care, and the sentence; "" if it is fixed."""
+    """Whether the interval of a parameter needs care, and the sentence; "" if it is fixed."""
     parameter = result.parameters[name]
     symbol = LAWS[result.law].parameter(name).text
     if parameter.fixed:

@@ -1,4 +1,4 @@
-"""Whether a training gets error bars and a verdict on its law, and which."""
+"""The error bars of a training and the verdict on its law, if it can have them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ TOO_LITTLE = (
     "errors as large as the values"
 )
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # without influence (bench/studies/recipe)
+STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
 
 
 class Judgement(NamedTuple):
-    """The identified parameters with their error bars, where there are any, and the verdict."""
+    """The identified parameters, with error bars if they have any, and the verdict."""
 
     free: dict[str, Parameter]
     covariance: Covariance | None
@@ -33,7 +33,7 @@ class Judgement(NamedTuple):
 def judge(
     members: Members, residuals: Residuals | None, steps: int, config: Config, diverged: bool
 ) -> Judgement:
-    """Error bars and verdict; where they would mean nothing, the verdict gives the reason."""
+    """Error bars and verdict; without error bars, the verdict gives the reason."""
     law, table, changed = LAWS[config.law], calibration.load(), uncalibrated(config)
     middle = center(members, law)
 
@@ -64,7 +64,7 @@ def judge(
 
 
 def shown(members: Members, config: Config) -> int:
-    """Index of the member whose fields a result shows: the nearest to the center."""
+    """Index of the member whose fields a result shows: the one nearest to the center."""
     law, table = LAWS[config.law], calibration.load()
     return nearest(members, law, table.scatter if law.name == table.law else None)
 

@@ -1,4 +1,4 @@
-"""The GPU benchmark without a GPU: the arithmetic of its table, its rows, what a failure leaves."""
+"""The GPU benchmark without a GPU: the arithmetic of its table, its rows, and failed rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The yardsticks find what they can: exact parts, and the law of a flow with known parameters."""
+"""The yardsticks of the studies: exact parts, and the law of a flow with known parameters."""
 
 from __future__ import annotations
 

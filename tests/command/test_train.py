@@ -1,4 +1,4 @@
-"""The command: exit codes, one sentence for bad input, and what is left when something fails."""
+"""The command: exit codes, one sentence for bad input, and the files after a failure."""
 
 from __future__ import annotations
 

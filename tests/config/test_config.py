@@ -1,4 +1,4 @@
-"""Config: recipes, changes of single settings, ranges, and what decides the numbers of a run."""
+"""Config: recipes, changes of single settings, ranges, and the settings that identify a run."""
 
 from __future__ import annotations
 

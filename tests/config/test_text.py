@@ -1,4 +1,4 @@
-"""Settings as text: flags, TOML files, and what is refused."""
+"""Settings as text: flags, TOML files, and errors for wrong ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Valid HDF5 files that break the format or attack its reader: what is changed in a valid flow."""
+"""Changes of a flow file that leave valid HDF5, but break the format or attack its reader."""
 
 from __future__ import annotations
 

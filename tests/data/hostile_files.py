@@ -1,7 +1,7 @@
 """Damaged and hostile flow files (gate F-1).
 
-Every file starts as a valid flow. References to other files all lead to a FIFO beside it: who
-opens that one hangs, and the test sees it.
+Every file starts as a valid flow. References to other files all lead to a FIFO beside it. A
+reader that opens the FIFO hangs, and the test fails.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Points between the vectors, where only the equations are asked for."""
+"""Collocation points between the measured vectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gate F-2: mutants of a valid file are read or refused, and nothing else."""
+"""Gate F-2: a mutant of a valid file is either read or refused with a FlowFileError."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise has the size it says, is white, and is a function of the seed alone."""
+"""Noise has the given standard deviation, is white, and is a function of the seed alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The particle layout: scattered vectors are kept as they are, and refused in one sentence."""
+"""The particle layout: scattered vectors are kept unchanged, and errors are one sentence."""
 
 from __future__ import annotations
 

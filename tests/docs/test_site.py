@@ -1,4 +1,4 @@
-"""The sources of the site: its navigation, what is made from the code, and CITATION.cff."""
+"""The sources of the site: its navigation, the generated pages, and CITATION.cff."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tutorial does what it says: its blocks run as they stand, in order, in one folder."""
+"""The blocks of the tutorial run unchanged, in order, in one folder."""
 
 from __future__ import annotations
 

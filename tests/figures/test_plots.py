@@ -1,4 +1,4 @@
-"""Curves and the style of all figures: what is drawn is what the run folder holds."""
+"""Curves and the style of all figures: the drawn values equal the values in the run folder."""
 
 from __future__ import annotations
 

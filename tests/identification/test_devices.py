@@ -1,4 +1,4 @@
-"""A whole run on each device: what comes after the training, and that it is the CPU's.
+"""A whole run on each device: the work after the training is done on the CPU.
 
 `pytest -k cuda` picks the GPU's; fields, errors and simulated pressure are made on the CPU from
 parameters that lie on the device.

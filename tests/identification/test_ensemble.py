@@ -1,4 +1,4 @@
-"""Members of one batch: each is what it would be alone, and none pulls the others down."""
+"""Members of one batch: each trains as it would alone, also beside a member that diverges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`granpinn.identify`: the whole chain in memory and on disk, blind to what it must not see."""
+"""`granpinn.identify`: the whole chain in memory and on disk, without use of the true values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The profile of I0: what is excluded, what is said, and that a run has it."""
+"""The profile of I0: excluded values, the verdict, and the profile in a run."""
 
 from __future__ import annotations
 

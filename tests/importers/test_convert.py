@@ -1,4 +1,4 @@
-"""The command from files to a flow file, and what it refuses."""
+"""The command from files to a flow file, and its errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damaged and hostile files of every format: vectors or one sentence, never anything else."""
+"""Damaged and hostile files of every format give either vectors or an error of one sentence."""
 
 from __future__ import annotations
 

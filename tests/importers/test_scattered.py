@@ -1,4 +1,4 @@
-"""Scattered vectors of simulations and tables on their way to a particle file."""
+"""Conversion of scattered vectors of simulations and tables to a particle file."""
 
 from __future__ import annotations
 

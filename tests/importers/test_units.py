@@ -1,4 +1,4 @@
-"""Quantities with units: what they mean, and that nonsense is refused in one sentence."""
+"""Quantities with units: their values, and one sentence for nonsense."""
 
 from __future__ import annotations
 

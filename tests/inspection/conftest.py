@@ -1,4 +1,4 @@
-"""The shipped collapse, whose grid and motion are those of a measurement."""
+"""The shipped collapse, with the grid and motion of a measurement."""
 
 import pytest
 

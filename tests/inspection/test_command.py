@@ -1,4 +1,4 @@
-"""The command: what it prints and writes, and what it refuses."""
+"""The command: its output, its files and its errors."""
 
 import json
 import time

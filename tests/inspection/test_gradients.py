@@ -1,4 +1,4 @@
-"""Derivatives, their errors, and the pressure against what is known."""
+"""Derivatives, their errors, and the pressure against known values."""
 
 from dataclasses import replace
 

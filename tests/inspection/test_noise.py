@@ -1,4 +1,4 @@
-"""The noise that is estimated from the vectors is that which was added."""
+"""The noise that is estimated from the vectors equals the noise that was added."""
 
 from dataclasses import replace
 

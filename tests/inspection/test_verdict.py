@@ -1,4 +1,4 @@
-"""What is said of data that are fine, and of data that lack something."""
+"""The verdict on good data, and on data with defects."""
 
 from dataclasses import replace
 

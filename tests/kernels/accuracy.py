@@ -3,7 +3,7 @@
 The rule of the project for a fast kernel: its error against the float64 oracle is at most twice
 that of nested autograd in float32 (three times for gradients), each output as one vector.
 
-Rounding errors are random, and so is the ratio of two of them. What keeps it from being a lottery:
+Rounding errors are random, and so is the ratio of two of them. Three rules make the test stable:
 
 - few numbers carry few rounding errors, which can be zero by luck. So points go through the kernel
   in many calls of the configured size, and through several networks of the configured widths. Each

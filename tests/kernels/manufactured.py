@@ -1,7 +1,7 @@
-"""Manufactured fields: sympy differentiates what the oracle and the kernels must reproduce (V-1).
+"""Manufactured fields: sympy derives the values that oracle and kernels must reproduce (V-1).
 
-u, v, p, s_1, s_2 are closed expressions, not solutions of anything: the residual that sympy
-derives from the equations as printed is their source term. Reference values are evaluated in
+u, v, p, s_1, s_2 are closed expressions that need not solve the equations: the residual that sympy
+derives from the printed equations is their source term. Reference values are evaluated in
 extended precision (numpy.longdouble), so that their own rounding stays below the gate.
 """
 

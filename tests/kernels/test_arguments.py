@@ -1,4 +1,4 @@
-"""What a wrong argument is told: what was expected, what was given."""
+"""Errors for wrong arguments: their messages have the expected and the given value."""
 
 from __future__ import annotations
 

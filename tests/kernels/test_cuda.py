@@ -1,4 +1,4 @@
-"""What holds on the GPU only: capture in a graph, and what a network or a tensor must be there."""
+"""Tests for the GPU only: capture in a graph, and the limits of networks and tensors."""
 
 from __future__ import annotations
 

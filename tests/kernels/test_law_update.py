@@ -1,4 +1,4 @@
-"""What an update does to the variables of a friction law."""
+"""The update of the variables of a friction law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""V-1 for the kernels' equations, and the fused loss against them: two roads, one number."""
+"""V-1 for the equations of the kernels, and the fused loss against the sum of their residuals."""
 
 from __future__ import annotations
 

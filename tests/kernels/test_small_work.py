@@ -1,4 +1,4 @@
-"""Every CUDA kernel once, on little work: what compute-sanitizer runs (bench/sanitize.sh, K-6).
+"""Every CUDA kernel once, on little work, for compute-sanitizer (bench/sanitize.sh, K-6).
 
 No graph, no oracle on the GPU, few kernels of torch: the tools make each launch a hundred times
 slower. The sizes are odd, so that the last tile, warp and vector are not full.

@@ -1,4 +1,4 @@
-"""The operators of an optimization step: batches of many members, and what they refuse."""
+"""The operators of an optimization step: batches of many members, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scales: what they are for a known column, and that every conversion has an exact inverse."""
+"""Scales: their values for a known column, and the exact inverse of every conversion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page in a real browser: it fits a phone, complains about nothing, and its slider works."""
+"""The page in a real browser: it fits a phone, logs no error, and its slider works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sheets of the film: what a pixel means, what has no grains, and how large they may be."""
+"""The sheets of the film: the meaning of a pixel, places without grains, and the size limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a run: what it says, that it stands alone, and that no input can break it."""
+"""The page of a run: its content, no need of other files, and safety against odd input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Building a report from a run folder: what may be missing, what is replaced, and exit codes."""
+"""Building a report from a run folder: missing files, old files, and exit codes."""
 
 from __future__ import annotations
 

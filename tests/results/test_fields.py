@@ -1,4 +1,4 @@
-"""fields.h5: exact to write and read, and what h5py and xarray find in it."""
+"""fields.h5: exact to write and read, also with h5py and xarray."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""results.json: exact to write and read, strict JSON, and one sentence for whatever is wrong."""
+"""results.json: exact to write and read, strict JSON, and errors of one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What results.json may hold: each rule has one sentence that names the place."""
+"""The rules of results.json: each has an error of one sentence that names the place."""
 
 from __future__ import annotations
 

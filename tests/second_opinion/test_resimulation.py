@@ -1,4 +1,4 @@
-"""The check by simulation: exact on its own data, and honest where it cannot start."""
+"""The check by simulation: exact on simulated data, and a reason where it cannot start."""
 
 from __future__ import annotations
 

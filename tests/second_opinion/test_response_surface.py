@@ -1,4 +1,4 @@
-"""The surface is exact where the values are quadratic, and knows the roughness of its runs."""
+"""The surface is exact for quadratic values, and estimates the roughness of its runs."""
 
 from __future__ import annotations
 

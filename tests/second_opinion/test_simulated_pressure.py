@@ -1,4 +1,4 @@
-"""Simulated pressure: equal to that of the simulator for its own velocity, or a reason for none."""
+"""Simulated pressure: equal to the simulator's for simulated data, or a reason for its absence."""
 
 from __future__ import annotations
 

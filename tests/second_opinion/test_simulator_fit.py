@@ -1,7 +1,4 @@
-"""The fit of the simulator finds the law of its own runs, and errs as much as it says.
-
-The surface is exact where the values are quadratic, and its products know no more than the points.
-"""
+"""The fit of the simulator finds the law of simulated data, with errors that match its std."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bagnold flow: a layer that runs down an incline under the friction law, alone.
+"""Bagnold flow: a layer that runs down an incline, with the friction law alone.
 
 With gravity tilted by theta and mu_s < tan(theta) < mu_2, mu(I) = tan(theta) everywhere, so
 I_theta = I0 (tan(theta) - mu_s) / (mu_2 - tan(theta)), p = rho g cos(theta) (H - y) and

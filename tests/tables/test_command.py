@@ -1,4 +1,4 @@
-"""The command: its files, what it refuses, and that simulated flows are kept."""
+"""The command: its files, its errors, and the reuse of simulated flows."""
 
 from __future__ import annotations
 

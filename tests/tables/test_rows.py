@@ -1,4 +1,4 @@
-"""What stands in the tables: statistics, the paper's figures, and which cases there are."""
+"""The rows of the tables: statistics, the numbers of the paper, and the cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gates T-3 and F-3: a checkpoint is whole or the one before it is, and nothing in it runs."""
+"""Gates T-3 and F-3: the last or the previous checkpoint is whole, and reading it runs no code."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Replayed graphs: a step takes all that changes from tensors, and nothing waits for the device.
+"""Replayed graphs: a step reads changing numbers from tensors and never waits for the device.
 
 A CUDA graph repeats kernels on the same memory with the numbers that they were captured with. The
 recording below does just that on any device: it repeats the operators of a step with the same
-arguments and writes what they return to where it was. Whatever Python had passed by value would be
-frozen in it.
+arguments and writes their results to the same memory. Numbers that Python passes by value would
+stay the same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""history.csv, and what a run shows."""
+"""history.csv, and the progress that a run shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a training: its loss is that of training; exact where the problem is linear."""
+"""The last-layer step: it has the loss of the training, and is exact for linear problems."""
 
 from __future__ import annotations
 

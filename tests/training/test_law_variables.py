@@ -1,4 +1,4 @@
-"""The variables of the friction law: their start, and what a step does to them."""
+"""The variables of the friction law: their start, and their change in a step."""
 
 from __future__ import annotations
 

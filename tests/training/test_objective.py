@@ -1,4 +1,4 @@
-"""Batches, scaling and weights: what reaches the fused loss."""
+"""Batches, scaling and weights: the arguments of the fused loss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict: what makes a result good, a matter of care, or useless."""
+"""The verdict: the conditions for a result that is good, needs care, or is useless."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Error bars against synthetic ensembles: do the intervals hold what they promise?"""
+"""Error bars against synthetic ensembles: do the intervals cover as often as stated?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-// Adds up what the blocks left: gradients, the loss and its terms. Fixed order, in double.
+// Adds up the results of the blocks: gradients, the loss and its terms. Fixed order, in double.
 #pragma once
 
 #include "../launch_after.cuh"
@@ -11,8 +11,8 @@ constexpr int kCollectThreads = 32 * kShares;
 constexpr int kEach = 2;  // hidden weights of a thread
 constexpr int kBlockWeights = kEach * kCollectThreads;
 
-// Adds values `stride` apart to `sum`, in order, and likewise for what begins `apart` behind them;
-// Batch of each are on their way at a time.
+// Adds `count` values, `stride` apart, to each sum, in order; sum k begins at from + k apart. Batch
+// values of each are loaded before they are added, so that the loads overlap.
 template <int Batch, int Each, class T>
 __device__ void add_values(const T* from, int count, int stride, int apart, double (&sum)[Each]) {
 #pragma unroll 1

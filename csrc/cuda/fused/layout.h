@@ -7,10 +7,10 @@
 // neurons. In float32, four warps then share their four slabs: each sums over a quarter of the
 // inputs, with more registers and so fewer loads for a product.
 //   pack      brings the weights into the order in which the warps stream them;
-//   tile      forward, physics, backward; leaves activations A and adjoints G of all rows (on
-//             tensor cores as the halves that its products took);
+//   tile      forward, physics, backward; stores activations A and adjoints G of all rows (on
+//             tensor cores the half-precision operands of its products);
 //   weights   gradient G^T A of the hidden weights, split over the rows;
-//   collect   adds up what the blocks left, in fixed order and in double.
+//   collect   adds up the results of the blocks, in fixed order and in double.
 #pragma once
 
 #include "../launch.h"
@@ -31,30 +31,30 @@ struct TileShape {
   int rows;                    // of an interior tile, in shared memory
   int panel_rows;              // of either, in the panels of the weights kernel
   int split;                   // warps of a slab
-  int parts;                   // of a product's inputs, in float32, each taken by a warp
+  int parts;                   // of a product's inputs, in float32, one for each warp
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
   int blocks;                  // that share a multiprocessor, by registers
 };
 
-// Larger tiles need fewer weights per point; with small ones every multiprocessor has some.
+// Large tiles load fewer weights per point; small ones give every multiprocessor some work.
 enum class Size { small, medium, large };
 
-// Near convergence the parts of the gradient cancel, those of the value channel most, and ten bits
-// of mantissa leave it an error that shows (three times that of float32). Both products of the way
-// back therefore take that channel in two pieces; in the panels, the products of the pieces are
-// rows of their own (which the few points of the surface do without).
+// Near convergence the parts of the gradient cancel, most of all in the value channel. There ten
+// bits of mantissa cause three times the error of float32. So both products of the backward pass
+// take this channel in two pieces. In the panels, the products of the pieces are rows of their own,
+// except at the few surface points.
 constexpr bool compensated(bool tensor_cores) { return tensor_cores; }
 
-// On the way back the weights, too, in two pieces, and all channels (but see MmaEngine::fine_inputs
-// for large tiles). The weights' rounding is the same for all points and does not average out. The
-// strong form does without: second derivatives make its error in float32 the larger one.
+// The backward pass also takes the weights and all channels in two pieces (an exception for large
+// tiles: MmaEngine::fine_inputs). The rounding of a weight is the same at all points and does not
+// average out. In the strong form one piece is enough: second derivatives raise its float32 error.
 constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
 // A thread has 128 registers; 255 in the small tiles of float32; 168 in the mixed form's medium
-// tiles, of which three share a multiprocessor, with a longer ring. More stages for its large tiles
-// would cost wide layers a second block.
+// tiles: three of them share a multiprocessor, with a longer ring. With more stages for its large
+// tiles, wide layers would lose their second block.
 constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   const bool large = size == Size::large, small = size == Size::small;
   const int channels = form == Form::strong ? 7 : form == Form::mixed ? 4 : 1;
@@ -92,7 +92,7 @@ constexpr int tile_floats(TileShape tile, int H) {
   return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + kConstants + 2 * kRow;
 }
 
-// How a problem is cut up. Everything follows from its shape and the GPU.
+// The sizes of a launch. They follow from the shape of the problem and the GPU.
 struct LaunchPlan {
   int H;                      // padded width
   int hidden;                 // hidden layers L
@@ -103,7 +103,7 @@ struct LaunchPlan {
   Size size;                  // of the tiles
   TileShape tile;
   int interior_tiles;  // of a member
-  int tiles;           // with those of the surface
+  int tiles;           // interior and surface tiles
   int slots;           // blocks of a member
   int chunk;           // tiles of a member that go through the kernels together
 
@@ -118,9 +118,9 @@ struct LaunchPlan {
   GRANPINN_HD int narrow() const { return (3 + hidden + outputs) * H + kRow; }
   GRANPINN_HD int bias(int layer) const { return (3 + layer) * H; }
   GRANPINN_HD int last() const { return (3 + hidden) * H; }
-  // pre-activations that a block keeps for the way back: of all layers but the first
+  // pre-activations that a block keeps for the backward pass: of all layers but the first
   GRANPINN_HD int stash() const { return (hidden - 1) * tile.rows * H; }
-  // streamed weights: float32, or two halves on the way forward and one or two on the way back
+  // streamed weights: float32, or two halves forward and one or two backward
   GRANPINN_HD std::int64_t packed() const {
     return std::int64_t(hidden - 1) * H * H * (tensor_cores && !fine_weights ? 3 : 4) / 2;
   }

@@ -16,7 +16,7 @@ struct TaskConstants {
   Physics<float> physics;
 };
 
-// `parameters` of theta are there; the others are 0.
+// The first `parameters` values of theta are read; the others are 0.
 __device__ inline TaskConstants constants_from(const float* term_weights, const float* theta,
                                                int parameters, const float* physics) {
   TaskConstants c;
@@ -158,7 +158,7 @@ struct Surface {
   }
 };
 
-// The same with the pressure map of the network: softplus for five outputs, linear for three.
+// The surface task with the pressure map of the network: softplus for five outputs, else linear.
 struct SurfaceOfForm : Surface<PressureMap::softplus> {
   template <class E, class Memory>
   static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {

@@ -24,8 +24,8 @@ __device__ float first_layer_parameter(const DeviceLoss<float>& a, std::int64_t 
   return n < width ? params[row < 3 ? 3 * n + row : 3 * width + n] : 0;
 }
 
-// Likewise, with the member's constants and the first layer's weights. All is on its way at once:
-// one after another, these loads take a tenth of a small tile's time.
+// A tile's points, the member's constants and the first layer's weights into shared memory. All
+// loads are issued before any store: in turn they would take a tenth of a small tile's time.
 template <class E, class Task, class Memory>
 __device__ void load_all(const DeviceLoss<float>& a, std::int64_t e, std::int64_t at, Memory& m) {
   constexpr int threads = E::threads, each = 4 * E::H / threads;
@@ -50,7 +50,7 @@ __device__ void load_all(const DeviceLoss<float>& a, std::int64_t e, std::int64_
     const int i = thread + k * threads;
     if (i < 4 * E::PT) observed[k] = Task::observed(a, e, at, i / 4, i % 4);
   }
-  __syncthreads();  // nothing is needed any more of the tile before
+  __syncthreads();  // all threads are done with the tile before
 #pragma unroll
   for (int k = 0; k < each; ++k) m.panel[thread + k * threads] = weight[k];
   if (c < kConstants)
@@ -69,9 +69,9 @@ __device__ void load_all(const DeviceLoss<float>& a, std::int64_t e, std::int64_
   }
 }
 
-// One tile: E is its engine, Task what its outputs are compared with. With few values, the block's
-// `first` one waits for the kernel before, having read what that one does not write, and starts the
-// weights; else that is done, and `constants` are at hand.
+// One tile: E is its engine, Task compares its outputs with the data. With few values, the block's
+// `first` tile loads inputs that the kernel before does not write, waits for that kernel and starts
+// the stream of weights. Otherwise the caller has done this and filled `constants`.
 template <class E, class Task, int Outputs, class Memory, class Start>
 __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskConstants& constants,
                         const TileNetwork& net, Memory& m, typename E::Stream& weights, Start start,
@@ -109,7 +109,7 @@ __device__ void* panels_of(void* all, std::int64_t e, const LaunchPlan& plan) {
 }
 
 // A block is one slot of one member, blockIdx = (slot, member), and takes every slots-th tile.
-// I and S are the engines of interior and surface tiles: same width, for the surface no more rows.
+// I and S are the engines of interior and surface tiles: same width, and S has at most I's rows.
 template <class I, class InteriorTask, class S, class SurfaceTask, int Outputs, int Blocks>
 __global__ void __launch_bounds__(I::threads, Blocks)
     tile_kernel(const __grid_constant__ DeviceLoss<float> a,
@@ -122,8 +122,8 @@ __global__ void __launch_bounds__(I::threads, Blocks)
   float* gradient = reinterpret_cast<float*>(memory + sizeof(TileMemory<I>));
   for (int i = threadIdx.x; i < plan.narrow(); i += I::threads) gradient[i] = 0;
   if (threadIdx.x < 2 * kRow) m.peaks[threadIdx.x / kRow][threadIdx.x % kRow] = 0;
-  // With few values only for the batch, where that is drawn beside the packing of the weights. Else
-  // the packing has let this kernel start when it had itself waited for who wrote the parameters.
+  // With few values, wait here only for a batch that is drawn beside the packing of the weights.
+  // Otherwise the pack kernel waited for the writer of the parameters before this kernel started.
   if (!few || a.drawn) wait_for_earlier();
 
   const std::int64_t e = blockIdx.y, block = e * plan.slots + blockIdx.x;
@@ -162,7 +162,7 @@ __global__ void __launch_bounds__(I::threads, Blocks)
                                        (tile - plan.interior_tiles) * S::PT, first_row, i == first,
                                        sum);
   }
-  if constexpr (few) wait_for_earlier();  // where there was no tile
+  if constexpr (few) wait_for_earlier();  // for blocks without a tile
   if (plan.products()) weights.drain();
   __syncthreads();
 

@@ -4,9 +4,9 @@
 //   e_c = u_x + v_y
 //   r   = gamma_dot s / mu(I) - 2 (D_1, D_2)
 // The last line is the flow rule tau = mu(I) p 2 D / gamma_dot in complementarity form, divided by
-// mu p: a difference of strain rates, so that its error is that of the measured strain rate, the
-// same in fast and in slow grains. Rigid zones (gamma_dot -> 0) drop out by themselves: there is
-// no division by gamma_dot, no viscosity and no clamp. D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2,
+// mu p. It is a difference of strain rates. So it has the error of the measured strain rate, which
+// is the same in fast and in slow grains. Rigid zones (gamma_dot -> 0) drop out by themselves: no
+// division by gamma_dot, no viscosity and no clamp. D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2,
 // gamma_dot = 2 sqrt(D_1^2 + D_2^2).
 #pragma once
 

@@ -19,7 +19,7 @@ struct Coulomb {
     // I (I mu')'
     GRANPINN_HD R I_d_I_dmu() const { return I_dmu; }
 
-    // theta_a, the adjoint of theta, from that of mu. The rest of theta_a stays.
+    // theta_a, the adjoint of theta, from the adjoint of mu. The rest of theta_a stays.
     template <int N>
     GRANPINN_HD void adjoint(const R& mu_a, R (&theta_a)[N]) const {
       theta_a[0] = mu_a;

@@ -1,4 +1,4 @@
-// The table of the friction laws: one row for each. The name of a row is that of the law in Python
+// The table of the friction laws, one row for each. A row has the same name as the law in Python
 // (granpinn/physics/laws).
 #pragma once
 
@@ -21,7 +21,7 @@ enum class LawName {
 
 constexpr int larger(int a, int b) { return a < b ? b : a; }
 
-// The most parameters of any law: arrays of parameters have this length.
+// The largest number of parameters of a law: arrays of parameters have this length.
 #define GRANPINN_ROW(name, Law) larger(Law::parameters,
 #define GRANPINN_CLOSE(name, Law) )
 constexpr int kMaxLawParameters = GRANPINN_LAWS(GRANPINN_ROW) 0 GRANPINN_LAWS(GRANPINN_CLOSE);
@@ -38,7 +38,7 @@ GRANPINN_HD auto visit_law(LawName name, const Work& work) {
   return work(MuOfI{});  // not reached: every name has a row
 }
 
-// The law called `name`, on the host; false where there is none.
+// The law called `name`, on the host; false for an unknown name.
 inline bool law_named(std::string_view name, LawName* found) {
 #define GRANPINN_ROW(row, Law) \
   if (name == Law::name) return *found = LawName::row, true;

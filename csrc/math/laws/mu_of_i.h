@@ -33,7 +33,7 @@ struct MuOfI {
     // I (I mu')'
     GRANPINN_HD R I_d_I_dmu() const { return I_dmu * (rest - ratio); }
 
-    // theta_a, the adjoint of theta, from that of mu. The rest of theta_a stays.
+    // theta_a, the adjoint of theta, from the adjoint of mu. The rest of theta_a stays.
     template <int N>
     GRANPINN_HD void adjoint(const R& mu_a, R (&theta_a)[N]) const {
       static_assert(N >= parameters, "theta_a holds all parameters");

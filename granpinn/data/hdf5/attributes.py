@@ -80,7 +80,7 @@ class Attributes:
             h5a.iterate(self._group, lambda name: names.append(name.decode("ascii", "replace")))
         found: dict[str, str | float] = {}
         for name in sorted(set(names) - known):
-            # Odd names would only travel into reports and tables.
+            # Attributes with odd names are left out, as they would only clutter reports and tables.
             value = self._scalar(name) if name.isidentifier() else None
             if value is not None:
                 found[name] = value

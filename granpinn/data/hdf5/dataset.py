@@ -27,7 +27,7 @@ class Dataset:
         self._dataset = dataset
         self._file_bytes = file_bytes
         self._plan = dataset.get_create_plist()
-        # The storage comes first: asking a virtual dataset for its shape opens other files.
+        # The storage comes first: reading the shape of a virtual dataset opens other files.
         self._chunked = self._plan.get_layout() == h5d.CHUNKED
         if self._plan.get_layout() == h5d.VIRTUAL or self._plan.get_external_count() > 0:
             raise FlowFileError(

@@ -69,7 +69,7 @@ class SafeFile:
         try:
             self._file = h5f.open_file_image(self._image, flags=_IN_PLACE)
             self._root = h5g.open(self._file, b"/")
-        except HDF5_ERRORS:  # which say nothing of use here
+        except HDF5_ERRORS:  # their messages are of no use here
             raise FlowFileError(
                 "the file is damaged or was cut off, expected a whole HDF5 file: copy or make it "
                 "again"

@@ -24,7 +24,7 @@ _KINDS = {
     h5t.VLEN: "variable-length",
     h5t.ARRAY: "array",
 }
-# What h5py and zlib raise on damaged files, as seen on mutants of a valid one.
+# Errors that h5py and zlib raise on damaged files, as seen with mutants of a valid one.
 HDF5_ERRORS = (
     OSError,
     RuntimeError,
@@ -41,7 +41,7 @@ _IEEE = {
 
 
 def describe(kind: Any) -> str:
-    """The name of a type: that of NumPy for standard floats, a description for others."""
+    """The name of a type: NumPy's name for standard floats, a description for others."""
     for name, types in _IEEE.items():
         if any(kind.equal(other) for other in types):
             return name
