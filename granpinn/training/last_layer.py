@@ -44,7 +44,7 @@ LONGEST = 0.1  # largest relative step of a free parameter: the step is meant as
 
 
 class Unknowns(NamedTuple):
-    """C [5, F] and theta [N], of which the L free parameters of the law are unknown."""
+    """C [5, F] and theta [N]; in theta, the L free parameters of the law are unknown."""
 
     C: Tensor
     theta: Tensor
