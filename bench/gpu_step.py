@@ -1,4 +1,4 @@
-"""One optimization step on a GPU: granpinn against the other ways to train a PINN.
+"""One optimization step on a GPU: granpinn against everything else a PINN user can run.
 
 python -m bench.gpu_step --json bench/results/gpu_step.json
 

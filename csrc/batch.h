@@ -16,13 +16,13 @@ struct BatchArguments {
   std::int64_t share;          // number of this part of a larger batch: starts at share * interior
   const std::int64_t* seeds;   // [E]
   const std::int64_t* places;  // [E, 4]: first point, points; first surface point, their number
-  const T* points;             // [N, 3], likewise below
+  const T* points;             // [N, 3]
   const T* velocity;           // [N, 2]
   const T* point_weights;      // [N, 2]
   const T* surface_points;     // [M, 3]
   const T* surface_pressure;   // [M]
   const T* term_weights;       // [E, kTerms]
-  T* to_points;                // [E, interior, 3], likewise below
+  T* to_points;                // [E, interior, 3]
   T* to_velocity;
   T* to_point_weights;
   T* to_surface_points;  // [E, surface, 3]

@@ -215,7 +215,7 @@ def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
 
 
 def examine() -> tuple[dict[str, Section], str | None]:
-    """All sections in the order of printing, and what is wrong (None: nothing)."""
+    """All sections in the order of printing, and the fault, if any."""
     report = {"versions": versions(), "extras": extras()}
     steps: dict[str, Callable[[], Section]] = {
         "build": build,

@@ -9,8 +9,8 @@
 //
 // The last line is the rotational form of the pressure update (Timmermans, Minev, van de Vosse
 // 1996). Without it the pressure in a plug, where eta dt / (rho L^2) is large, takes thousands of
-// steps to relax. With constant eta, grad(2 eta div v*) is what the projection adds to the
-// viscous force; the exact factor is between 1 and 2 depending on the sides, and 4/3 contracts the
+// steps to relax. With constant eta, the projection adds grad(2 eta div v*) to the viscous
+// force; the exact factor is between 1 and 2 depending on the sides, and 4/3 contracts the
 // error by three per step for all of them.
 //
 // The old pressure gradient enters as the acceleration grad p_old / rho_old with the old density,

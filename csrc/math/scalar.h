@@ -1,8 +1,8 @@
 // The functions that the shared mathematics needs of a real number type.
 //
 // Every function of csrc/math is a template over a real type R: float or double (host and
-// device), Vec<T> (cpu/simd.h) or Dual<R, N> (dual.h). R provides + - * /, comparison by
-// `less`, `select`, and the elementary functions below, found by argument-dependent lookup.
+// device), or Vec<T> (cpu/simd.h). R provides + - * /, comparison by `less`, `select`, and the
+// elementary functions below, found by argument-dependent lookup.
 #pragma once
 
 #include <cmath>

@@ -66,7 +66,7 @@ class Precision(SimpleNamespace):
 
     Attributes:
         mu_s, ...: bound from noise, with the parameters known that the law has fixed.
-        mu_s_trained, ...: what the default training reaches.
+        mu_s_trained, ...: the precision of the default training.
         mu_s_free, ..., I0_free: bounds with all parameters unknown.
         correlation: of the last free and the first fixed parameter (mu_2 and I0) when all are
             unknown; None if the law fixes none.

@@ -1,1 +1,1 @@
-"""The friction law, dimensionless units and axes: what every part of granpinn takes for granted."""
+"""The friction law, dimensionless units and axes, which every part of granpinn uses."""

@@ -23,7 +23,7 @@ Values = TypeVar("Values")
 
 @dataclass(frozen=True)
 class Material:
-    r"""What the equations need to know about the material, dimensionless.
+    r"""The constants of the material in the equations, dimensionless.
 
     `grain_diameter` is $d \sqrt{\rho_g / \rho} / H_0$: the equations have one density, the bulk
     density $\rho = 1$, but the inertial number $I = d \dot\gamma / \sqrt{p / \rho_g}$ has that of

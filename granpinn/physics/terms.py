@@ -18,9 +18,9 @@ class Term:
     Attributes:
         name: in settings (`--weights.sigma_<name>`), history.csv and results.json.
         label: short, for the line that a run shows.
-        quantity: what the residual is, which gives its unit.
+        quantity: physical quantity of the residual, which determines its unit.
         sigma: its standard deviation by default, dimensionless; the term weighs 1/sigma^2.
-        help: what the residual is, in words.
+        help: description of the residual.
         forms: the residual forms that have it.
     """
 

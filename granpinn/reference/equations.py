@@ -129,7 +129,7 @@ def pointwise_residuals(
     form: str,
     law: str = "mu_of_i",
 ) -> Tensor:
-    r"""Residuals [N, 3] or [N, 5] of fields of which only the raw jets [C, N, K] are known.
+    r"""Residuals [N, 3] or [N, 5] of fields that are given by their raw jets [C, N, K].
 
     At each point the raw outputs are replaced by their Taylor polynomial about that point,
 

@@ -3,7 +3,7 @@
 loss:       problem (scales and weights), sampling (which points), objective (batch, fused loss)
 law:        law_variables (the friction law as unknowns)
 update:     optimise (Adam, Muon)
-each step:  schedule (what a step does), control_table (the schedule on the device), graphs (CUDA)
+each step:  schedule (as functions of the step), control_table (its rows on the device), graphs
 state:      trainer (everything that a step changes, and the step)
 the run:    loop (first step to last), time_limit, guard (faults and signals), checkpoint
 the end:    last_layer, equations, features (one Gauss-Newton step)

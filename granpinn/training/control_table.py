@@ -70,7 +70,7 @@ class ControlTable:
         self.fault = torch.full((E,), HEALTHY, dtype=torch.int64, device=device)
         self.stretch = min(ROWS, config.log_every)
         self._settings, self._velocity_weights = config.weights, list(velocity_weights)
-        self._loaded: tuple[object, ...] | None = None  # what the rows on the device depend on
+        self._loaded: tuple[object, ...] | None = None  # inputs of the rows on the device
         self._first = self._next = 0  # step of the first row, and step of the counter
         self._rows = np.empty((0, 2 + E))
         self._ahead: tuple[Position, Float64] | None = None

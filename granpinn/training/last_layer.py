@@ -43,7 +43,7 @@ LONGEST = 0.1  # step of a free parameter, relative: a longer one is not a corre
 
 
 class Unknowns(NamedTuple):
-    """C [5, F] and theta [N], of which the L free parameters of the law are unknown."""
+    """C [5, F] and theta [N]; in theta, the L free parameters of the law are unknown."""
 
     C: Tensor
     theta: Tensor

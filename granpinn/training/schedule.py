@@ -1,4 +1,4 @@
-"""The schedule: the length of a run and what each step does, as pure functions of the step."""
+"""The schedule: length of a run, stages and learning rate, as pure functions of the step."""
 
 from __future__ import annotations
 

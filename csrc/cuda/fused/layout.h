@@ -149,9 +149,9 @@ struct Scratch {
   float* narrow;            // [E][narrow] first and last layer, biases
   float* stash;             // [E * slots][L - 1][values of a thread][threads] pre-activations
   void* activations;        // A [E][L - 1][panel]
-  void* adjoints;           // G likewise
+  void* adjoints;           // G [E][L - 1][panel]
   int* activation_scales;   // [E][L - 1][scales], see MmaEngine::store_scales
-  int* adjoint_scales;      // likewise
+  int* adjoint_scales;      // [E][L - 1][scales] of the adjoints
   float* gradients;         // [E][L - 1][splits][H * H]
   float* narrow_gradients;  // [E][slots][narrow]
   double* sums;             // [E][slots][kSums]

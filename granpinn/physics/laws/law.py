@@ -1,4 +1,4 @@
-"""What a friction law is: a curve mu(I) with named parameters.
+"""A friction law: a curve mu(I) with named parameters.
 
 A law is one header in csrc/math/laws/ and one module here. Everything else asks the law for the
 names, the bounds, the start and the number of its parameters, and for its curve.
@@ -32,7 +32,7 @@ class LawParameter:
         fixed: held at a given value unless the user asks for more.
         typical: of the paper's collapse; simulations and inspections use it by default.
         may_vanish: whether a material can have the value 0.
-        help: what it is, in words.
+        help: its description.
     """
 
     name: str
