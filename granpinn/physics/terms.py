@@ -21,7 +21,6 @@ class Term:
         quantity: what the residual is, which gives its unit.
         sigma: its standard deviation by default, dimensionless; the term weighs 1/sigma^2.
         help: what the residual is, in words.
-        forms: the residual forms that have it.
     """
 
     name: str
@@ -29,7 +28,6 @@ class Term:
     quantity: Quantity
     sigma: float
     help: str
-    forms: tuple[Form, ...] = FORMS
 
 
 TERMS: tuple[Term, ...] = (
@@ -38,12 +36,7 @@ TERMS: tuple[Term, ...] = (
     Term("momentum", "mom", "force", 0.05, "momentum residual"),
     Term("continuity", "div", "rate", 0.158, "divergence of the velocity"),
     Term(
-        "constitutive",
-        "law",
-        "rate",
-        0.158,
-        "strain rate error in the friction law (mixed form)",
-        forms=("mixed",),
+        "constitutive", "law", "rate", 0.158, "strain rate error in the friction law (mixed form)"
     ),
 )
 
