@@ -82,7 +82,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words[0] not in verbs:
         return _unknown(words[0], verbs)
     if words[0] == "completion":
-        return completion.main(words[1:], {name: command(name) for name in _modules(verbs)})
+        commands = {name: command(name) for name in verbs if name != "completion"}
+        return completion.main(words[1:], commands)
     return command(words[0])(words[1:])
 
 
@@ -108,10 +109,6 @@ def help_text() -> str:
     for name in available():
         lines += [f"  {name:<12}{VERBS[name].does}", f"  {'':<12}  {VERBS[name].example}"]
     return "\n".join([*lines, "", FIRST_STEPS])
-
-
-def _modules(verbs: Sequence[str]) -> list[str]:
-    return [name for name in verbs if name != "completion"]
 
 
 def _module(verb: str) -> str | None:

@@ -135,8 +135,9 @@ def training_set(
 
 def test_grid(flow: Flow, scales: Scales) -> TestGrid:
     """All points with c = 1, for scoring and for maps of the fields."""
-    indices = _indices(flow.material)
-    return TestGrid(torch.as_tensor(_points(flow, scales, indices)), indices)
+    frame, row, column = indices = _indices(flow.material)
+    points = scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
+    return TestGrid(torch.as_tensor(points), indices)
 
 
 def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
@@ -148,11 +149,6 @@ def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
 def _indices(mask: Bool) -> Indices:
     frame, row, column = np.nonzero(mask)
     return frame, row, column
-
-
-def _points(flow: Flow, scales: Scales, indices: Indices) -> Float64:
-    frame, row, column = indices
-    return scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
 
 
 def _samples(flow: Flow) -> Particles:

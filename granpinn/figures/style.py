@@ -76,9 +76,9 @@ def styled(draw: Callable[P, Drawing]) -> Callable[P, Drawing]:
     return wrapper
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure, without pyplot and its global state; sizes in inches."""
-    return Figure(figsize=(width, height), layout="constrained")
+def new_figure(height: float) -> Figure:
+    """An empty figure, without pyplot and its global state; its height in inches."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def label(symbol: str, unit: str | None) -> str:

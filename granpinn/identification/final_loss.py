@@ -9,7 +9,6 @@ import math
 
 import torch
 
-from granpinn.kernels import ops
 from granpinn.physics.terms import NAMES
 from granpinn.results.findings import Loss
 from granpinn.training.trainer import Trainer
@@ -25,29 +24,13 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     The mean is over every k-th point, at most `MOST_POINTS`. None if a term is not finite.
     """
     objective, e = trainer.objective, member
-    spec, form = objective.spec, objective.spec.form
     params, theta = trainer.trained(e)
     data = objective.data(e)
     inside, surface = _every_kth(len(data.points)), _every_kth(len(data.surface_points))
     sums = [0.0] * len(NAMES)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
-        _, terms, _, _ = ops.residual_loss(
-            params,
-            theta,
-            data.points[i],
-            data.velocity[i],
-            data.point_weights[i],
-            data.surface_points[j],
-            data.surface_pressure[j],
-            objective.term_weights[e],
-            spec.widths,
-            objective.input_shift[e],
-            objective.input_scale[e],
-            objective.physics[e],
-            form,
-            objective.law.name,
-        )
+        terms = objective.terms(e, params, theta, data, i, j, objective.spec.form)
         for k, (name, term) in enumerate(zip(NAMES, terms.tolist(), strict=True)):
             sums[k] += term * len(j if name == "surface" else i)
     counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in NAMES]

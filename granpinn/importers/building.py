@@ -131,16 +131,9 @@ def scattered_flow(
             "points of a line"
         )
     sigmas = _sigmas(fields, settings, frame, usable)
-    own = {n: s[usable] if isinstance(s, np.ndarray) else None for n, s in sigmas.items()}
-    particles = Particles(
-        t=fields.t[usable],
-        x=fields.x[usable],
-        y=fields.y[usable],
-        u=fields.u[usable],
-        v=fields.v[usable],
-        sigma_u=own.get("sigma_u"),
-        sigma_v=own.get("sigma_v"),
-    )
+    parts = {name: getattr(fields, name) for name in ("t", "x", "y", "u", "v")}
+    parts |= {name: s for name, s in sigmas.items() if isinstance(s, np.ndarray)}
+    particles = Particles(**{name: values[usable] for name, values in parts.items()})
     constants |= {name: v for name, v in sigmas.items() if not isinstance(v, np.ndarray)}
     return particle_flow(particles, surface=_within(surface, np.unique(particles.t)), **constants)
 

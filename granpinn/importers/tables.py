@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers.vectors import DataFileError, Validity
+from granpinn.importers.vectors import DataFileError
 
 MAX_BYTES = 2**30
 # Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
 
 
-def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+def read_text(path: Path) -> str:
     """The text of a file, without the byte order mark and with plain line ends."""
     try:
-        if path.stat().st_size > max_bytes:
+        if path.stat().st_size > MAX_BYTES:
             raise DataFileError(
-                f"{path} must hold at most {max_bytes / 2**30:.3g} GiB, got "
+                f"{path} must hold at most {MAX_BYTES / 2**30:.3g} GiB, got "
                 f"{path.stat().st_size / 2**30:.3g} GiB: split it into one file per frame"
             )
         content = path.read_bytes()
@@ -70,15 +70,12 @@ def numbers(
     return np.array(rows)
 
 
-def to_grid(
-    path: Path, columns: Mapping[str, Float64], validity: Any = None, *, complete: bool = True
-) -> dict[str, Any]:
+def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) -> dict[str, Any]:
     """Arrays [1, Y, X] and axes of one frame from lists of x, y, u, v and others [n].
 
     Args:
-        columns: must hold x and y; all others become grids, NaN at places without a row.
-        validity: of every row, an array [n]; places without a row become MASKED.
-        complete: raise an error if a place of the grid has no row.
+        columns: must hold x and y; all others become grids.
+        validity: of every row, an array [n].
 
     Returns:
         x, y, every other column [1, Y, X], and `validity` if it was given.
@@ -94,22 +91,19 @@ def to_grid(
             f"{path} must have one vector at every point, got {n_rows - n_places} points twice: "
             "it mixes grids or frames"
         )
-    if min(shape) < 2 or (complete and n_places < shape[0] * shape[1]):
+    if min(shape) < 2 or n_places < shape[0] * shape[1]:
         raise DataFileError(
             f"{path} must hold a full grid of vectors, got {n_rows} rows for {shape[0]} x "
             f"{shape[1]} different y and x: the file was cut off or mixes grids; if these are "
             "scattered vectors use --format tracks"
         )
+    order = np.argsort(place)
     grids: dict[str, Any] = dict(axes)
     for name, values in columns.items():
         if name not in axes:
-            grid = np.full(shape[0] * shape[1], np.nan)
-            grid[place] = values
-            grids[name] = grid.reshape(1, *shape)
+            grids[name] = values[order].reshape(1, *shape)
     if validity is not None:
-        code = np.full(shape[0] * shape[1], Validity.MASKED, np.int8)
-        code[place] = validity
-        grids["validity"] = code.reshape(1, *shape)
+        grids["validity"] = np.asarray(validity, np.int8)[order].reshape(1, *shape)
     return grids
 
 

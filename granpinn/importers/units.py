@@ -97,12 +97,11 @@ def si(text: str, dimension: str, what: str, example: str) -> float:
     value = quantity(text, what)
     wanted = DIMENSIONS[dimension]
     if not value.check(wanted) or (dimension == "angle" and value.units == _registry().Unit("")):
-        raise DataFileError(f"{what} must be {_article(dimension)} such as {example}, got {text!r}")
+        article = "an" if dimension.startswith("a") else "a"
+        raise DataFileError(
+            f"{what} must be {article} {dimension} with its unit, such as {example}, got {text!r}"
+        )
     return float(value.to_base_units().magnitude)
-
-
-def _article(dimension: str) -> str:
-    return ("an " if dimension[0] in "a" else "a ") + dimension + " with its unit,"
 
 
 def scale(text: str) -> float:

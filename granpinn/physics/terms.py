@@ -20,8 +20,7 @@ class Term:
         label: short, for the line that a run shows.
         quantity: physical quantity of the residual, which determines its unit.
         sigma: its standard deviation by default, dimensionless; the term weighs 1/sigma^2.
-        help: description of the residual.
-        forms: the residual forms that have it.
+        help: what the residual is, in words.
     """
 
     name: str
@@ -29,7 +28,6 @@ class Term:
     quantity: Quantity
     sigma: float
     help: str
-    forms: tuple[Form, ...] = FORMS
 
 
 TERMS: tuple[Term, ...] = (
@@ -38,12 +36,7 @@ TERMS: tuple[Term, ...] = (
     Term("momentum", "mom", "force", 0.05, "momentum residual"),
     Term("continuity", "div", "rate", 0.158, "divergence of the velocity"),
     Term(
-        "constitutive",
-        "law",
-        "rate",
-        0.158,
-        "strain rate error in the friction law (mixed form)",
-        forms=("mixed",),
+        "constitutive", "law", "rate", 0.158, "strain rate error in the friction law (mixed form)"
     ),
 )
 

@@ -133,7 +133,7 @@ def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha2
     if not isinstance(saved, dict) or checkpoint.state.get("input_sha256") is None:
         raise CheckpointError(f"{checkpoint.path} lacks its settings or the hash of its flow file")
     for name, value in settings.items():
-        if _differs(saved.get(name), value):
+        if saved.get(name) != plain(value):
             raise CheckpointError(
                 f"{checkpoint.path} belongs to a run with {name} = {saved.get(name)}, this one has "
                 f"{value}: give the same settings, or another --out for a new run"
@@ -145,13 +145,8 @@ def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha2
         )
 
 
-def _differs(saved: Any, value: Any) -> bool:
-    """Compare a saved value; an infinite number is saved as text, as JSON has none."""
-    return bool(saved != plain(value))
-
-
 def plain(value: Any) -> Any:
-    """`value` as strict JSON: an infinite number becomes text."""
+    """`value` as strict JSON, which has no number for infinity: it becomes the text "inf"."""
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 

@@ -74,7 +74,6 @@ class History:
         self.law = law
         self.path = path
         self._file: io.BufferedRandom | None = None
-        self._offset = 0
 
     def open(self, offset: int) -> None:
         """Open the file and cut it at `offset` bytes; 0 starts it with a header."""

@@ -190,24 +190,43 @@ class Objective:
             data = self.data(e)
             count = min(MISFIT_POINTS, len(data.points))
             i = draw(member.seed, step, MISFIT, count, data.points)
-            _, terms, _, _ = ops.residual_loss(
-                params[e],
-                theta[e],
-                data.points[i],
-                data.velocity[i],
-                data.point_weights[i],
-                data.surface_points[:0],
-                data.surface_pressure[:0],
-                self.term_weights[e],
-                self.spec.widths,
-                self.input_shift[e],
-                self.input_scale[e],
-                self.physics[e],
-                "data",
-                self.law.name,
-            )
-            squares.append(terms[0])
+            squares.append(self.terms(e, params[e], theta[e], data, i, slice(0), "data")[0])
         return [math.sqrt(square) for square in torch.stack(squares).tolist()]
+
+    def terms(
+        self,
+        member: int,
+        params: Tensor,
+        theta: Tensor,
+        data: TrainingSet,
+        inside: Tensor,
+        surface: Tensor | slice,
+        form: str,
+    ) -> Tensor:
+        """The terms of the loss of one member over some of its points.
+
+        Args:
+            params, theta: of this member, [P] and [N].
+            data: its points, `data(member)`; `inside` and `surface` choose some of them.
+            form: of the residuals, or "data" for the velocity alone.
+        """
+        _, terms, _, _ = ops.residual_loss(
+            params,
+            theta,
+            data.points[inside],
+            data.velocity[inside],
+            data.point_weights[inside],
+            data.surface_points[surface],
+            data.surface_pressure[surface],
+            self.term_weights[member],
+            self.spec.widths,
+            self.input_shift[member],
+            self.input_scale[member],
+            self.physics[member],
+            form,
+            self.law.name,
+        )
+        return terms
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import torch
-from torch import distributed
+from torch import Tensor, distributed
 
 from granpinn.training.objective import Evaluation
 
@@ -99,9 +99,21 @@ def joined() -> Iterator[int]:
 
 
 def gather_texts(text: str) -> list[str]:
-    """One text of every process, in the order of their ranks."""
+    """One text of every process, in the order of their ranks.
+
+    As bytes: torch would pickle objects.
+    """
     if not distributed.is_initialized():
         return [text]
-    texts = [""] * distributed.get_world_size()
-    distributed.all_gather_object(texts, text)
-    return texts
+    content = text.encode()
+    size = distributed.get_world_size()
+    lengths = [torch.zeros(1, dtype=torch.int64) for _ in range(size)]
+    distributed.all_gather(lengths, torch.tensor([len(content)]))
+    longest = max(int(n) for n in lengths)
+    own = torch.zeros(longest, dtype=torch.uint8)
+    own[: len(content)] = torch.frombuffer(bytearray(content), dtype=torch.uint8)
+    padded: list[Tensor] = [torch.empty_like(own) for _ in range(size)]
+    distributed.all_gather(padded, own)
+    return [
+        bytes(text[: int(n)].tolist()).decode() for text, n in zip(padded, lengths, strict=True)
+    ]
