@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.atomic import atomic_path
 from granpinn.command.parser import Parser, fail
 from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
@@ -26,6 +25,7 @@ from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
+from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
 from granpinn.uncertainty.of_data import verdict
 
@@ -99,8 +99,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     except ValueError as error:
         raise ConfigError(f"the friction law is impossible: {error}") from None
     out = values["out"]
-    if out is not None and out.exists() and not out.is_dir():
-        raise ConfigError(f"--out must be a folder, got {out}: name another")
+    if out is not None and (objection := objection_to_folder(out)):
+        raise ConfigError(f"--out {objection}")
     return {key: values[key] for key in ("data", "out", "json")} | {"law": law}
 
 
@@ -125,9 +125,8 @@ def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
     """Writes inspect.json and the figures to a folder, which is made if necessary."""
     from granpinn.figures.inspection import save_figures  # matplotlib is slow to import
 
-    folder.mkdir(parents=True, exist_ok=True)
-    with atomic_path(folder / "inspect.json") as path:
-        path.write_text(json.dumps(numbers, indent=2, allow_nan=False) + "\n")
+    make_folder(folder)
+    write_text(folder / "inspect.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
     save_figures(found, folder)
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from granpinn.atomic import atomic_path
 from granpinn.data.flow import Flow, Truth
 from granpinn.data.format import (
     DATASETS,
@@ -25,6 +23,7 @@ from granpinn.data.format import (
     arrays_of,
 )
 from granpinn.data.rules import check_flow
+from granpinn.output import hdf5_file
 
 FRAMES_PER_CHUNK = 10
 ROWS_PER_CHUNK = 100_000
@@ -38,10 +37,10 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
 
     Raises:
         FlowFileError: the flow breaks a rule of the format.
-        OSError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     check_flow(flow)
-    with atomic_path(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+    with hdf5_file(path) as file:
         _write_attributes(file, flow)
         _write_arrays(file, flow)
 

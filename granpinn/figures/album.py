@@ -10,6 +10,7 @@ from granpinn.arrays import Floats
 from granpinn.figures import checks, curves, maps, profiles
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.identification.scoring import after_start
+from granpinn.output import make_folder
 from granpinn.results import Fields, Result
 from granpinn.results.fields import VARIABLES
 from granpinn.second_opinion.comparison import Comparison
@@ -103,7 +104,7 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
 
 def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
     """Write every possible figure to `folder`; remove old files of figures that are missing."""
-    folder.mkdir(exist_ok=True)
+    make_folder(folder)
     pictures, missing = [], []
     for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"

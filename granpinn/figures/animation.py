@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from granpinn.atomic import atomic_path
 from granpinn.data.flow import Flow
 from granpinn.figures.style import VALUE_MAP, WIDTH, label, new_figure
+from granpinn.output import replacing
 
 MOST_FRAMES = 200
 FRAMES_PER_SECOND = 25
@@ -59,7 +59,7 @@ def animate(flow: Flow, path: Path) -> Path:
     # The colour bar is in every frame: the palette of one serves all.
     palette = picture(0).quantize(255)
     pictures = [picture(k).quantize(palette=palette, dither=Image.Dither.NONE) for k in frames]
-    with atomic_path(path) as temporary:
+    with replacing(path) as temporary:
         pictures[0].save(
             temporary,
             format="GIF",

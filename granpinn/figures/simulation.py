@@ -16,6 +16,7 @@ from matplotlib.colors import Normalize
 from granpinn.arrays import Floats
 from granpinn.data.flow import Flow, Truth
 from granpinn.figures.style import BLACK, VALUE_MAP, Drawing, label, new_figure, save, styled
+from granpinn.output import make_folder
 
 LARGEST_SHARE = 0.95  # quantile of D2 at which the colours of the final states end
 SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
@@ -39,7 +40,7 @@ def strain_rate(flow: Flow, k: int) -> Floats:
 
 def save_figures(flow: Flow, folder: Path, name: str) -> list[Path]:
     """Writes NAME_surfaces.png and NAME_snapshots.png."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     drawings = {"surfaces": surfaces(flow), "snapshots": snapshots(flow)}
     paths = []
     for kind, drawing in drawings.items():

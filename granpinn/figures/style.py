@@ -15,7 +15,7 @@ from typing import NamedTuple, ParamSpec
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from granpinn.atomic import atomic_path
+from granpinn.output import replacing
 
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -94,5 +94,5 @@ def label(symbol: str, unit: str | None) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG whose bytes depend on the figure only: no date, no version."""
-    with _look(), atomic_path(path) as temporary:
+    with _look(), replacing(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": None})

@@ -21,9 +21,9 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from granpinn.arrays import Float64
-from granpinn.atomic import atomic_path
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
+from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
@@ -91,10 +91,7 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
         missing = [album.Missing("Fields over time", str(reason)), *missing]
     write_csv(result, folder / "results.csv")
     page = folder / "report.html"
-    with atomic_path(page) as temporary:
-        text = render(result, history, pictures, missing, problems, film)
-        # The name of a file may hold bytes that are no text.
-        temporary.write_text(text, encoding="utf-8", errors="replace")
+    write_text(page, render(result, history, pictures, missing, problems, film))
     return page
 
 

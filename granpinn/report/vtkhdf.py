@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
-from granpinn.atomic import atomic_path
+from granpinn.output import hdf5_file
 from granpinn.report.film import nearest_index
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
@@ -52,7 +52,7 @@ def write_vtkhdf(fields: Fields, path: str | Path) -> bool:
     """Write all variables frame by frame; whether points of an uneven grid were moved."""
     y, x = even(fields.y), even(fields.x)
     cut = np.ix_(y.points, x.points)
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+    with hdf5_file(path) as file:
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array(VERSION, np.int64)
         root.attrs["Type"] = np.bytes_(b"ImageData")

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
-from granpinn.atomic import atomic_path
+from granpinn.output import hdf5_file
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
@@ -116,7 +116,7 @@ class Fields:
 
 def write_fields(fields: Fields, path: str | Path) -> None:
     """Write fields.h5 frame by frame: the full grid of a variable is never in memory."""
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+    with hdf5_file(path) as file:
         _write_attributes(fields, file.attrs)
         axes = []
         for name, kind in (("t", "time"), ("y", "length"), ("x", "length")):

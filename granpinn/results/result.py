@@ -20,9 +20,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from granpinn.atomic import atomic_path
 from granpinn.config import LEVELS
 from granpinn.data import Truth
+from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
 from granpinn.results.decoding import decode, encode
@@ -258,8 +258,7 @@ def write_results(result: Result, path: str | Path) -> None:
     content = result.to_dict()
     from_dict(content)
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
-    with atomic_path(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_text(path, text + "\n")
 
 
 def read_results(path: str | Path) -> Result:

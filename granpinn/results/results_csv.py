@@ -7,9 +7,10 @@ unknown value; a fixed parameter has neither standard deviation nor interval.
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
-from granpinn.atomic import atomic_path
+from granpinn.output import write_text
 from granpinn.physics.laws import LAWS
 from granpinn.results.named import FIELD_ERRORS
 from granpinn.results.result import Result, plain
@@ -63,10 +64,8 @@ def row(result: Result) -> dict[str, Cell]:
 def write_csv(result: Result, path: str | Path) -> None:
     """Write results.csv: a header and one row; numbers with all their digits."""
     cells = row(result)
-    with (
-        atomic_path(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
-    ):
-        writer = csv.DictWriter(file, list(cells))
-        writer.writeheader()
-        writer.writerow(cells)
+    table = io.StringIO(newline="")
+    writer = csv.DictWriter(table, list(cells))
+    writer.writeheader()
+    writer.writerow(cells)
+    write_text(path, table.getvalue())

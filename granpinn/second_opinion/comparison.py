@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.atomic import atomic_path
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
+from granpinn.output import write_text
 from granpinn.results import plain
 from granpinn.results.findings import Resimulation
 
@@ -147,8 +147,7 @@ def write_comparison(summary: Resimulation, comparison: Comparison | None, path:
         "summary": dataclasses.asdict(summary),
         "comparison": None if comparison is None else comparison._asdict(),
     }
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
 
 
 def read_comparison(path: Path) -> Comparison | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow, FlowFileError, read_flow, write_flow
+from granpinn.output import make_folder
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.engine import StepReport
 from granpinn.simulation.progress import Silent
@@ -57,7 +58,7 @@ def six_regimes(folder: Path, cells: int, stride: int | None, say: Say) -> list[
     if stride is None:
         stride = max(1, round(cells / 128))
     wanted = [dataclasses.replace(c, stride=stride) for c in wanted]
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     paths = [folder / f"collapse_{c.mu_s:.2f}_{c.mu_2:.2f}.h5" for c in wanted]
     missing = [(c, path) for c, path in zip(wanted, paths, strict=True) if not _holds(path, c)]
     if missing:

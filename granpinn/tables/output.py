@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from granpinn.atomic import atomic_path
 from granpinn.config import flatten
+from granpinn.output import write_text
 from granpinn.report.page import duration, template
 from granpinn.results import number, plain
 from granpinn.results.named import PRESSURES, SIMULATED
@@ -209,6 +209,5 @@ def write(study: Study, folder: Path) -> Path:
         "tables.html": html(study),
     }
     for name, written in texts.items():
-        with atomic_path(folder / name) as temporary:
-            temporary.write_text(written, encoding="utf-8", errors="replace")
+        write_text(folder / name, written)
     return folder / "tables.html"

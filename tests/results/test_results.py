@@ -118,12 +118,13 @@ def test_a_fault_while_writing_leaves_the_old_file(
     path = tmp_path / "results.json"
     write_results(make_result(seed=1), path)
 
-    def torn(target: Path, text: str, encoding: str) -> int:
-        target.write_bytes(text.encode(encoding)[:100])
+    def torn(target: Path, content: bytes) -> int:
+        with target.open("wb") as file:
+            file.write(content[:100])
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_text", torn)
+        patch.setattr(Path, "write_bytes", torn)
         with pytest.raises(OSError, match="No space left on device"):
             write_results(make_result(seed=2), path)
     assert read_results(path).seed == 1

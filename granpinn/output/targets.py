@@ -1,0 +1,98 @@
+"""What a command may write to: new or regular files in plain folders, nothing else.
+
+Replacing a device, a FIFO or a symbolic link would destroy it, and a link can lead anywhere.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+_ADVICE = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room or choose another place"),
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS), "choose a place that you may write to"
+    ),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "make the folder or choose another one"),
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+
+
+class OutputError(OSError):
+    """A file or folder cannot be written; the message is one sentence with its path."""
+
+
+def failure(path: str | os.PathLike[str], error: OSError) -> OutputError:
+    """The sentence for a failure of the system while `path` was written."""
+    if isinstance(error, OutputError):
+        return error
+    advice = _ADVICE.get(error.errno or 0, "check the disk")
+    reason = error.strerror or str(error)
+    return OutputError(f"{os.fspath(path)} could not be written ({reason}): {advice}")
+
+
+def objection_to_file(path: str | os.PathLike[str]) -> str | None:
+    """Why a file may not be written to `path`, in one sentence; None: it may."""
+    path = Path(path)
+    kind = _kind(path)
+    if kind is not None and kind != stat.S_IFREG:
+        found = _KINDS.get(kind, "no regular file")
+        return f"{path} must be a new file or a regular one, got {found}: choose another name"
+    if _kind(path.parent.resolve()) != stat.S_IFDIR:
+        return f"{path} must lie in an existing folder: make {path.parent} or choose another one"
+    return None
+
+
+def objection_to_folder(path: str | os.PathLike[str]) -> str | None:
+    """Why files may not be written into the folder `path`, in one sentence; None: they may.
+
+    The folder may be missing. A link, FIFO or device in it is an objection, also in its folders.
+    """
+    path = Path(path)
+    kind = _kind(path)
+    if kind is None:
+        return None
+    if kind != stat.S_IFDIR:
+        found = "a file" if kind == stat.S_IFREG else _KINDS.get(kind, "no folder")
+        return f"{path} must be a new or existing folder, got {found}: choose another name"
+    for folder, folders, files in os.walk(path):
+        for name in (*folders, *files):
+            place = Path(folder, name)
+            kind = _kind(place)
+            if kind not in (None, stat.S_IFREG, stat.S_IFDIR):
+                found = _KINDS.get(kind or 0, "no regular file")
+                return f"{path} must hold plain files and folders, got {found}: remove {place}"
+    return None
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """Make a folder with those above it, unless it is there; OutputError if it cannot be."""
+    path = Path(path)
+    objection = objection_to_folder(path)
+    if objection is not None:
+        raise OutputError(objection)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise failure(path, error) from error
+    return path
+
+
+def _kind(path: Path) -> int | None:
+    """The type of a file without following a link; None: there is none."""
+    try:
+        return stat.S_IFMT(path.lstat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:  # a folder that may not be read, a name that is too long
+        raise failure(path, error) from error

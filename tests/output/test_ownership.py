@@ -1,0 +1,98 @@
+"""One process at a time writes to a run folder."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from granpinn.output import OutputError, owned
+from tests.output.test_writing import TARGETS, hostile
+
+HOLD = """
+import sys
+from granpinn.output import owned
+with owned(sys.argv[1]):
+    print("owned", flush=True)
+    sys.stdin.read()
+"""
+
+
+def holder(folder: Path) -> subprocess.Popen[str]:
+    """A process that owns a folder until its input ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "owned\n"
+    return process
+
+
+def test_a_second_process_is_refused_and_told_who_owns_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with holder(folder) as process:
+        with pytest.raises(OutputError, match=f"{folder} is in use by process {process.pid} on"):
+            owned(folder).__enter__()
+        process.kill()
+    with owned(folder):  # the lock ends with its process, also when it is killed
+        pass
+
+
+def test_a_thread_may_own_a_folder_twice_and_another_may_not(tmp_path: Path) -> None:
+    refused = []
+
+    def other() -> None:
+        try:
+            owned(tmp_path).__enter__()
+        except OutputError as error:
+            refused.append(str(error))
+
+    with owned(tmp_path), owned(tmp_path / "."):
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    assert "another thread" in refused[0]
+    with owned(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize("kind", TARGETS[1:])
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_run_folder_is_a_plain_folder_of_plain_files(
+    kind: str, inside: bool, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    if inside:
+        (folder / "checkpoint").mkdir(parents=True)
+    hostile(kind, folder / "checkpoint" / "file" if inside else folder)
+    with pytest.raises(OutputError, match="must hold plain files" if inside else "must be a new"):
+        owned(folder).__enter__()
+
+
+def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    path.write_text("mine")
+    with pytest.raises(OutputError, match="must be a new or existing folder, got a file"):
+        owned(path).__enter__()
+    with pytest.raises(OutputError, match=f"{path / 'deeper'} could not be written"):
+        owned(path / "deeper").__enter__()
+    assert path.read_text() == "mine"
+
+
+def test_a_folder_without_permission_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)  # root may write everywhere
+    with pytest.raises(OutputError, match="choose a place that you may write to"):
+        owned(tmp_path / "run").__enter__()
