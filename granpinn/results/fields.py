@@ -16,6 +16,7 @@ import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.atomic import atomic_path
+from granpinn.errors import BadInput
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
@@ -41,7 +42,7 @@ VARIABLES = {
 }
 
 
-class FieldsFileError(ValueError):
+class FieldsFileError(BadInput):
     """fields.h5 is missing or cannot be read."""
 
 

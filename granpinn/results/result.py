@@ -23,6 +23,7 @@ from typing import Any
 from granpinn.atomic import atomic_path
 from granpinn.config import LEVELS
 from granpinn.data import Truth
+from granpinn.errors import BadInput
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
 from granpinn.results.decoding import decode, encode
@@ -34,7 +35,7 @@ FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 2
 
 
-class ResultsFileError(ValueError):
+class ResultsFileError(BadInput):
     """results.json is missing, is not JSON, or breaks a rule of the format."""
 
 
