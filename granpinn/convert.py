@@ -5,6 +5,11 @@ Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
 
 from __future__ import annotations
 
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("convert")
+
 import argparse
 import dataclasses
 import sys
@@ -13,10 +18,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser, fail
-from granpinn.config import ConfigError
+from granpinn.command.parser import Parser
 from granpinn.config.fields import flag_of
-from granpinn.data import FlowFileError, FlowFileWarning, write_flow
+from granpinn.data import FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
 
@@ -47,20 +51,19 @@ GROUPS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    try:
+
+    def run() -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with warnings.catch_warnings():
             warnings.simplefilter("always", FlowFileWarning)
             warnings.showwarning = _show
             flow = convert(sources, settings, report=print)
         write_flow(flow, out)
-    except (ConfigError, DataFileError, FlowFileError) as error:
-        return fail("convert", 2, str(error))
-    except OSError as error:
-        return fail("convert", 1, str(error))
-    print(f"flow file: {out}")
-    print(f"next: python -m granpinn.train {out} --out run")
-    return 0
+        print(f"flow file: {out}")
+        print(f"next: python -m granpinn.train {out} --out run")
+        return 0
+
+    return exit_codes.exit_code("convert", run)
 
 
 def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:

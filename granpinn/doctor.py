@@ -6,7 +6,11 @@ reported like every other result. Exit code 0 if the kernels work, 1 otherwise, 
 
 from __future__ import annotations
 
-import argparse
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("doctor")
+
 import importlib.util
 import json
 import os
@@ -20,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import granpinn
+from granpinn.command.parser import Parser
 
 Section = dict[str, Any]
 
@@ -233,7 +238,11 @@ def examine() -> tuple[dict[str, Section], str | None]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Prints the report as text, or with --json for programs; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m granpinn.doctor", description=__doc__)
+    return exit_codes.exit_code("doctor", lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(argv: Sequence[str]) -> int:
+    parser = Parser(prog="python -m granpinn.doctor", description=__doc__)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(argv)
     report, trouble = examine()

@@ -7,6 +7,11 @@ In Python, `granpinn.inspection.inspect(flow)` gives the same numbers.
 
 from __future__ import annotations
 
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("inspect")
+
 import argparse
 import dataclasses
 import json
@@ -16,11 +21,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser, fail
+from granpinn.command.parser import Parser
 from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
-from granpinn.data import FlowFileError, FlowFileWarning, read_flow
+from granpinn.data import FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
 from granpinn.importers.formats import detect, is_flow_file
 from granpinn.inspection import AssumedLaw, Inspection, inspect
@@ -47,23 +52,22 @@ CONVERT = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    try:
-        options = parse(sys.argv[1:] if argv is None else argv)
-        _require_flow_file(options["data"])
-        data = options["data"][0]
-        with warnings.catch_warnings():
-            # Exact zeros have their own line in what is printed.
-            warnings.simplefilter("ignore", FlowFileWarning)
-            flow = read_flow(data)
-        found = inspect(flow, options["law"])
-        sentences = verdict(found)
-        numbers = found.numbers() | {"verdict": sentences}
-        if options["out"] is not None:
-            write(found, numbers, options["out"])
-    except (ConfigError, DataFileError, FlowFileError) as error:
-        return fail("inspect", 2, str(error))
-    except OSError as error:
-        return fail("inspect", 1, str(error))
+    return exit_codes.exit_code("inspect", lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(argv: Sequence[str]) -> int:
+    options = parse(argv)
+    _require_flow_file(options["data"])
+    data = options["data"][0]
+    with warnings.catch_warnings():
+        # Exact zeros have their own line in what is printed.
+        warnings.simplefilter("ignore", FlowFileWarning)
+        flow = read_flow(data)
+    found = inspect(flow, options["law"])
+    sentences = verdict(found)
+    numbers = found.numbers() | {"verdict": sentences}
+    if options["out"] is not None:
+        write(found, numbers, options["out"])
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0

@@ -1,7 +1,7 @@
 """The command `python -m granpinn.simulate`: a collapse with a known friction law as a flow file.
 
 Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by SIGINT, SIGTERM,
-with the frames so far in the flow file.
+with the frames so far in the flow file if there are two.
 
 In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
 replaces that attribute of the package when it is imported, so it can be called like the function.
@@ -9,23 +9,27 @@ replaces that attribute of the package when it is imported, so it can be called 
 
 from __future__ import annotations
 
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("simulate")
+
 import argparse
 import dataclasses
-import signal
 import sys
 import types
 import typing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from granpinn.command.parser import Parser, fail
+from granpinn.command.parser import Parser
 from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
 from granpinn.data.flow import Flow
 from granpinn.physics.laws import mu_of_i
-from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, simulate
+from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.parameters import law_settings
 from granpinn.simulation.progress import automatic
 
@@ -42,7 +46,7 @@ EXAMPLES = """examples:
       --length-unit m --time-unit s --out beads.h5
       glass beads in SI units
 
-Ctrl-C stops and leaves a valid file with the frames so far."""
+Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
 OWN = ("out", "paper_cases", "figures", "animation")
 
 
@@ -53,26 +57,14 @@ class _CallableModule(types.ModuleType):
         return simulate(*args, **kwargs)
 
 
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM."""
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
-    before = signal.signal(signal.SIGTERM, _terminate)
-    try:
+
+    def run() -> int:
         _run(parse(sys.argv[1:] if argv is None else argv))
-    except (ConfigError, OSError) as error:
-        return fail("simulate", 2, str(error))
-    except SimulationError as error:
-        return fail("simulate", 1, str(error))
-    except _Terminated:
-        return fail("simulate", 143, "stopped; the flow file holds the frames so far")
-    except KeyboardInterrupt:
-        return fail("simulate", 130, "stopped; the flow file holds the frames so far")
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    return 0
+        return 0
+
+    return exit_codes.exit_code("simulate", run)
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
@@ -157,10 +149,6 @@ def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None
         collapse = dataclasses.replace(settings, **law)
         flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5", figures))
     print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
-
-
-def _terminate(signum: int, frame: types.FrameType | None) -> NoReturn:
-    raise _Terminated
 
 
 sys.modules[__name__].__class__ = _CallableModule

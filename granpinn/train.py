@@ -11,6 +11,11 @@ Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by 
 
 from __future__ import annotations
 
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("train")
+
 import dataclasses
 import sys
 from collections.abc import Sequence
@@ -18,7 +23,6 @@ from pathlib import Path
 
 from granpinn import report, results
 from granpinn.command.arguments import parse
-from granpinn.command.exit_codes import exit_code
 from granpinn.config import Config
 from granpinn.data import add_noise, read_flow
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
@@ -43,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 _conclude(config, result)
         return 0
 
-    return exit_code("train", run)
+    return exit_codes.exit_code("train", run)
 
 
 def _identify(config: Config, rank: int) -> results.Result:

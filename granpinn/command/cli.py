@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import granpinn
-from granpinn.command import completion
+from granpinn.command import completion, exit_codes
+from granpinn.errors import BadInput
 
 
 class Verb(NamedTuple):
@@ -70,8 +71,18 @@ granpinn VERB --help explains every argument; python -m granpinn.VERB is the sam
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a verb; returns its exit code."""
+    """Run a verb; returns its exit code. Without `argv`, the words of this process."""
     words = list(sys.argv[1:] if argv is None else argv)
+    verb = words[0] if words and words[0] in VERBS else ""
+    if argv is None:
+        exit_codes.guard_process(verb)
+    if verb not in ("", "completion") and verb in available():
+        return command(verb)(words[1:])
+    return exit_codes.exit_code(verb, lambda: _own(words))
+
+
+def _own(words: Sequence[str]) -> int:
+    """Help, version and completion, which are no command of their own."""
     if not words or words[0] in ("-h", "--help", "help"):
         print(help_text())
         return 0
@@ -79,12 +90,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"granpinn {granpinn.__version__}")
         return 0
     verbs = available()
-    if words[0] not in verbs:
-        return _unknown(words[0], verbs)
-    if words[0] == "completion":
-        commands = {name: command(name) for name in verbs if name != "completion"}
-        return completion.main(words[1:], commands)
-    return command(words[0])(words[1:])
+    if words[0] != "completion":
+        raise BadInput(_unknown(words[0], verbs))
+    commands = {name: command(name) for name in verbs if name != "completion"}
+    return completion.main(words[1:], commands)
 
 
 def available() -> list[str]:
@@ -119,8 +128,7 @@ def _module(verb: str) -> str | None:
     return f"granpinn.{verb}" + (".__main__" if spec.submodule_search_locations else "")
 
 
-def _unknown(word: str, verbs: Sequence[str]) -> int:
+def _unknown(word: str, verbs: Sequence[str]) -> str:
     near = difflib.get_close_matches(word, verbs, n=1)
     hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help lists them"
-    print(f"granpinn: expected one of {', '.join(verbs)}, got {word!r}: {hint}", file=sys.stderr)
-    return 2
+    return f"expected one of {', '.join(verbs)}, got {word!r}: {hint}"

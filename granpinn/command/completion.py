@@ -10,8 +10,9 @@ import contextlib
 import io
 import re
 import shlex
-import sys
 from collections.abc import Callable, Mapping, Sequence
+
+from granpinn.errors import BadInput
 
 FLAG = re.compile(r"^\s+(?:-\w, )?(--[A-Za-z][\w.-]*)(?: \{([^}]*)\})?", re.MULTILINE)
 
@@ -47,11 +48,14 @@ Command = Callable[[Sequence[str]], int]
 
 
 def main(argv: Sequence[str], commands: Mapping[str, Command]) -> int:
-    """Print the script; 0 done, 2 no such shell.
+    """Print the script; returns the exit code 0.
 
     Args:
         argv: the shell.
         commands: verb -> its command, which prints its flags for --help.
+
+    Raises:
+        BadInput: there is no script for the shell.
     """
     if any(word in ("-h", "--help") for word in argv):
         print(f"usage: granpinn completion {{{','.join(SHELLS)}}}\n\n{__doc__.strip()}\n")
@@ -59,12 +63,9 @@ def main(argv: Sequence[str], commands: Mapping[str, Command]) -> int:
         return 0
     if len(argv) != 1 or argv[0] not in SHELLS:
         got = " ".join(argv) or "nothing"
-        print(
-            f"granpinn.completion: the shell must be one of {', '.join(SHELLS)}, got {got}: "
-            "granpinn completion bash",
-            file=sys.stderr,
+        raise BadInput(
+            f"the shell must be one of {', '.join(SHELLS)}, got {got}: granpinn completion bash"
         )
-        return 2
     print(script(argv[0], {verb: flags_of(command) for verb, command in commands.items()}))
     return 0
 

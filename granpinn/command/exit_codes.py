@@ -1,26 +1,217 @@
-"""The exit code of a command that trains, and one sentence for its error."""
+"""The edge of every command: whatever happens inside becomes an exit code and one sentence.
+
+    0          done
+    1          cannot go on: CannotGoOn, a file or stdout that cannot be written, too little memory,
+               or a bug
+    2          bad input: BadInput
+    130, 143   stopped by SIGINT, SIGTERM
+
+This module loads only the standard library. A command imports it before everything else, and has
+`guard_process` catch what happens while torch and the other libraries are loaded:
+
+    from granpinn.command import exit_codes
+
+    if __name__ == "__main__":
+        exit_codes.guard_process("train")
+
+With the environment variable GRANPINN_DEBUG=1 every sentence comes with its traceback.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import NoReturn
 
-from granpinn.command.parser import fail
-from granpinn.config import ConfigError
-from granpinn.data import FlowFileError
-from granpinn.simulation import SimulationError
-from granpinn.training.checkpoint import CheckpointError
-from granpinn.training.guard import Interrupted, NonFiniteError
+from granpinn.errors import BadInput, CannotGoOn, Interrupted
+
+DEBUG = "GRANPINN_DEBUG"
+PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
+
+Handler = Callable[[int, FrameType | None], None]
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:
-    """The exit code of `run`, or the code for the error that it raises."""
+    """The exit code of `run`, or the code for what it raises, with one sentence on stderr.
+
+    Inside, SIGINT and SIGTERM raise Interrupted. A second signal ends the process at once.
+    """
     try:
-        return run()
-    except (ConfigError, FlowFileError) as error:
-        return fail(command, 2, str(error))
-    except (CheckpointError, NonFiniteError, SimulationError, OSError) as error:
-        return fail(command, 1, str(error))
-    except Interrupted as error:
-        return fail(command, 128 + error.signum, str(error))
-    except KeyboardInterrupt:
-        return fail(command, 130, "stopped outside of the training")
+        with _interruptible(command):
+            code = run()
+    except SystemExit as stop:  # --help
+        code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+    except BaseException as error:
+        code = fail(command, *conclusion(error), error)
+    try:
+        sys.stdout.flush()
+    except CannotGoOn as error:
+        code = code or fail(command, 1, str(error), error)
+    return code
+
+
+def conclusion(error: BaseException) -> tuple[int, str]:
+    """Exit code and sentence for an error."""
+    text = str(error)
+    match error:
+        case BadInput():
+            return 2, text
+        case CannotGoOn():
+            return 1, text
+        case Interrupted():
+            return 128 + error.signum, text
+        case KeyboardInterrupt():
+            return 130, "stopped by SIGINT"
+        case OSError():
+            return 1, text
+        case ImportError():
+            return 1, f"{text}: python -m granpinn.doctor shows what is missing"
+    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":  # of torch
+        return 1, f"there is not enough memory ({text or type(error).__name__})"
+    return 1, (
+        f"{type(error).__name__}: {text} ({_place(error)}): this is a bug of "
+        f"granpinn, please report it with the traceback that {DEBUG}=1 prints"
+    )
+
+
+def fail(command: str, code: int, message: str, error: BaseException | None = None) -> int:
+    """Print the reason why a command failed, on one line; returns the exit code."""
+    line = " ".join(f"{_program(command)}: {message}".split())
+    try:
+        if error is not None and os.environ.get(DEBUG):
+            import traceback  # slow to import, and needed here alone
+
+            traceback.print_exception(error)
+        print("".join(c if c.isprintable() else ascii(c)[1:-1] for c in line), file=sys.stderr)
+    except OSError:  # nobody reads stderr
+        _discard(sys.stderr.fileno())
+    return code
+
+
+def guard_process(command: str) -> None:
+    """Prepare the process of a command, before its libraries are loaded.
+
+    From here on a signal or an error outside of `exit_code` is one sentence too. A closed stdin,
+    stdout or stderr gets a stand-in, so that no file that is opened later takes its number.
+    """
+    for number, mode in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, mode)  # gets the lowest free number; stdout fails if it is used
+    sys.stdout = sys.stdout or os.fdopen(1, "w", encoding="utf-8")
+    sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout = _Stdout(sys.stdout)
+    _handle(_stopper(command))
+    sys.excepthook = lambda kind, error, place: _unforeseen(command, error)
+
+
+def _unforeseen(command: str, error: BaseException) -> None:
+    fail(command, *conclusion(error), error)
+
+
+@contextmanager
+def _interruptible(command: str) -> Iterator[None]:
+    """Inside, the first signal raises Interrupted, and a second one ends the process."""
+
+    def interrupt(signum: int, frame: FrameType | None) -> NoReturn:
+        _handle(_stopper(command))
+        raise Interrupted(signum, _stopped(signum))
+
+    before = _handle(interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _handle(handler: Handler) -> dict[signal.Signals, Handler | int]:
+    """Set the handler of SIGINT and SIGTERM; returns those before.
+
+    A signal that is ignored stays ignored: a shell makes it so for a command in the background.
+    Only the main thread can set a handler.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    found = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {n: h for n, h in found.items() if h is not None and h is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, handler)
+    return before
+
+
+def _stopper(command: str) -> Handler:
+    """A handler that ends the process with one sentence, in whatever code the signal arrives."""
+
+    def stop(signum: int, frame: FrameType | None) -> NoReturn:
+        with suppress(OSError):
+            os.write(2, f"{_program(command)}: {_stopped(signum)}\n".encode())
+        os._exit(128 + signum)
+
+    return stop
+
+
+def _program(command: str) -> str:
+    return f"granpinn.{command}" if command else "granpinn"
+
+
+def _stopped(signum: int) -> str:
+    return f"stopped by {signal.Signals(signum).name}"
+
+
+def _place(error: BaseException) -> str:
+    """The last line of granpinn in the traceback of an error."""
+    place, step = "outside of granpinn", error.__traceback__
+    while step is not None:
+        file = step.tb_frame.f_code.co_filename
+        if file.startswith(PACKAGE):
+            place = f"granpinn{file.removeprefix(PACKAGE)}:{step.tb_lineno}"
+        step = step.tb_next
+    return place
+
+
+def _discard(number: int) -> None:
+    """Drop what is written to a file descriptor from now on, also at the end of Python."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+
+
+class _Stdout(io.TextIOWrapper):
+    """The stdout of a command; where it cannot be written, CannotGoOn instead of OSError.
+
+    So the fault is not taken for one of a file, and argparse does not swallow it.
+    """
+
+    def __init__(self, before: io.TextIOWrapper) -> None:
+        encoding, lines, through = before.encoding, before.line_buffering, before.write_through
+        errors = "backslashreplace" if before.errors == "strict" else before.errors
+        super().__init__(
+            before.detach(), encoding, errors, line_buffering=lines, write_through=through
+        )
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError as fault:
+            raise self._failed(fault) from fault
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as fault:
+            raise self._failed(fault) from fault
+
+    def _failed(self, fault: OSError) -> CannotGoOn:
+        """The sentence for a fault; later output is dropped."""
+        _discard(self.fileno())
+        return CannotGoOn(
+            f"the output cannot be written to stdout ({fault.strerror}): give it another place; "
+            "files that were written are whole"
+        )

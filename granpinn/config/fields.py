@@ -12,10 +12,12 @@ import types
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from granpinn.errors import BadInput
+
 TINY = 1e-30  # least positive number: float32 would round a much smaller one to 0
 
 
-class ConfigError(ValueError):
+class ConfigError(BadInput):
     """A setting is missing, unknown or impossible; the message is one sentence."""
 
 

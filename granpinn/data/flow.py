@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats
+from granpinn.errors import BadInput
 from granpinn.physics.law_values import LawValues
 
 
-class FlowFileError(ValueError):
+class FlowFileError(BadInput):
     """A flow breaks a rule of the format; the message is one sentence with the remedy."""
 
 

@@ -17,12 +17,13 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float64, Int8
 from granpinn.data.flow import FlowFileWarning
+from granpinn.errors import BadInput
 
 # If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
 
 
-class DataFileError(ValueError):
+class DataFileError(BadInput):
     """A measurement file cannot be used; the message is one sentence with the remedy."""
 
 

@@ -7,17 +7,25 @@ network. The page lists what is missing. With --paraview it writes fields.vtkhdf
 
 from __future__ import annotations
 
-import argparse
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("report")
+
 import sys
 from collections.abc import Sequence
 
+from granpinn.command.parser import Parser
 from granpinn.report.page import build, for_paraview
-from granpinn.results import FieldsFileError, ResultsFileError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; 0 done, 2 the folder holds no valid run, 1 it cannot be written to."""
-    parser = argparse.ArgumentParser(
+    return exit_codes.exit_code("report", lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(argv: Sequence[str]) -> int:
+    parser = Parser(
         prog="python -m granpinn.report",
         description="Draw the figures of a finished run and write its report.html.",
     )
@@ -33,16 +41,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         help="write fields.vtkhdf too, the fields over time for ParaView",
     )
     arguments = parser.parse_args(argv)
-    try:
-        print(build(arguments.folder, arguments.time))
-        if arguments.paraview:
-            print(for_paraview(arguments.folder))
-    except (ResultsFileError, FieldsFileError) as error:
-        print(f"granpinn.report: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"granpinn.report: {error}", file=sys.stderr)
-        return 1
+    print(build(arguments.folder, arguments.time))
+    if arguments.paraview:
+        print(for_paraview(arguments.folder))
     return 0
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from granpinn.arrays import Float64
+from granpinn.errors import BadInput
 from granpinn.figures import album, maps
 from granpinn.figures.style import NothingToDraw
 from granpinn.output import write_text
@@ -46,7 +47,7 @@ PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
-class HistoryFileError(ValueError):
+class HistoryFileError(BadInput):
     """history.csv is missing or not a table of numbers."""
 
 

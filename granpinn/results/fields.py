@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
+from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
 
 FORMAT_NAME = "granpinn-fields"
@@ -41,7 +42,7 @@ VARIABLES = {
 }
 
 
-class FieldsFileError(ValueError):
+class FieldsFileError(BadInput):
     """fields.h5 is missing or cannot be read."""
 
 

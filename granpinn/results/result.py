@@ -22,6 +22,7 @@ from typing import Any
 
 from granpinn.config import LEVELS
 from granpinn.data import Truth
+from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
@@ -34,7 +35,7 @@ FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 2
 
 
-class ResultsFileError(ValueError):
+class ResultsFileError(BadInput):
     """results.json is missing, is not JSON, or breaks a rule of the format."""
 
 

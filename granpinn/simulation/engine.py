@@ -18,10 +18,11 @@ import numpy as np
 
 from granpinn import _collapse
 from granpinn.arrays import Float64
+from granpinn.errors import CannotGoOn
 from granpinn.simulation.parameters import MARGIN, Collapse
 
 
-class SimulationError(RuntimeError):
+class SimulationError(CannotGoOn):
     """A solve did not converge; the message has its iterations and its error."""
 
 

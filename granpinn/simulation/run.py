@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any, Protocol
 
 from granpinn.data.flow import Flow
 from granpinn.data.writer import write_flow
-from granpinn.simulation.engine import Engine, State
+from granpinn.errors import Interrupted
+from granpinn.simulation.engine import Engine, SimulationError, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
@@ -41,25 +43,40 @@ def simulate(
         listener: its `show` gets the report of every step (simulation/progress.py).
 
     Returns:
-        The flow, with the true parameters. Interrupted by Ctrl-C, the frames so far are written to
-        `out` before KeyboardInterrupt goes on; the same holds for a solve that fails.
+        The flow, with the true parameters.
 
     Raises:
         ConfigError: the collapse cannot be simulated; one sentence.
         SimulationError: a solve did not converge.
+        Interrupted: Ctrl-C, with `out`. Like SimulationError, it comes after the frames so far have
+            been written to `out`, if there are two; the message says what was written.
     """
     if collapse is not None and settings:
         raise TypeError("give either a Collapse or its fields as keywords, not both")
     recorder = Recorder(collapse or Collapse(**settings))
-    finished = False
     try:
         record(recorder, listener or Silent())
-        finished = True
-    finally:
-        # A flow file needs two frames.
-        if out is not None and (finished or len(recorder.frames) >= 2):
-            write_flow(recorder.flow(), out)
-    return recorder.flow()
+    except (KeyboardInterrupt, SimulationError) as error:
+        if out is None:
+            raise
+        kept = _keep(recorder, out)
+        if isinstance(error, SimulationError):
+            raise SimulationError(f"{error}; {kept}") from error
+        signum = error.signum if isinstance(error, Interrupted) else signal.SIGINT
+        raise Interrupted(signum, f"stopped by {signal.Signals(signum).name}; {kept}") from None
+    flow = recorder.flow()
+    if out is not None:
+        write_flow(flow, out)
+    return flow
+
+
+def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
+    """Write the frames so far of a simulation that has stopped; says what was written."""
+    count = len(recorder.frames)
+    if count < 2:
+        return f"no flow file was written, since it needs two frames and there are {count}"
+    write_flow(recorder.flow(), out)
+    return f"{out} holds the {count} frames so far"
 
 
 def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None) -> None:

@@ -5,6 +5,11 @@ Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by 
 
 from __future__ import annotations
 
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("tables")
+
 import argparse
 import dataclasses
 import math
@@ -15,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command.arguments import metavar_of
-from granpinn.command.exit_codes import exit_code
 from granpinn.command.parser import Parser
 from granpinn.config import LEVELS, Config, ConfigError, settings_of
 from granpinn.config.fields import flag_of
@@ -66,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with parallel.joined() as rank:
             return _run(request, rank)
 
-    return exit_code("tables", run)
+    return exit_codes.exit_code("tables", run)
 
 
 def parse(argv: Sequence[str]) -> Request:

@@ -24,13 +24,14 @@ from safetensors import torch as safetensors
 from torch import Tensor
 
 from granpinn.atomic import atomic_path
+from granpinn.errors import CannotGoOn
 
 FORMAT_NAME = "granpinn-checkpoint"
 FORMAT_VERSION = 2
 KEPT = 2
 
 
-class CheckpointError(Exception):
+class CheckpointError(CannotGoOn):
     """A checkpoint cannot be written or used; the message is one sentence with its path."""
 
 

@@ -19,8 +19,10 @@ from types import FrameType
 import torch
 from torch import Tensor
 
+from granpinn.errors import CannotGoOn
 
-class NonFiniteError(ArithmeticError):
+
+class NonFiniteError(CannotGoOn):
     """A tensor of the training state holds a NaN or an infinity; the message names it.
 
     Attributes:
@@ -30,14 +32,6 @@ class NonFiniteError(ArithmeticError):
     def __init__(self, message: str, members: Mapping[int, str] | None = None) -> None:
         super().__init__(message)
         self.members = dict(members or {})
-
-
-class Interrupted(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; the state has been saved if there is a run folder."""
-
-    def __init__(self, signum: int, message: str) -> None:
-        super().__init__(message)
-        self.signum = signum
 
 
 def require_finite(tensors: Mapping[str, Tensor]) -> None:

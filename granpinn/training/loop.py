@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.config import Config, ConfigError, identity
+from granpinn.errors import Interrupted
 from granpinn.training import checkpoint, time_limit
-from granpinn.training.guard import Interrupted, NonFiniteError, Signals, require_finite, signals
+from granpinn.training.guard import NonFiniteError, Signals, require_finite, signals
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes

@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from granpinn import results, train
+from granpinn.command import exit_codes
 from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import Flow, write_flow
+from granpinn.errors import Interrupted
 from granpinn.simulation import demo_path
 from granpinn.training import checkpoint
-from granpinn.training.guard import Interrupted, NonFiniteError
+from granpinn.training.guard import NonFiniteError
 from tests.flows import make_flow
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
@@ -69,14 +71,17 @@ def test_resume_needs_nothing_but_the_folder(
 
 
 def test_results_are_written_before_the_figures(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    flow_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def crash(folder: Path) -> None:
         raise RuntimeError("no figure today")
 
     monkeypatch.setattr(train.report, "build", crash)
-    with pytest.raises(RuntimeError, match="no figure today"):
-        run(flow_file, "--out", tmp_path / "run")
+    assert run(flow_file, "--out", tmp_path / "run") == 1
+    assert "RuntimeError: no figure today" in capsys.readouterr().err
     assert results.read_results(tmp_path / "run" / "results.json").timing.steps == 6
     assert (tmp_path / "run" / "fields.h5").exists()
 
@@ -226,6 +231,7 @@ def test_tensorboard_listens_too(
 def test_python_m_granpinn_train_is_this_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
     monkeypatch.setattr(sys, "argv", ["granpinn.train", "--out", "run"])
     monkeypatch.delitem(sys.modules, "granpinn.train")
     with pytest.raises(SystemExit) as stop:

@@ -14,6 +14,7 @@ from granpinn.command.arguments import parse
 from granpinn.config import RECIPES, Config, ConfigError, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml, to_toml
+from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS
 
 REQUIRED = ["flow.h5", "--out", "run"]
@@ -141,7 +142,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
     argv, expected = BAD[case]
-    with pytest.raises(ConfigError, match=re.escape(expected)) as error:
+    with pytest.raises(BadInput, match=re.escape(expected)) as error:
         parse(argv)
     assert "\n" not in str(error.value)
 
@@ -164,7 +165,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
 def test_a_bad_file_is_refused_in_one_sentence(content: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text(content)
-    with pytest.raises(ConfigError, match=re.escape(expected)) as error:
+    with pytest.raises(BadInput, match=re.escape(expected)) as error:
         parse([*REQUIRED, "--config", str(path)])
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)

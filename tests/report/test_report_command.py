@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from granpinn import report
+from granpinn.command import exit_codes
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
 from granpinn.physics.laws import DEFAULT
@@ -198,6 +199,7 @@ def test_a_folder_that_cannot_be_written_to(
 def test_it_runs_as_a_module(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
     monkeypatch.setattr(sys, "argv", ["granpinn.report", str(tmp_path)])
     monkeypatch.delitem(sys.modules, "granpinn.report.__main__")
     with pytest.raises(SystemExit) as caught:

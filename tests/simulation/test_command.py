@@ -1,6 +1,7 @@
 """The command, the Python call, the flow file that they write, and how they stop."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -132,9 +133,34 @@ def test_signal_leaves_the_frames_so_far(name: str, tmp_path: Path) -> None:
     process.send_signal(getattr(signal, name))
     _, error = process.communicate(timeout=60)
     assert process.returncode == 128 + getattr(signal, name)
-    assert b"holds the frames so far" in error
+    assert re.search(rb"flow.h5 holds the \d+ frames so far\n$", error)
     flow = granpinn.read_flow(path)
     assert 2 <= len(flow.t) < 2000
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_signal_before_two_frames_says_that_there_is_no_file(
+    signum: signal.Signals,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Stopper(Silent):
+        def show(self, report: StepReport) -> None:
+            signal.raise_signal(signum)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(command, "automatic", Stopper)
+    try:
+        code = command.main([*FLAGS, "--out", str(tmp_path / "flow.h5")])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert code == 128 + signum
+    assert capsys.readouterr().err == (
+        f"granpinn.simulate: stopped by {signum.name}; no flow file was written, since it needs "
+        "two frames and there are 0\n"
+    )
+    assert not list(tmp_path.iterdir())
 
 
 def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import torch
 
 from granpinn.config import Config
 from granpinn.data import Flow
+from granpinn.errors import Interrupted
 from granpinn.training.checkpoint import CheckpointError
-from granpinn.training.guard import Interrupted
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
 from tests.runs import make_run, tiny

@@ -11,9 +11,10 @@ import torch
 
 from granpinn.config import Config
 from granpinn.data import Flow
+from granpinn.errors import Interrupted
 from granpinn.training import loop as loop_module
 from granpinn.training import time_limit
-from granpinn.training.guard import Interrupted, Signals
+from granpinn.training.guard import Signals
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
 from tests.runs import make_objective, make_trainer, tiny
