@@ -1,12 +1,17 @@
 """The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
 
-flow file -> noise -> training set -> identification -> results.json, fields.h5 -> figures, report;
-with --free-I0 and --resimulate between the results and the figures.
+flow file -> noise -> training set -> identification -> results.json, fields.h5 -> simulated
+pressure -> figures, report; with --free-I0 and --resimulate before the figures.
+
+Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
+results.json, in the terminal and on the page (granpinn/results/attempt.py).
 
 `torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. If the
 machine has GPUs, each process uses its own one.
 
-Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
+Exit codes: 0 done, also without the simulated pressure, a figure or the page; 2 bad input; 1 the
+run could not go on, or it lacks fields, errors, or a part that --free-I0 or --resimulate asks for;
+130, 143 stopped by SIGINT, SIGTERM.
 """
 
 from __future__ import annotations
@@ -24,11 +29,23 @@ from pathlib import Path
 from granpinn import report, results
 from granpinn.command.arguments import parse
 from granpinn.config import Config
-from granpinn.data import add_noise, read_flow
+from granpinn.data import Flow, add_noise, read_flow
+from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
 from granpinn.physics.laws import LAWS
-from granpinn.results.findings import Resimulation
+from granpinn.results import NotDone, findings
+from granpinn.results.attempt import (
+    PROFILE,
+    REPORT,
+    RESIMULATION,
+    SIMULATOR_FIT,
+    asked_for,
+    attempt,
+    having,
+    lacking,
+    pending,
+)
 from granpinn.second_opinion import comparison, resimulation, simulator_fit
 from granpinn.second_opinion.law_runs import LawRuns
 from granpinn.second_opinion.resimulation import Column
@@ -44,8 +61,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         with parallel.joined() as rank:
             result = _identify(config, rank)
             if rank == 0:
-                _conclude(config, result)
-        return 0
+                result = _conclude(config, result)
+        missing = asked_for(result)
+        for part in missing if rank == 0 else ():
+            print(f"granpinn.train: {part}; the other results are valid", file=sys.stderr)
+        return 1 if missing else 0
 
     return exit_codes.exit_code("train", run)
 
@@ -60,45 +80,88 @@ def _identify(config: Config, rank: int) -> results.Result:
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
-    result = identify(config.flow, config, run_dir=folder, progress=listener)
+    flow = config.flow
+    result = identify(flow, config, run_dir=folder, progress=listener)
+    if config.resimulate:
+        result = pending(result, RESIMULATION)
     if not config.free_I0:
         return result
-    profile = profile_I0(
-        config.flow,
-        config,
-        steps=result.timing.steps,
-        run_dir=folder / "profile",
-        progress=progress.automatic(),
+    result = pending(result, PROFILE)
+    if rank == 0:
+        results.write_results(result, folder / "results.json")
+    profile = attempt(
+        PROFILE,
+        lambda: profile_I0(
+            flow,
+            config,
+            steps=result.timing.steps,
+            run_dir=folder / "profile",
+            progress=progress.automatic(),
+        ),
     )
-    return dataclasses.replace(result, profile=profile)
+    if isinstance(profile, NotDone):
+        return lacking(result, profile)
+    return having(result, PROFILE, profile=profile)
 
 
-def _conclude(config: Config, result: results.Result) -> None:
+def _conclude(config: Config, result: results.Result) -> results.Result:
     """Add the second opinion if --resimulate is set; write the results and the report."""
     assert config.out is not None
     folder = Path(config.out)
-    if config.resimulate:
-        result = dataclasses.replace(result, resimulation=_resimulate(config, result, folder))
     if config.free_I0 or config.resimulate:
         results.write_results(result, folder / "results.json")
+    if config.resimulate:
+        result = _resimulate(config, result, folder)
+        results.write_results(result, folder / "results.json")
+    page = attempt(REPORT, lambda: report.build(folder))
+    if isinstance(page, NotDone):
+        result = lacking(result, page)
+        results.write_results(result, folder / "results.json")
     print(result)
-    print(f"report: {report.build(folder)}")
+    if not isinstance(page, NotDone):
+        print(f"report: {page}")
+    require_kept(folder)
+    return result
 
 
-def _resimulate(config: Config, result: results.Result, folder: Path) -> Resimulation:
+def _resimulate(config: Config, result: results.Result, folder: Path) -> results.Result:
     """Simulate with the identified law, fit the simulator, and write resimulation.json."""
     assert config.flow is not None
-    flow, cells, law = read_flow(config.flow), config.resimulation.cells, LAWS[result.law]
-    summary, compared = resimulation.resimulate(
-        flow, law, result.theta, cells, simulation_progress.automatic()
-    )
+    path, cells, law = config.flow, config.resimulation.cells, LAWS[result.law]
+
+    def again() -> tuple[Flow, findings.Resimulation, comparison.Comparison | None]:
+        flow = read_flow(path)
+        listener = simulation_progress.automatic()
+        return flow, *resimulation.resimulate(flow, law, result.theta, cells, listener)
+
+    found = attempt(RESIMULATION, again)
+    if isinstance(found, NotDone):
+        return lacking(result, found)
+    flow, summary, compared = found
+    result = having(result, RESIMULATION, resimulation=summary)
     if summary.column is not None and simulator_fit.exists_for(law):
-        seen = add_noise(flow, config.noise, config.seed)
-        mu_s, mu_2, I0 = result.theta
-        runs = LawRuns(seen, Column(*summary.column), I0, cells, config.free_I0)
-        summary = dataclasses.replace(summary, fit=simulator_fit.fit(seen, runs, (mu_s, mu_2)))
+        column = Column(*summary.column)
+        fitted = attempt(SIMULATOR_FIT, lambda: _fit(config, flow, column, result.theta))
+        if isinstance(fitted, NotDone):
+            result = lacking(result, fitted)
+        else:
+            summary = dataclasses.replace(summary, fit=fitted)
+            result = having(result, SIMULATOR_FIT, resimulation=summary)
     comparison.write_comparison(summary, compared, folder / comparison.FILE)
-    return summary
+    return result
+
+
+def _fit(
+    config: Config, flow: Flow, column: Column, theta: tuple[float, ...]
+) -> findings.SimulatorFit:
+    """Fit the simulator to the flow, from the identified mu(I) law."""
+    seen = add_noise(flow, config.noise, config.seed)
+    mu_s, mu_2, I0 = theta
+    runs = LawRuns(seen, column, I0, config.resimulation.cells, config.free_I0)
+    try:
+        return simulator_fit.fit(seen, runs, (mu_s, mu_2))
+    finally:
+        runs.stop()
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +12,8 @@ from granpinn.figures import checks, curves, maps, profiles
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.identification.scoring import after_start
 from granpinn.output import make_folder
-from granpinn.results import Fields, Result
+from granpinn.results import Fields, NotDone, Result
+from granpinn.results.attempt import attempt
 from granpinn.results.fields import VARIABLES
 from granpinn.second_opinion.comparison import Comparison
 
@@ -108,12 +110,16 @@ def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]
     pictures, missing = [], []
     for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"
-        try:
-            drawing = draw(source)
-        except NothingToDraw as reason:
+        picture = attempt(title, partial(_write, draw, source, path, title))
+        if isinstance(picture, NotDone):
             path.unlink(missing_ok=True)
-            missing.append(Missing(title, str(reason)))
-            continue
-        save(drawing.figure, path)
-        pictures.append(Picture(path, title, drawing.caption))
+            missing.append(Missing(title, picture.why))
+        else:
+            pictures.append(picture)
     return pictures, missing
+
+
+def _write(draw: Callable[[Source], Drawing], source: Source, path: Path, title: str) -> Picture:
+    drawing = draw(source)
+    save(drawing.figure, path)
+    return Picture(path, title, drawing.caption)

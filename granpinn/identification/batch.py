@@ -7,7 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import wait
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,8 +15,10 @@ from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.identification.case import Case, choose_device, fixed_values, members, pose
-from granpinn.identification.single import finish, histories, prepare, start
+from granpinn.identification.finish import Concluded, conclude, with_simulated_pressure
+from granpinn.identification.single import histories, prepare, start
 from granpinn.results import Result
+from granpinn.second_opinion.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress
 
@@ -96,14 +98,19 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
 
+        def concluded(e: int) -> Concluded:
+            own = every[e * K : (e + 1) * K]
+            # The fields of all members at once would not fit into memory.
+            return conclude(own, run, e * K, parts[e], keep_fields, True)._replace(maps=None)
+
+        written = _side_by_side(concluded, range(len(cases)), config.device)
         # One pool for all members: every core simulates pressures as long as frames are left.
-        with ThreadPoolExecutor(max(1, _cores() // group.size)) as pool:
+        with threads(max(1, _cores() // group.size)) as pool:
 
-            def finished(e: int) -> Result:
-                own = every[e * K : (e + 1) * K]
-                return finish(own, run, e * K, parts[e], pool, keep_fields)
+            def finished(member: Concluded) -> Result:
+                return with_simulated_pressure(member, run, pool)
 
-            found = _side_by_side(finished, range(len(cases)), config.device)
+            found = _side_by_side(finished, written, config.device)
     return found if group.size == 1 else _in_order(found, len(flows))
 
 
@@ -120,8 +127,10 @@ T = TypeVar("T")
 
 def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
     """`work` on every item: with a GPU in parallel; on a CPU in turn, as torch uses all cores."""
-    with ThreadPoolExecutor(_cores() if choose_device(device).type == "cuda" else 1) as pool:
-        return list(pool.map(work, items))
+    with threads(_cores() if choose_device(device).type == "cuda" else 1) as pool:
+        begun = [pool.submit(work, item) for item in items]
+        wait(begun)  # the error of one item leaves the others
+        return [item.result() for item in begun]
 
 
 def _cores() -> int:

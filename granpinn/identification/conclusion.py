@@ -12,7 +12,7 @@ from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.physics.laws import LAWS
 from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
-from granpinn.results.findings import Loss, SimulatedPressure
+from granpinn.results.findings import Loss
 from granpinn.results.records import Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import of_training
@@ -47,21 +47,12 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     return Residuals(rms, velocity=rms["velocity"] / measured, noise=noise / measured)
 
 
-def result(
-    case: Case,
-    run: TrainingLoop,
-    e: int,
-    members: Members,
-    model: Model,
-    maps: Fields,
-    simulated_pressure: SimulatedPressure | None = None,
-) -> Result:
-    """The result of an ensemble.
+def result(case: Case, run: TrainingLoop, e: int, members: Members, model: Model) -> Result:
+    """The result of an ensemble before its fields are known.
 
     Args:
         case, e: the member that is shown, and its place in the run.
-        model, maps: its network and fields.
-        simulated_pressure: the record of the simulated pressure among the fields.
+        model: its network.
     """
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
@@ -72,8 +63,6 @@ def result(
         (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
         for name in model.law.names
     )
-    at_particles = prediction.velocity_at_particles(flow, model)
-    scores = scoring.score(flow, maps, parameters, at_particles)
     steps = run.trainer.step
     return Result(
         parameters=parameters,
@@ -96,14 +85,16 @@ def result(
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
         truth=flow.truth,
-        error_percent=scores.error_percent,
-        zones=scores.zones,
-        inertial_number=scores.inertial_number,
         covariance=judged.covariance,
-        simulated_pressure=simulated_pressure,
         loss=loss,
         members=members,
         residuals=residuals,
         error_bars=judged.bars,
         verdict=judged.verdict,
     )
+
+
+def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
+    """Errors of a result against the reference in its flow file, by its fields."""
+    at_particles = prediction.velocity_at_particles(case.flow, model)
+    return scoring.score(case.flow, maps, parameters, at_particles)

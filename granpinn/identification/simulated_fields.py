@@ -39,10 +39,10 @@ def kept_after_training(config: Config, members: int) -> float:
     return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
-def add(
-    case: Case, run: TrainingLoop, model: Model, maps: Fields, pool: Executor
-) -> tuple[Fields, SimulatedPressure]:
-    """The fields, with `p_simulated` if a frame has a simulated pressure, and its record."""
+def pressures(
+    case: Case, run: TrainingLoop, model: Model, pool: Executor
+) -> tuple[dict[int, Float64], SimulatedPressure]:
+    """The simulated pressure [Y, X] by frame, and its record without a comparison."""
     said = time.monotonic()
 
     def say(done: int, frames: int) -> None:
@@ -57,7 +57,7 @@ def add(
         deadline = run.deadline + SIMULATION_PART * kept
     flow = case.flow
     settings = case.config.simulated_pressure
-    pressures, record = simulated_pressure.at_frames(
+    return simulated_pressure.at_frames(
         flow,
         model.law,
         model.theta.tolist(),
@@ -68,11 +68,12 @@ def add(
         deadline=deadline,
         listener=say,
     )
-    if not pressures:
-        return maps, record
-    maps = with_simulated_pressure(maps, pressures)
-    flowing, stagnant = difference(flow, maps)
-    return maps, replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
+
+
+def compared(flow: Flow, fields: Fields, record: SimulatedPressure) -> SimulatedPressure:
+    """The record with the difference of predicted and simulated pressure."""
+    flowing, stagnant = difference(flow, fields)
+    return replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
 
 
 def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:

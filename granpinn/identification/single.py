@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import shutil
 import time
 from collections.abc import Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
-from granpinn import results
 from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow
-from granpinn.identification import conclusion, prediction, simulated_fields
-from granpinn.identification.case import Case, Model, choose_device, members, pose
-from granpinn.physics.laws import LAWS
-from granpinn.results import Result, fields, write_csv
+from granpinn.identification import simulated_fields
+from granpinn.identification.case import Case, choose_device, members, pose
+from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
+from granpinn.results import Result
+from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
@@ -65,14 +63,10 @@ def identify(
     if len(run.trainer.diverged) == len(cases):
         raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
-        return finish(cases, run, 0, None, None)
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
-        return finish(cases, run, 0, folder, pool)
-
-
-def parts_of(folder: Path, count: int) -> list[Path]:
-    """The folders of the histories of `count` members of a run."""
-    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+        return conclude(cases, run, 0).result
+    concluded = conclude(cases, run, 0, folder, simulate=True)
+    with threads(len(os.sched_getaffinity(0))) as pool:
+        return with_simulated_pressure(concluded, run, pool)
 
 
 def histories(folder: Path | None, count: int) -> list[Path | None]:
@@ -111,38 +105,6 @@ def start(
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run
-
-
-def finish(
-    cases: Sequence[Case],
-    run: TrainingLoop,
-    first: int,
-    folder: Path | None,
-    pool: Executor | None,
-    keep_fields: bool = True,
-) -> Result:
-    """The result of an ensemble, the members of the run from `first` on, written to its folder.
-
-    The threads of `pool` simulate the pressure; None: without a simulated pressure.
-    """
-    found, place = conclusion.members_of(cases, run, first)
-    case, e = cases[place], first + place
-    law = LAWS[case.config.law]
-    model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
-    maps, record = prediction.predict(case.flow, model), None
-    if case.config.simulated_pressure.frames and pool is not None:
-        maps, record = simulated_fields.add(case, run, model, maps, pool)
-    result = conclusion.result(case, run, e, found, model, maps, record)
-    if folder is not None:
-        results.write_results(result, folder / "results.json")
-        write_csv(result, folder / "results.csv")
-        if keep_fields:
-            fields.write_fields(maps, folder / "fields.h5")
-        if len(cases) > 1:
-            shown = parts_of(folder, len(cases))[place]
-            with atomic_path(folder / "history.csv") as temporary:
-                shutil.copyfile(shown / "history.csv", temporary)
-    return result
 
 
 def prepare(folder: Path, config: Config, members: int = 1) -> Path:

@@ -10,6 +10,8 @@ import os
 import stat
 from pathlib import Path
 
+from granpinn.errors import CannotGoOn
+
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFLNK: "a symbolic link",
@@ -28,7 +30,7 @@ _ADVICE = {
 }
 
 
-class OutputError(OSError):
+class OutputError(CannotGoOn, OSError):
     """A file or folder cannot be written; the message is one sentence with its path."""
 
 

@@ -23,7 +23,6 @@ from markupsafe import Markup, escape
 from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.figures import album, maps
-from granpinn.figures.style import NothingToDraw
 from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.report import film as films
@@ -31,18 +30,21 @@ from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
     FieldsFileError,
+    NotDone,
     Result,
     number,
     read_fields,
     read_results,
     write_csv,
 )
+from granpinn.results.attempt import attempt
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
 from granpinn.training.history import columns
 from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
+FILM = "Fields over time"
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
@@ -83,13 +85,12 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     frame = maps.frame_at(fields, time) if fields else 0
     source = album.Source(result, fields, history, frame, compared)
     pictures, missing = album.draw_all(source, folder / "figures")
-    film: films.Film | None = None
-    try:
-        figures = sum(4 * picture.path.stat().st_size // 3 for picture in pictures)
-        budget = min(films.BUDGET, PAGE - figures)
-        film = films.shoot(album.fields_of(source), frame, budget)
-    except NothingToDraw as reason:
-        missing = [album.Missing("Fields over time", str(reason)), *missing]
+    figures = sum(4 * picture.path.stat().st_size // 3 for picture in pictures)
+    budget = min(films.BUDGET, PAGE - figures)
+    shot = attempt(FILM, lambda: films.shoot(album.fields_of(source), frame, budget))
+    film = None if isinstance(shot, NotDone) else shot
+    if isinstance(shot, NotDone):
+        missing = [album.Missing(FILM, shot.why), *missing]
     write_csv(result, folder / "results.csv")
     page = folder / "report.html"
     write_text(page, render(result, history, pictures, missing, problems, film))

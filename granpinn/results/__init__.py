@@ -2,12 +2,14 @@
 
 In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
 bars, verdict), findings (checks and simulations), result (all of it, and results.json), decoding
-(its JSON), summary (numbers behind the words of a report), results_csv, fields.
+(its JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
+results_csv, fields.
 """
 
 from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
+from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
-from granpinn.results.records import Zones
+from granpinn.results.records import NotDone, Zones
 from granpinn.results.result import (
     Covariance,
     DataSummary,
@@ -20,7 +22,6 @@ from granpinn.results.result import (
     Timing,
     from_dict,
     number,
-    plain,
     read_results,
     versions,
     write_results,
@@ -35,6 +36,7 @@ __all__ = [
     "FieldsFileError",
     "InertialNumber",
     "Input",
+    "NotDone",
     "Parameter",
     "Parameters",
     "Residuals",

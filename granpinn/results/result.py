@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import platform
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -28,8 +26,9 @@ from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
 from granpinn.results.decoding import decode, encode
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
+from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
-from granpinn.results.records import ErrorBars, Members, Verdict, Zones
+from granpinn.results.records import ErrorBars, Members, NotDone, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 2
@@ -137,6 +136,7 @@ class Result:
         law: name of the friction law (`granpinn.physics.laws.LAWS`).
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
+        not_done: parts after the identification that the run lacks, with the reasons.
     """
 
     parameters: Parameters
@@ -166,6 +166,7 @@ class Result:
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
     verdict: Verdict | None = None
+    not_done: tuple[NotDone, ...] = ()
 
     def __post_init__(self) -> None:
         for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
@@ -215,7 +216,7 @@ class Result:
         if self.verdict is not None:
             lines.append(self.verdict.words)
         parts = (self.simulated_pressure, self.profile, self.resimulation)
-        lines += [str(part) for part in parts if part is not None]
+        lines += [str(part) for part in (*parts, *self.not_done) if part is not None]
         return "\n".join(lines)
 
 
@@ -233,25 +234,6 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             found[name] = "not installed"
     return found
-
-
-def plain(value: Any) -> Any:
-    """JSON values only: NumPy and torch scalars and arrays, paths and tuples are converted."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, os.PathLike):
-        return plain(os.fspath(value))
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8; JSON cannot
-        return value.encode(errors="backslashreplace").decode()
-    if value is None or isinstance(value, (bool, int)):
-        return value
-    raise TypeError(f"results.json holds plain values only, got {type(value).__name__}: {value!r}")
 
 
 def write_results(result: Result, path: str | Path) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from granpinn.output import write_text
 from granpinn.physics.laws import LAWS
+from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS
-from granpinn.results.result import Result, plain
+from granpinn.results.result import Result
 
 Cell = str | int | float | bool | None
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
-from threading import Lock
+from threading import Event, Lock
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from granpinn.physics.laws import mu_of_i
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
 from granpinn.simulation import Collapse
-from granpinn.simulation.engine import State
+from granpinn.simulation.engine import State, StepReport
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.run import record
 
@@ -96,6 +96,7 @@ class LawRuns:
         self.points = there
         self._cores = len(os.sched_getaffinity(0))
         self._pool, self._lock = ThreadPoolExecutor(self._cores), Lock()
+        self._stopped = Event()
         self._found: dict[tuple[int, Node], Future[Float32]] = {}
 
     @property
@@ -133,7 +134,23 @@ class LawRuns:
                 self._found[cells, node] = run
         return [self._found[cells, node].result() for node in nodes]
 
+    def stop(self) -> None:
+        """End the runs that are left, without waiting for them."""
+        self._stopped.set()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
     def _run(self, collapse: Collapse) -> Float32:
         taken = AtPoints(collapse, self.flow, self.points)
-        record(taken, Silent(), self.flow.t.tolist())
+        record(taken, _UntilStopped(self._stopped), self.flow.t.tolist())
         return taken.velocity()
+
+
+class _UntilStopped(Silent):
+    """A listener that ends its run in the next step once an event is set."""
+
+    def __init__(self, stopped: Event) -> None:
+        self._stopped = stopped
+
+    def show(self, report: StepReport) -> None:
+        if self._stopped.is_set():
+            raise CancelledError

@@ -28,6 +28,8 @@ from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
 
 MOST_CELLS = 512  # across the box, unless the settings have a number
+LARGEST_AREA = 3  # largest number of cells of a box, in squares of so many across
+MOST_STEPS = 100_000  # of the largest length; the paper's collapse has 500
 LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
 LATEST_START = 0.1  # of sqrt(H/|g|): latest time of the first frame
 AT_REST = 0.02  # of sqrt(|g| H)
@@ -107,14 +109,45 @@ def box_of(flow: Flow) -> float | None:
 
 
 def _box_width(flow: Flow, column: Column) -> float:
-    return box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+    stated = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
+    return max(
+        stated, 0.5 * column.width
+    )  # Collapse refuses a box that is narrower than its column
 
 
 def cells_of(flow: Flow, column: Column) -> int:
     """Cells across the box by the grid of the solver that made the data, else by the data grid."""
     spacing = flow.stated("grid_spacing_of_solver") or spacings(flow)[0]
-    whole = CELLS_MULTIPLE * round(_box_width(flow, column) / spacing / CELLS_MULTIPLE)
-    return min(max(whole, FEWEST_CELLS), MOST_CELLS)
+    wanted = min(_box_width(flow, column) / spacing, MOST_CELLS)  # before an infinity is rounded
+    return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), FEWEST_CELLS)
+
+
+def _require_few_cells(collapse: Collapse, chosen: int | None) -> None:
+    """Raise ConfigError for a box in the file that is absurdly large beside its grains.
+
+    `chosen`: cells across the box in the settings.
+    """
+    width, height = collapse.box
+    cells = collapse.cells * (height / collapse.spacing)  # as a float: there may be too many
+    most = LARGEST_AREA * max(MOST_CELLS, chosen or 0) ** 2
+    if not cells <= most:
+        raise ConfigError(
+            f"the box in the file, {width:g} x {height:g} around grains {collapse.width:g} wide "
+            f"and {collapse.height:g} high, would take {cells:.3g} cells of the simulator, at most "
+            f"{most} are allowed: state box_width and box_height in the unit of x and y"
+        )
+
+
+def _require_few_steps(collapse: Collapse) -> None:
+    """Raise ConfigError for a last time in the file that is absurdly late for its grains."""
+    assert collapse.t_end is not None
+    steps = collapse.t_end / collapse.largest_step
+    if not steps <= MOST_STEPS:
+        raise ConfigError(
+            f"the last time in the file, {collapse.t_end:g}, would take at least {steps:.3g} steps "
+            f"of the simulator, at most {MOST_STEPS} are allowed: check the units of time and "
+            f"gravity"
+        )
 
 
 def collapse_of(
@@ -128,11 +161,12 @@ def collapse_of(
     """
     width, dx = _box_width(flow, column), spacings(flow)[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
+    chosen = cells
     cells = cells_of(flow, column) if cells is None else cells
     # The simulator has one density, so the grain density in the inertial number is a factor of d.
     denser = (flow.grain_density or flow.density) / flow.density
     narrow = min(column) / (width / cells)
-    return Collapse(
+    collapse = Collapse(
         **law_settings(law, theta),
         d=flow.grain_diameter * math.sqrt(denser),
         height=column.height,
@@ -153,6 +187,8 @@ def collapse_of(
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )
+    _require_few_cells(collapse, chosen)
+    return collapse
 
 
 def resimulate(
@@ -174,6 +210,7 @@ def resimulate(
         return Resimulation(column), None
     try:
         collapse = collapse_of(flow, column, law, theta, cells)
+        _require_few_steps(collapse)
     except ConfigError as error:
         return Resimulation(str(error)), None
     begin = time.monotonic()

@@ -16,7 +16,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -30,6 +30,7 @@ from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import resimulation
 from granpinn.second_opinion.comparison import Nodes, interpolation
+from granpinn.second_opinion.threads import threads
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.settling import settle, settled_after
@@ -99,7 +100,7 @@ def at_frames(
         return p if np.isfinite(p).all() else FAILED
 
     own = min(len(os.sched_getaffinity(0)), len(chosen))
-    with ThreadPoolExecutor(own) if pool is None else nullcontext(pool) as workers:
+    with threads(own) if pool is None else nullcontext(pool) as workers:
         # The last frame comes first, so that a time limit leaves out early frames.
         found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
     pressures = {k: p for k in chosen if not isinstance(p := found[k], str)}

@@ -70,22 +70,6 @@ def test_resume_needs_nothing_but_the_folder(
     assert capsys.readouterr().out == first
 
 
-def test_results_are_written_before_the_figures(
-    flow_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    def crash(folder: Path) -> None:
-        raise RuntimeError("no figure today")
-
-    monkeypatch.setattr(train.report, "build", crash)
-    assert run(flow_file, "--out", tmp_path / "run") == 1
-    assert "RuntimeError: no figure today" in capsys.readouterr().err
-    assert results.read_results(tmp_path / "run" / "results.json").timing.steps == 6
-    assert (tmp_path / "run" / "fields.h5").exists()
-
-
 def text_file(path: Path, flow: Flow) -> None:
     path.write_text("t, x, y\n")
 

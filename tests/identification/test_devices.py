@@ -68,8 +68,10 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
             assert error is not None
             assert error < 1e-2, name  # in %: hundreds of roundings of float32
         with ThreadPoolExecutor(2) as pool:
-            maps, record = simulated_fields.add(case, run, there, maps, pool)
-            same, _ = simulated_fields.add(case, run, here, same, pool)
+            pressures, record = simulated_fields.pressures(case, run, there, pool)
+            maps = simulated_fields.with_simulated_pressure(maps, pressures)
+            pressures, _ = simulated_fields.pressures(case, run, here, pool)
+            same = simulated_fields.with_simulated_pressure(same, pressures)
         assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
         found, wanted = (fields.values["p_simulated"] for fields in (maps, same))
         known = np.isfinite(wanted)

@@ -1,0 +1,145 @@
+"""From trained networks to the files of a run folder, in two steps.
+
+`conclude` writes the values, their intervals and the fields. Whatever follows can fail without
+harm to them: `with_simulated_pressure` adds the pressure that a simulator gives.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import NamedTuple
+
+from granpinn import results
+from granpinn.atomic import atomic_path
+from granpinn.identification import conclusion, prediction, simulated_fields
+from granpinn.identification.case import Case, Model
+from granpinn.output import OutputError
+from granpinn.physics.laws import LAWS
+from granpinn.results import Fields, NotDone, Result, write_csv, write_fields
+from granpinn.results.attempt import (
+    FIELDS,
+    SCORES,
+    SIMULATED_PRESSURE,
+    attempt,
+    having,
+    lacking,
+    pending,
+)
+from granpinn.training.loop import TrainingLoop
+
+
+class Concluded(NamedTuple):
+    """A result on disk, and what the simulated pressure needs.
+
+    Attributes:
+        case, model: the member that is shown, and its network.
+        maps: its fields; None if they were not made or not kept.
+        folder: where the result is written; None: nowhere.
+        keep_fields: whether fields.h5 is written.
+    """
+
+    result: Result
+    case: Case
+    model: Model
+    maps: Fields | None
+    folder: Path | None
+    keep_fields: bool
+
+
+def conclude(
+    cases: Sequence[Case],
+    run: TrainingLoop,
+    first: int,
+    folder: Path | None = None,
+    keep_fields: bool = True,
+    simulate: bool = False,
+) -> Concluded:
+    """The result of an ensemble, the members of the run from `first` on, written to its folder.
+
+    Args:
+        simulate: whether a simulated pressure will follow if the settings ask for it.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    found, place = conclusion.members_of(cases, run, first)
+    case, e = cases[place], first + place
+    law = LAWS[case.config.law]
+    model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
+    result = conclusion.result(case, run, e, found, model)
+    predicted = attempt(FIELDS, lambda: prediction.predict(case.flow, model))
+    maps = None if isinstance(predicted, NotDone) else predicted
+    if isinstance(predicted, NotDone):
+        result = lacking(result, predicted)
+    else:
+        result = _scored(result, case, model, predicted)
+        if simulate and case.config.simulated_pressure.frames:
+            result = pending(result, SIMULATED_PRESSURE)
+    if folder is not None:
+        _write_values(result, folder)
+        if keep_fields and maps is not None:
+            write_fields(maps, folder / "fields.h5")
+        if len(cases) > 1:
+            shown = parts_of(folder, len(cases))[place]
+            with atomic_path(folder / "history.csv") as temporary:
+                shutil.copyfile(shown / "history.csv", temporary)
+    return Concluded(result, case, model, maps, folder, keep_fields)
+
+
+def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Result:
+    """The result with the simulated pressure if it is pending, written to its folder.
+
+    The threads of `pool` simulate the frames.
+    """
+    result, case, model, _, folder, keep_fields = concluded
+    if all(part.what != SIMULATED_PRESSURE for part in result.not_done):
+        return result
+
+    def simulated() -> tuple[Result, Fields | None]:
+        pressures, record = simulated_fields.pressures(case, run, model, pool)
+        maps = None
+        if pressures:  # a batch does not keep the fields of all its members
+            maps = concluded.maps or prediction.predict(case.flow, model)
+            maps = simulated_fields.with_simulated_pressure(maps, pressures)
+            record = simulated_fields.compared(case.flow, maps, record)
+        made = having(result, SIMULATED_PRESSURE, simulated_pressure=record)
+        return made if maps is None else _scored(made, case, model, maps), maps
+
+    found = attempt(SIMULATED_PRESSURE, simulated)
+    result, maps = (lacking(result, found), None) if isinstance(found, NotDone) else found
+    if folder is not None:
+        if keep_fields and maps is not None:
+            write_fields(maps, folder / "fields.h5")
+        _write_values(result, folder)
+    return result
+
+
+def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
+    """The result with its errors against the reference of the flow file."""
+    scores = attempt(SCORES, lambda: conclusion.scores(case, model, maps, result.parameters))
+    if isinstance(scores, NotDone):
+        return lacking(result, scores)
+    return having(result, SCORES, **scores._asdict())
+
+
+def _write_values(result: Result, folder: Path) -> None:
+    results.write_results(result, folder / "results.json")
+    write_csv(result, folder / "results.csv")
+
+
+def parts_of(folder: Path, count: int) -> list[Path]:
+    """The folders of the histories of `count` members of a run."""
+    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+
+
+def require_kept(folder: Path) -> None:
+    """Raise OutputError if files of a finished run are gone: somebody removed its folder."""
+    missing = [name for name in ("config.toml", "results.json") if not (folder / name).exists()]
+    if missing:
+        raise OutputError(
+            f"{folder} was removed during the run (it lacks {' and '.join(missing)}): start again "
+            f"with an --out that stays"
+        )

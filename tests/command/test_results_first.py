@@ -1,0 +1,339 @@
+"""A finished training is on disk before anything else can fail, and the rest fails alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn import identify, identify_many, results, train
+from granpinn.data import Flow, write_flow
+from granpinn.figures import album
+from granpinn.identification import finish, prediction, simulated_fields
+from granpinn.identification.case import Case
+from granpinn.output import OutputError
+from granpinn.results import NotDone
+from granpinn.results.attempt import PENDING, attempt
+from granpinn.second_opinion import resimulation, simulated_pressure
+from granpinn.simulation import SimulationError
+from granpinn.training.guard import Interrupted
+from tests.runs import tiny
+
+FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
+FLAGS += ["--simulated_pressure.frames", "2"]
+ERRORS = [
+    MemoryError("Unable to allocate 31 GiB"),
+    SimulationError("the pressure did not converge"),
+    FloatingPointError("overflow"),
+    ZeroDivisionError("division by zero"),
+    RuntimeError("can't start new thread"),
+    KeyError("a bug"),
+    RecursionError("deep\nand\x1b[2J long"),
+    AssertionError(),
+]
+FILES = {"results.json", "results.csv", "fields.h5", "history.csv"}
+
+
+def run(*argv: object) -> int:
+    return train.main([*map(str, argv), *FLAGS])
+
+
+def raising(error: BaseException) -> Callable[..., Any]:
+    def fail(*args: object, **kwargs: object) -> Any:
+        raise error
+
+    return fail
+
+
+def missing(result: results.Result) -> dict[str, str]:
+    return {part.what: part.why for part in result.not_done}
+
+
+@pytest.fixture
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The figures take seconds."""
+    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+@pytest.mark.usefixtures("no_report")
+def test_the_simulated_pressure_fails_alone(
+    error: Exception,
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(simulated_pressure, "settle", raising(error))
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    result = results.read_results(tmp_path / "run" / "results.json")
+    if isinstance(error, SimulationError):  # a frame that does not converge is left out
+        assert result.simulated_pressure is not None
+        assert (result.simulated_pressure.failed, result.not_done) == (2, ())
+    else:
+        assert result.simulated_pressure is None
+        why = missing(result)["simulated pressure"]
+        assert f"no simulated pressure: {why}" in capsys.readouterr().out
+        assert why.isprintable()
+    assert result.parameters.mu_s.value > 0
+    assert result.error_percent.velocity is not None
+    assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
+
+
+def test_everything_is_on_disk_when_the_simulator_begins(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: list[results.Result] = []
+    real = simulated_pressure.at_frames
+
+    def look(*args: Any, **kwargs: Any) -> Any:
+        assert {path.name for path in tmp_path.iterdir()} >= FILES
+        assert "p" in results.read_fields(tmp_path / "fields.h5").values
+        found.append(results.read_results(tmp_path / "results.json"))
+        return real(*args, **kwargs)
+
+    monkeypatch.setattr(simulated_pressure, "at_frames", look)
+    last = identify(flow_file, tiny(simulated_pressure__frames=2), run_dir=tmp_path)
+    (before,) = found
+    assert missing(before) == {"simulated pressure": PENDING}
+    assert before.parameters == last.parameters
+    assert last.not_done == ()
+    assert results.read_results(tmp_path / "results.json").to_dict() == last.to_dict()
+    assert "p_simulated" in results.read_fields(tmp_path / "fields.h5").values
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_signal_in_the_simulator_stops_and_resume_makes_the_rest(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(flow_file, "--out", tmp_path / "whole") == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(simulated_pressure, "at_frames", raising(Interrupted(15, "stopped")))
+        assert run(flow_file, "--out", tmp_path / "run") == 143
+    left = results.read_results(tmp_path / "run" / "results.json")
+    assert missing(left) == {"simulated pressure": PENDING}
+    assert run("--out", tmp_path / "run", "--resume") == 0
+    whole, resumed = (
+        results.read_results(tmp_path / name / "results.json") for name in ("whole", "run")
+    )
+    assert resumed.not_done == ()
+    assert resumed.parameters == whole.parameters == left.parameters
+    assert resumed.error_percent == whole.error_percent
+
+
+@pytest.mark.usefixtures("no_report")
+def test_fields_that_cannot_be_made_leave_the_values(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(prediction, "predict", raising(MemoryError()))
+    assert run(flow_file, "--out", tmp_path / "run") == 1
+    err = capsys.readouterr().err.splitlines()[-1]
+    expected = "granpinn.train: no fields: there is not enough memory; the other results are valid"
+    assert err == expected
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert result.parameters.mu_s.value > 0
+    assert result.loss is not None
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate"])
+@pytest.mark.usefixtures("no_report")
+def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
+    flag: str,
+    error: Exception,
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(train, "profile_I0", raising(error))
+    monkeypatch.setattr(resimulation, "resimulate", raising(error))
+    assert run(flow_file, "--out", tmp_path / "run", flag) == 1
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    assert err.splitlines()[-1].startswith("granpinn.train: no ")
+    assert "mu_s" in out
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert len(missing(result)) == 1
+    assert result.simulated_pressure is not None
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_kill_in_the_profile_leaves_it_pending(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(train, "profile_I0", raising(KeyboardInterrupt()))
+    assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--resimulate") == 130
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert missing(result) == {
+        "simulation with the identified law": PENDING,
+        "profile of I0": PENDING,
+    }
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+def test_a_figure_fails_alone(
+    error: Exception, flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    title, _ = album.FIGURES["velocity"]
+    for name, (words, _) in album.FIGURES.items():
+        draw = (
+            raising(error)
+            if name == "velocity"
+            else lambda s: album.curves.evolution(s.result, s.history)
+        )
+        monkeypatch.setitem(album.FIGURES, name, (words, draw))
+    monkeypatch.setattr("granpinn.report.film.shoot", raising(error))
+    assert run(flow_file, "--out", tmp_path / "run", "--simulated_pressure.frames", 0) == 0
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert f"<li>{title}: " in page
+    assert "<li>Fields over time: " in page
+    assert not (tmp_path / "run" / "figures" / "velocity.png").exists()
+    assert (tmp_path / "run" / "figures" / "evolution.png").exists()
+
+
+def test_the_page_fails_alone(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(train.report, "build", raising(RuntimeError("no page today")))
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert missing(result) == {"report": "RuntimeError: no page today"}
+    assert "no report: RuntimeError: no page today" in capsys.readouterr().out
+
+
+def test_a_page_names_what_was_not_done(flow_file: Path, tmp_path: Path) -> None:
+    result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
+    lacking = dataclasses.replace(result, not_done=(NotDone("profile of I0", "a <b> reason"),))
+    results.write_results(lacking, tmp_path / "results.json")
+    page = train.report.build(tmp_path).read_text()
+    assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
+
+
+def test_a_member_of_a_batch_fails_alone(
+    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = simulated_fields.pressures
+
+    def second_fails(case: Case, *args: Any) -> Any:
+        written = [(tmp_path / f"{e:03d}" / "results.json").exists() for e in range(3)]
+        assert all(written)  # of all members, before the first simulation
+        if case.config.seed == 1:
+            raise MemoryError
+        return real(case, *args)
+
+    monkeypatch.setattr(simulated_fields, "pressures", second_fails)
+    config = tiny(simulated_pressure__frames=1)
+    found = identify_many([flow] * 3, config, [0, 1, 2], run_dir=tmp_path)
+    assert [missing(result) for result in found] == [
+        {},
+        {"simulated pressure": "there is not enough memory"},
+        {},
+    ]
+    for e, result in enumerate(found):
+        written = results.read_results(tmp_path / f"{e:03d}" / "results.json")
+        assert written.to_dict() == result.to_dict()
+        values = results.read_fields(tmp_path / f"{e:03d}" / "fields.h5").values
+        assert ("p_simulated" in values) == (e != 1)
+
+
+def test_a_bug_in_one_member_leaves_the_files_of_the_others(
+    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = finish.conclusion.result
+
+    def first_fails(case: Case, *args: Any) -> Any:
+        if case.config.seed == 0:
+            raise KeyError("a bug")
+        return real(case, *args)
+
+    monkeypatch.setattr(finish.conclusion, "result", first_fails)
+    with pytest.raises(KeyError, match="a bug"):
+        identify_many([flow] * 2, tiny(), [0, 1], run_dir=tmp_path)
+    assert results.read_results(tmp_path / "001" / "results.json").seed == 1
+
+
+def test_a_disk_that_is_full_is_no_missing_part() -> None:
+    with pytest.raises(OutputError, match="no room"):
+        attempt("report", raising(OutputError("no room")))
+    with pytest.raises(KeyboardInterrupt):
+        attempt("report", raising(KeyboardInterrupt()))
+    assert attempt("report", lambda: 3) == 3
+
+
+# What a file may say about its box, with the unit of another length or none at all.
+LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]
+
+
+@pytest.mark.parametrize("value", LENGTHS)
+@pytest.mark.parametrize("name", ["box_height", "box_width", "domain_size"])
+@pytest.mark.usefixtures("no_report")
+def test_a_box_of_another_unit_costs_no_memory_and_no_result(
+    name: str, value: float, flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(simulated_pressure, "settle", raising(AssertionError("was simulated")))
+    path = tmp_path / "flow.h5"
+    write_flow(flow, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs[name] = value
+    assert run(path, "--out", tmp_path / "run") == 0
+    record = results.read_results(tmp_path / "run" / "results.json").simulated_pressure
+    assert record is not None
+    assert record.objection is not None
+    assert "column" in record.objection or "box" in record.objection
+
+
+def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing(flow: Flow) -> None:
+    column = resimulation.Column(1.0, 1.0)
+    for spacing, cells in ((5e-324, 512), (1e-300, 512), (0.01, 216), (1e308, 32)):
+        stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})
+        assert resimulation.cells_of(stated, column) == cells
+
+
+def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:
+    corner = dataclasses.replace(flow, attributes={})
+    late = dataclasses.replace(
+        corner,
+        t=np.append(flow.t[:-1], 1e9),
+        u=np.zeros_like(flow.u),
+        v=np.zeros_like(flow.v),
+        c=np.broadcast_to(
+            ((flow.y[:, None] < 0.9) & (flow.x < 0.5)).astype(np.float32), flow.c.shape
+        ),
+    )
+    late = dataclasses.replace(late, t=late.t - late.t[0])
+    summary, compared = resimulation.resimulate(late, train.LAWS["mu_of_i"], (0.4, 0.64, 0.3))
+    assert compared is None
+    assert "the last time in the file, 1e+09" in (summary.objection or "")
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_folder_that_vanishes_is_an_error(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = tmp_path / "run"
+
+    def removed(*args: object, **kwargs: object) -> Path:
+        shutil.rmtree(folder)
+        folder.mkdir()
+        return folder / "report.html"
+
+    monkeypatch.setattr(train.report, "build", removed)
+    assert run(flow_file, "--out", folder) == 1
+    err = capsys.readouterr().err.splitlines()[-1]
+    assert err.startswith(f"granpinn.train: {folder} was removed during the run")
