@@ -16,8 +16,9 @@ from granpinn.importers.vectors import DataFileError
 
 # Of the arrays of one flow, as float64.
 MAX_BYTES = 2**33
-# The arrays of the files, those in SI units, and those of the flow exist at the same time.
-COPIES = 3
+# The arrays of the files, those in SI units, and those of the flow exist at the same time: of u and
+# v with their validity 94 bytes a vector at the peak, of scattered vectors 196 for t, x, y, u, v.
+COPIES = 6
 _GIB = 2**30
 
 

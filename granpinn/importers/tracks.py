@@ -97,10 +97,16 @@ def read(path: Path, window: int = 5) -> VectorFields:
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
     measured = np.isfinite(motion.u) & np.isfinite(motion.v)
+    # The order of the rows in the file must not matter: equal vectors give equal flows.
+    keys = [columns.get("particle"), t]
+    order = np.lexsort(
+        [k for k in (motion.v, motion.u, motion.y, motion.x, *keys) if k is not None]
+    )
+    order = order[finite[order]]
     parts: dict[str, Any] = {**motion._asdict(), "t": t}
     return vector_fields(
-        **{name: part[finite] for name, part in parts.items() if part is not None},
-        validity=np.where(measured, Validity.VALID, Validity.INVALID)[finite],
+        **{name: part[order] for name, part in parts.items() if part is not None},
+        validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
         length_unit=length,
         time_unit=time_unit,
         velocity_unit=velocity_unit,
