@@ -7,8 +7,6 @@ length_unit, time_unit, velocity_unit; and y_down.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,23 +14,12 @@ from typing import Any
 import numpy as np
 
 from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.limits import require_room
+from granpinn.importers.npz import read_npz
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-MAX_BYTES = 2**32
 REQUIRED = ("t", "y", "x", "u", "v")
 OPTIONAL = ("sigma_u", "sigma_v", "c", "p")
-# Exceptions of zipfile and NumPy for damaged files.
-_DAMAGED = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    RuntimeError,
-    MemoryError,
-    SyntaxError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 TEXTS = ("length_unit", "time_unit", "velocity_unit")
 
 
@@ -43,19 +30,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> VectorFields:
     """All frames of an .npz file."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(info.file_size for info in archive.infolist()) > MAX_BYTES:
-                raise DataFileError(f"{path} must unpack to at most 4 GiB: choose fewer frames")
-        with np.load(path) as file:  # without pickled objects, which is the default
-            return from_arrays({name: file[name] for name in file.files}, str(path))
-    except _DAMAGED as error:
-        if isinstance(error, DataFileError):
-            raise
-        reason = " ".join(str(error).split())[:160]
-        raise DataFileError(
-            f"{path} cannot be read as .npz ({reason}): write plain arrays with numpy.savez"
-        ) from None
+    return from_arrays(read_npz(path), str(path))
 
 
 def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFields:
@@ -71,12 +46,9 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         raise DataFileError(
             f"{path} has the unknown array {unknown[0]}: expected {', '.join(sorted(known))}"
         )
-    try:
-        values = {
-            n: np.asarray(arrays[n], np.float64) for n in (*REQUIRED, *OPTIONAL) if n in arrays
-        }
-    except (TypeError, ValueError):
-        raise DataFileError(f"{path} must hold numbers, got something else") from None
+    found = {n: _numbers(arrays[n], n, path) for n in (*REQUIRED, *OPTIONAL) if n in arrays}
+    require_room(sum(a.size for a in found.values()), 8, path)
+    values = {name: np.asarray(a, np.float64) for name, a in found.items()}
     u, v = values["u"], values["v"]
     if u.shape != v.shape or u.ndim not in (1, 3):
         raise DataFileError(
@@ -85,21 +57,42 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         )
     return vector_fields(
         **values,
-        validity=_codes(arrays, np.isfinite(u + v), path),
-        **{name: str(np.asarray(arrays[name])) for name in TEXTS if name in arrays},
-        y_down=bool(np.asarray(arrays["y_down"])) if "y_down" in arrays else None,
+        validity=_codes(arrays, np.isfinite(u) & np.isfinite(v), path),
+        **{name: str(_one(arrays[name], name, path)) for name in TEXTS if name in arrays},
+        y_down=bool(_one(arrays["y_down"], "y_down", path)) if "y_down" in arrays else None,
         facts={} if {"validity", "mask"} & set(arrays) else {"mask": GAPS},
     )
 
 
+def _numbers(given: Any, name: str, path: str) -> Any:
+    """An array of real numbers; complex numbers and text are none."""
+    try:
+        found = np.ma.asarray(given) if np.ma.isMaskedArray(given) else np.asarray(given)
+        if found.dtype.kind == "O":  # such as a list that holds None
+            found = found.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        found = np.empty(0, object)
+    if found.dtype.kind not in "fiub":
+        raise DataFileError(f"{path}: {name} must hold numbers, got something else")
+    return found
+
+
+def _one(given: Any, name: str, path: str) -> Any:
+    """The single value of an array or a plain value."""
+    found = np.asarray(given)
+    if found.size != 1:
+        raise DataFileError(f"{path}: {name} must be one value, got {found.size}: correct it")
+    return found.flat[0]
+
+
 def _codes(arrays: Mapping[str, Any], finite: Any, path: str) -> Any:
     if "validity" in arrays:
-        codes = np.asarray(arrays["validity"])
+        codes = _numbers(arrays["validity"], "validity", path)
         if not np.isin(codes, list(Validity)).all():
             raise DataFileError(f"{path}: validity must be 0, 1, 2 or 3, got another number")
         return codes
     if "mask" in arrays:
-        masked = np.asarray(arrays["mask"], bool)
+        masked = _numbers(arrays["mask"], "mask", path).astype(bool)
         inside = np.where(finite, Validity.VALID, Validity.INVALID)
         if masked.shape != finite.shape:
             raise DataFileError(

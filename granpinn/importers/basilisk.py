@@ -12,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.importers.tables import numbers, read_text, to_grid
+from granpinn.importers.tables import to_grid
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-_COLUMN = re.compile(r"\d+:(\S+)")
+_COLUMN = re.compile(r"(?<!\S)\d++:(\S++)")
+_FIRST = re.compile(rb"#\s*+1:x\s++2:y\b")
 # Usual names of the fields; the reader takes the first one that the file has.
 ROLES = {"u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
 _HUGE = 1e29  # nodata of single-precision builds is 1e30
@@ -23,7 +25,7 @@ _HUGE = 1e29  # nodata of single-precision builds is 1e30
 
 def sniff(path: Path, head: bytes) -> bool:
     """The numbered columns of output_field."""
-    return bool(re.match(rb"#\s*1:x\s+2:y\b", head))
+    return bool(_FIRST.match(head))
 
 
 def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
@@ -32,7 +34,8 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
     Args:
         names: of the fields u, v, c, p in the file, if they are not the usual ones.
     """
-    first, _, rest = read_text(path).partition("\n")
+    text = TextFile(path)
+    first = text.head(1)[0]
     columns = _COLUMN.findall(first)
     if columns[:2] != ["x", "y"]:
         raise DataFileError(
@@ -49,14 +52,14 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
             f"{path} must have the velocity u.x, u.y, got {', '.join(columns[2:])}: name it with "
             "--fields u=...,v=..."
         )
-    table = numbers(path, rest.split("\n"), first_line=2)
+    table = text.numbers(1)
     if table.shape[1] != len(columns):
         raise DataFileError(
             f"{path} must have {len(columns)} columns like its header, got {table.shape[1]}"
         )
     parts = {"x": table[:, 0], "y": table[:, 1]}
     parts |= {role: table[:, columns.index(name)] for role, name in chosen.items() if name}
-    there = np.isfinite(parts["u"] + parts["v"]) & (np.abs(parts["u"]) < _HUGE)
+    there = (np.abs(parts["u"]) < _HUGE) & (np.abs(parts["v"]) < _HUGE)
     codes = np.where(there, Validity.VALID, Validity.MASKED)
     for role in ("c", "p"):
         if role in parts:

@@ -146,11 +146,12 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
         values = getattr(fields, name)
-        if values is None or not (values[usable] > 0).any():
+        good = None if values is None else usable & np.isfinite(values) & (values > 0)
+        if values is None or good is None or not good.any():
             return {}
         # A measured vector without a standard deviation has the largest one.
+        worst = values[good].max()
         good = np.isfinite(values) & (values > 0)
-        worst = values[usable & good].max()
         found[name] = np.where(good, values, worst).astype(np.float32)
     return found
 

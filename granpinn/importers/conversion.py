@@ -15,6 +15,7 @@ from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
+from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
 from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
@@ -38,6 +39,8 @@ def convert(
     settings = settings or Settings()
     tell = report or (lambda line: None)
     fields = vectors_of(source, settings)
+    numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
+    require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
     tell(_described(fields))
     warn_of_zeros(fields)
     fields = selected_frames(without_interpolated(fields, settings), settings)

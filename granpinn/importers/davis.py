@@ -18,14 +18,18 @@ import numpy as np
 
 from granpinn.arrays import Int8
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.numerals import whole
+from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 POST_PROCESSED = 4  # of ACTIVE_CHOICE
 # If more than this share of the vectors is post-processed, all were smoothed, not some filled in.
 ALL_SMOOTHED = 0.95
-_TEXT_HEADER = re.compile(r"#\s*DaVis\s+(\S+)\s+2D-vector\s+(\d+)\s+(\d+)\s+(\d+)\s*(.*)")
+_TEXT_HEADER = re.compile(
+    r"#\s*+DaVis\s++(\S++)\s++2D-vector\s++(\d++)\s++(\d++)\s++(\d++)\s*+(.*+)"
+)
 _MAX_TEXT_UNIT = 40
 
 
@@ -147,33 +151,36 @@ def _acquired(attributes: Any) -> float | None:
 
 def read_text_export(path: Path) -> VectorFields:
     """One frame of the text export."""
-    lines = read_text(path).split("\n")
-    head = _TEXT_HEADER.match(lines[0])
+    text = TextFile(path)
+    first = text.head(1)[0]
+    head = _TEXT_HEADER.match(first)
     if head is None:
         raise DataFileError(
-            f"{path} must begin with '#DaVis ... 2D-vector', got {lines[0][:40]!r}: export the "
+            f"{path} must begin with '#DaVis ... 2D-vector', got {first[:40]!r}: export the "
             "vectors from DaVis as text"
         )
-    comma = any("," in line for line in lines[1:])
-    table = numbers(path, lines[1:], first_line=2, decimal_comma=comma)
-    expected = int(head[3]) * int(head[4])
+    table = text.numbers(1, decimal_comma=True)  # or a point
+    expected = whole(head[3], f"{path}: number of columns") * whole(head[4], f"{path}: rows")
     if table.shape != (expected, 4):
         raise DataFileError(
             f"{path} must hold {expected} rows of x, y, u, v as its first line says, got "
             f"{table.shape[0]} rows of {table.shape[1]}: the file was cut off; export it again"
         )
-    units = re.findall(r'"([^"]*)"\s+"([^"]*)"', head[5])
+    quoted = head[5].split('"')[1::2]
+    units = list(zip(quoted[::2], quoted[1::2], strict=False))
     length = [unit for name, unit in units if name == "position"]
     velocity = [unit for name, unit in units if name in ("velocity", "displacement")]
-    grids = to_grid(path, dict(zip("xyuv", table.T, strict=True)))
+    vectors = dict(zip("xyuv", table.T, strict=True))
+    grids = to_grid(path, vectors)
     grids["validity"] = split_gaps((grids["u"] != 0) | (grids["v"] != 0))
     found = velocity[0] if velocity else None
+    down, order = y_points_down(vectors) if found in ("pixel", "px") else (False, {})
     return vector_fields(
         t=[0],
         **grids,
         length_unit=length[0] if length else None,
         time_unit="frame",
         velocity_unit="px/frame" if found in ("pixel", "px") else found,
-        y_down=y_points_down(table[:, 1]) if found in ("pixel", "px") else False,
-        facts={"davis": head[1], "mask": GAPS},
+        y_down=down,
+        facts={"davis": head[1], "mask": GAPS} | order,
     )

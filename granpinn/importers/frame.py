@@ -11,7 +11,9 @@ from typing import Any
 
 from granpinn.arrays import Float64
 from granpinn.importers import units
+from granpinn.importers.numerals import number
 from granpinn.importers.settings import Settings
+from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5  # a field between two images is half way between them
@@ -74,9 +76,7 @@ class Frame:
         else:
             number, unit = units.split(text, "--sigma")
             sigma = number * units.factor(unit, "velocity", "--sigma", self.pixel, self.delay)
-        if not sigma > 0:
-            raise DataFileError(f"--sigma must be positive, got {text!r}")
-        return sigma
+        return units.in_range(sigma, "--sigma", text)
 
     def _with(
         self,
@@ -119,7 +119,8 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
     elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
         missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
-    if settings.flip_y == "auto" and fields.y_down is None and units.has(length, "px"):
+    unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
+    if settings.flip_y == "auto" and fields.y_down is None and unclear:
         missing.append("--flip-y yes or no (the files do not say whether y points down)")
     return missing
 
@@ -138,7 +139,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         given = settings.gravity
         g = 1.0 if given == Settings.gravity else units.plain(given, "--gravity")
         if fields.time_unit == "frame":
-            time = frame = 1 / units.plain(settings.frame_rate or "", "--frame-rate")
+            time = frame = 1 / units.positive(settings.frame_rate or "", "--frame-rate")
         if settings.start is not None:
             start = units.plain(settings.start, "--start")
     else:
@@ -159,6 +160,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         raise DataFileError(
             f"--gravity must be positive, got {settings.gravity!r}: --tilt turns its direction"
         )
+    units.in_range(g, "--gravity", settings.gravity)
     angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
     t0 = float(fields.t.min())
     if start is None and fields.time_unit == "frame" and frame is not None:
@@ -197,9 +199,7 @@ def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, f
         return 0.0, 0.0
     parts = settings.origin.strip("()[] ").split(",")
     try:
-        x0, y0 = (float(part) for part in parts)
+        x0, y0 = (number(part, "--origin") for part in parts)
     except ValueError:
-        x0 = y0 = math.nan
-    if not math.isfinite(x0 + y0):
-        raise DataFileError(f"--origin must be two numbers x,y, got {settings.origin!r}")
+        raise DataFileError(f"--origin must be two numbers x,y, got {settings.origin!r}") from None
     return x0, y0

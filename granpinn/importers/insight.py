@@ -13,11 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.numerals import number, whole
+from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-_DELTA = re.compile(r'MicrosecondsPerDeltaT="(\d+\.?\d*)"')
-_ZONE = re.compile(r"ZONE\s+.*?I=\s*(\d+),\s*J=\s*(\d+)")
+_HEADER_LINES = 50
+_DELTA = re.compile(r'MicrosecondsPerDeltaT="(\d++(?:\.\d*+)?)"')
+_SIZE = re.compile(r"I=\s*+(\d++),\s*+J=\s*+(\d++)")
 _MICROSECONDS = 1e-6
 
 
@@ -29,11 +32,12 @@ def sniff(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> VectorFields:
     """One frame; see the module for the layout."""
-    lines = read_text(path).split("\n")
-    start = next((i + 1 for i, line in enumerate(lines[:50]) if "ZONE" in line), 0)
+    text = TextFile(path)
+    lines = text.head(_HEADER_LINES)
+    start = next((i + 1 for i, line in enumerate(lines) if "ZONE" in line), 0)
     head = " ".join(lines[:start])
     variables = head[head.find("VARIABLES") :].partition("DATASETAUXDATA")[0].partition("ZONE")[0]
-    names = [name.split() for name in re.findall(r'"([^"]*)"', variables)]
+    names = [name.split() for name in variables.split('"')[1::2]]
     found = {name[0].upper(): i for i, name in enumerate(names) if name}
     missing = [name for name in ("X", "Y", "U", "V", "CHC") if name not in found]
     if missing:
@@ -41,9 +45,9 @@ def read(path: Path) -> VectorFields:
             f"{path} must name the variables X, Y, U, V and CHC in its first line, got no "
             f"{', '.join(missing)}: export it from Insight as .vec"
         )
-    table = numbers(path, lines[start:], first_line=start + 1)
-    zone = _ZONE.search(head)
-    if zone and len(table) != int(zone[1]) * int(zone[2]):
+    table = text.numbers(start)
+    zone = _SIZE.search(head.partition("ZONE")[2])
+    if zone and len(table) != whole(zone[1], f"{path}: I") * whole(zone[2], f"{path}: J"):
         raise DataFileError(
             f"{path} must hold {zone[1]} x {zone[2]} vectors as its ZONE says, got {len(table)}: "
             "the file was cut off; export it again"
@@ -57,20 +61,22 @@ def read(path: Path) -> VectorFields:
     codes = np.where(chc == 1, Validity.VALID, Validity.INTERPOLATED)
     codes[~(chc > 0)] = Validity.INVALID
     delta = _DELTA.search(head)
+    delay = number(delta[1], f"{path}: MicrosecondsPerDeltaT") if delta else 0.0
     units = {name: " ".join(names[found[name]][1:]) or None for name in ("X", "U")}
     velocity_unit = units["U"]
     if velocity_unit in ("pixel", "pixels"):
         velocity_unit = "px/frame"
-        if delta and float(delta[1]) > 0:
+        if delay > 0:
             velocity_unit = "px/s"
             for name in ("u", "v"):
-                columns[name] = columns[name] / (float(delta[1]) * _MICROSECONDS)
+                columns[name] = columns[name] / (delay * _MICROSECONDS)
+    down, facts = y_points_down(columns)
     return vector_fields(
         t=[0],
         **to_grid(path, columns, codes),
         length_unit=units["X"],
         time_unit="frame",
         velocity_unit=velocity_unit,
-        y_down=y_points_down(columns["y"]),
-        facts={"pulse_delay_us": delta[1]} if delta else {},
+        y_down=down,
+        facts=facts | ({"pulse_delay_us": delta[1]} if delta else {}),
     )

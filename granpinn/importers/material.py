@@ -80,6 +80,4 @@ def _number(settings: Settings, name: str) -> float | None:
         value = units.plain(text, flag_of(name))
     else:
         value = units.si(text, dimension, flag_of(name), example)
-    if not value > 0:
-        raise DataFileError(f"{flag_of(name)} must be positive, got {text!r}")
-    return value
+    return units.in_range(value, flag_of(name), text)

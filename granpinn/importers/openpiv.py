@@ -17,7 +17,9 @@ import numpy as np
 
 from granpinn.arrays import Int8
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.numerals import parse
+from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 _HEADER = ["x", "y", "u", "v", "flags", "mask"]
@@ -32,7 +34,7 @@ def sniff(path: Path, head: bytes) -> bool:
     if lines[0].startswith("#"):
         return lines[0].lstrip("# ").split() == _HEADER
     try:
-        first, second = ([float(cell) for cell in line.split()] for line in lines[:2])
+        first, second = ([parse(cell) for cell in line.split()] for line in lines[:2])
     except ValueError:
         return False
     return len(first) == len(second) == 5 and first[0] != second[0] and first[1] == second[1]
@@ -40,25 +42,29 @@ def sniff(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> VectorFields:
     """One frame; see the module for the layout."""
-    lines = read_text(path).split("\n")
-    start = 1 if lines[0].startswith("#") else 0
-    table = numbers(path, lines[start:], first_line=start + 1)
+    text = TextFile(path)
+    header = text.head(1)[0]
+    start = 1 if header.startswith("#") else 0
+    table = text.numbers(start)
     columns = table.shape[1]
-    if columns not in (5, 6) or (start and lines[0].lstrip("# ").split() != _HEADER[:columns]):
+    if columns not in (5, 6) or (start and header.lstrip("# ").split() != _HEADER[:columns]):
         raise DataFileError(
             f"{path} must have the columns x y u v flags mask of OpenPIV, or x y u v s2n of its "
             f"versions before 0.25, got {columns} columns: save it with openpiv.tools.save"
         )
     codes = _codes(path, table[:, 4], table[:, 5]) if columns == 6 else None
-    grids = to_grid(path, dict(zip("xyuv", table.T[:4], strict=True)), codes)
+    vectors = dict(zip("xyuv", table.T[:4], strict=True))
+    grids = to_grid(path, vectors, codes)
     if codes is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"] + grids["v"]))
+        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
+    down, facts = y_points_down(vectors)
+    kinds = {"vector_types": "no", "mask": GAPS} if codes is None else {"vector_types": "yes"}
     return vector_fields(
         t=[0],
         **grids,
         time_unit="frame",
-        y_down=y_points_down(table[:, 1]),
-        facts={"vector_types": "no", "mask": GAPS} if codes is None else {"vector_types": "yes"},
+        y_down=down,
+        facts=facts | kinds,
     )
 
 

@@ -21,13 +21,16 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.tables import numbers, read_text, to_grid, y_points_down
+from granpinn.importers.numerals import whole
+from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-_COLUMN = re.compile(r"([A-Za-z][^\[\]]*?)\s*\[([^\]]*)\]")
-_FRAME = re.compile(r"FRAME:\s*(\d+)")
-_FACTOR = re.compile(r"conversion factor xy \(px -> m\):\s*([-+.\deE]+)")
-_NUMBER_FIRST = re.compile(r"\s*[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
+_FRAME = re.compile(r"FRAME:\s*+(\d++)")
+_FACTOR = re.compile(r"conversion factor xy \(px -> m\):\s*+([-+.\deE]++)")
+_NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
+_TITLE = re.compile(r"x \[(px|m)\][,\t ]++y \[")
+_HEADER_LINES = 100
 # PIVlab's vector types.
 TYPES = {
     0: Validity.MASKED,
@@ -40,15 +43,16 @@ TYPES = {
 def sniff(path: Path, head: bytes) -> bool:
     """Whether the file begins like a PIVlab export."""
     text = head.decode("utf-8", "replace").lstrip("\ufeff# ")
-    return text.startswith(("PIVlab", "FRAME:")) or bool(re.match(r"x \[(px|m)\][,\t ]+y \[", text))
+    return text.startswith(("PIVlab", "FRAME:")) or bool(_TITLE.match(text))
 
 
 def read(path: Path) -> VectorFields:
     """One frame; see the module for the layout."""
-    lines = read_text(path).split("\n")
+    text = TextFile(path)
+    lines = text.head(_HEADER_LINES)
     start = next((i for i, line in enumerate(lines) if _NUMBER_FIRST.match(line)), len(lines))
     head = "\n".join(lines[:start])
-    table = numbers(path, lines[start:], first_line=start + 1)
+    table = text.numbers(start)
     if table.shape[1] < 4:
         raise DataFileError(
             f"{path} must have at least the columns x, y, u, v, got {table.shape[1]}: export the "
@@ -58,23 +62,25 @@ def read(path: Path) -> VectorFields:
     frame = _FRAME.search(head)
     tecplot = "isNaN" in head
     codes = _codes(path, table, names, tecplot)
-    grids = to_grid(path, dict(zip("xyuv", table.T[:4], strict=True)), codes)
+    vectors = dict(zip("xyuv", table.T[:4], strict=True))
+    grids = to_grid(path, vectors, codes)
     if codes is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"] + grids["v"]))
+        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
     facts = {"vector_types": "yes"} if codes is not None else {"vector_types": "no", "mask": GAPS}
     if factor := _FACTOR.search(head):
         facts["meters_per_pixel"] = factor[1]
     velocity_unit = units.get("u")
     if tecplot and velocity_unit != "px/frame":
         velocity_unit = None
+    down, order = y_points_down(vectors)
     return vector_fields(
-        t=[int(frame[1]) - 1 if frame else 0],
+        t=[whole(frame[1], f"{path}: FRAME") - 1 if frame else 0],
         **grids,
         length_unit=units.get("x"),
         time_unit="frame",
         velocity_unit=velocity_unit,
-        y_down=y_points_down(table[:, 1]),
-        facts=facts,
+        y_down=down,
+        facts=facts | order,
     )
 
 
@@ -83,7 +89,8 @@ def _header(lines: list[str]) -> tuple[list[str], dict[str, str]]:
     for line in lines:
         stripped = line.lstrip("\ufeff# ")
         if stripped.startswith("x ["):
-            found = [(name.strip(" ,\t").lower(), unit) for name, unit in _COLUMN.findall(stripped)]
+            parts = [column.partition("[") for column in stripped.split("]")[:-1]]
+            found = [(name.strip(" ,\t").lower(), unit) for name, _, unit in parts]
             return [name for name, _ in found], dict(found[:4])
     return [], {}
 

@@ -13,9 +13,13 @@ from typing import Any
 import numpy as np
 
 from granpinn.importers.formats import FORMATS, detect, read_file
+from granpinn.importers.limits import require_room
+from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
 
 AUTO = "auto"
+MAX_PATH = 4096  # of Linux
+_NUMBER = re.compile(r"(\d++(?:\.\d++)?)")
 _SAME_GRID = 1e-6  # of the extent
 
 
@@ -53,6 +57,7 @@ def read_vectors(
         name = found
         part = read_file(file, name, options or {})
         parts.append(_counted(part) if count else part)
+        require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
@@ -70,6 +75,8 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     found: list[Path] = []
     for given in paths:
         path = Path(given)
+        if len(os.fspath(given)) > MAX_PATH or "\0" in os.fspath(given):
+            raise DataFileError(f"{str(given)[:60]}... is no path: name a file or a folder")
         if path.is_dir() and not any(FORMATS[n].sniff(path, b"") for n in ("netcdf", "mesh")):
             files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
             kinds = sorted({file.suffix for file in files})
@@ -81,7 +88,11 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
             found += files
         elif not path.exists() and any(c in str(given) for c in "*?["):
             root = Path(path.anchor) if path.is_absolute() else Path()
-            found += root.glob(str(path.relative_to(path.anchor) if path.is_absolute() else path))
+            pattern = str(path.relative_to(path.anchor) if path.is_absolute() else path)
+            try:
+                found += root.glob(pattern)
+            except ValueError as error:  # such as "a**"
+                raise DataFileError(f"{given} must be a pattern of files, got {error}") from None
         else:
             found.append(path)
     if not found:
@@ -89,12 +100,16 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     for path in found:
         if not path.exists():
             raise DataFileError(f"{path} does not exist: check the path")
+        if not (path.is_file() or path.is_dir()):
+            raise DataFileError(
+                f"{path} must be a file or a folder, got a device or a pipe: check the path"
+            )
     return sorted(dict.fromkeys(found), key=natural)
 
 
 def natural(path: Path) -> list[tuple[int, float, str]]:
     """Key that sorts frame_9 before frame_10, and t0.10 before t0.9."""
-    parts = re.split(r"(\d+(?:\.\d+)?)", str(path))
+    parts = _NUMBER.split(str(path))
     numbers = range(1, len(parts), 2)
     return [(0, float(p), "") if i in numbers else (1, 0.0, p) for i, p in enumerate(parts)]
 
@@ -105,6 +120,11 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
     for file, part in zip(files, parts, strict=True):
         if part.scattered != first.scattered:
             raise DataFileError(f"{file} must hold {_kind(first)} like {files[0]}, got other ones")
+        if None not in (part.y_down, first.y_down) and part.y_down != first.y_down:
+            raise DataFileError(
+                f"{file} must have the direction of y of {files[0]}, got the opposite order of "
+                "rows: export both in one way"
+            )
         for name in ("length_unit", "time_unit", "velocity_unit"):
             if getattr(part, name) != getattr(first, name):
                 raise DataFileError(
@@ -126,8 +146,11 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
     if first.scattered:
         axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
     units = {n: getattr(first, n) for n in ("length_unit", "time_unit", "velocity_unit")}
+    # One file whose rows show no direction of y leaves it open for all.
+    oriented = next((part for part in parts if part.y_down is None), first)
+    facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts
     return vector_fields(
-        t=np.concatenate(times), **axes, **arrays, **units, y_down=first.y_down, facts=first.facts
+        t=np.concatenate(times), **axes, **arrays, **units, y_down=oriented.y_down, facts=facts
     )
 
 

@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from granpinn.importers.arrays import from_arrays
+from granpinn.importers.numerals import number, whole
 from granpinn.importers.series import expand, read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.tables import numbers, read_text
+from granpinn.importers.textfile import TextFile
+from granpinn.importers.tracks import unit_in
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
-_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+_NUMBER = re.compile(r"\d++(?:\.\d++)?(?:[eE][-+]?\d++)?")
+_TITLE = re.compile(r"\s*+[A-Za-z#]")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
@@ -62,13 +65,13 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
         found = [_NUMBER.findall(stem) for stem in stems]
         if not all(found):
             raise DataFileError(f"{files[0]} must have a number in its name for --times name")
-        t = np.array([float(names[-1]) for names in found])
+        t = np.array([number(names[-1], f"the time in {stems[0]}") for names in found])
     else:
-        text = read_text(Path(times))
-        head, _, rest = text.partition("\n")
-        titled = re.match(r"\s*[A-Za-z#]", head) is not None
-        unit = (re.findall(r"[\[(]([^\])]*)[\])]", head) or [unit])[0] if titled else unit
-        t = numbers(Path(times), (rest if titled else text).split("\n"))[:, -1]
+        text = TextFile(Path(times))
+        head = text.head(1)[0]
+        titled = _TITLE.match(head) is not None
+        unit = unit_in(head) or unit if titled else unit
+        t = text.numbers(int(titled))[:, -1]
     old = np.unique(fields.t)
     if t.size != old.size:
         raise DataFileError(
@@ -100,8 +103,8 @@ def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
         return fields
     parts = settings.frames.split(":")
     try:
-        chosen = slice(*(int(part) if part.strip() else None for part in parts))
-    except (ValueError, TypeError):
+        chosen = slice(*(whole(part, "--frames") if part.strip() else None for part in parts))
+    except (DataFileError, TypeError):
         raise DataFileError(
             f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {settings.frames!r}"
         ) from None

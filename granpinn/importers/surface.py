@@ -18,7 +18,7 @@ from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
 from granpinn.importers import units
 from granpinn.importers.frame import Frame
-from granpinn.importers.tables import numbers, read_text
+from granpinn.importers.textfile import TextFile
 from granpinn.importers.tracks import column_names
 from granpinn.importers.vectors import DataFileError, VectorFields
 
@@ -80,7 +80,8 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
         frame: of the vectors, in whose axes the points are given.
         rate: seconds per frame, or None.
     """
-    head, _, rest = read_text(path).partition("\n")
+    text = TextFile(path)
+    head = text.head(1)[0]
     known, found_units = column_names(head)
     time = "t" if "t" in known else "frame"
     missing = [name for name in ("x", "y", time) if name not in known]
@@ -88,7 +89,7 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
         raise DataFileError(
             f"{path} must have a first line with the columns t (or frame), x, y, got {head[:60]!r}"
         )
-    table = numbers(path, rest.split("\n"), first_line=2)
+    table = text.numbers(1)
     if table.shape[1] <= max(known.values()):
         raise DataFileError(f"{path} must have the columns of its first line, got fewer")
     columns = {name: table[:, known[name]] for name in (time, "x", "y")}

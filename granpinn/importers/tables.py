@@ -1,73 +1,20 @@
-"""Text tables of numbers: separators, decimal commas, and lists of vectors that form a grid."""
+"""Lists of vectors that form a grid, placed by their coordinates in any order of the rows."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers.vectors import DataFileError
+from granpinn.importers.vectors import LARGEST, DataFileError, largest
 
-MAX_BYTES = 2**30
 # Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
-
-
-def read_text(path: Path) -> str:
-    """The text of a file, without the byte order mark and with plain line ends."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise DataFileError(
-                f"{path} must hold at most {MAX_BYTES / 2**30:.3g} GiB, got "
-                f"{path.stat().st_size / 2**30:.3g} GiB: split it into one file per frame"
-            )
-        content = path.read_bytes()
-    except OSError as error:
-        raise DataFileError(f"{path} cannot be opened ({error.strerror}): check it") from None
-    if b"\0" in content[:4096]:
-        raise DataFileError(f"{path} must be text, got binary data: name its --format")
-    text = content.decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
-    if not text.strip():
-        raise DataFileError(f"{path} is empty, expected a table of vectors: export it again")
-    return text
-
-
-def numbers(
-    path: Path, lines: Sequence[str], *, first_line: int = 1, decimal_comma: bool = False
-) -> Float64:
-    """The rows of a table as [rows, columns]; blank lines are skipped.
-
-    Args:
-        lines: separated by tabs, blanks, commas or semicolons.
-        first_line: number of the first line in the file, for the message.
-        decimal_comma: whether "," is the decimal point.
-    """
-    separator = re.compile(r"[\t ;]+" if decimal_comma else r"[\t ]*[,;\t ][\t ]*")
-    rows: list[list[float]] = []
-    for number, line in enumerate(lines, first_line):
-        if not line.strip():
-            continue
-        cells = separator.split(line.strip().rstrip(",;").rstrip())
-        try:
-            row = [float(c.replace(",", ".") if decimal_comma else c) for c in cells]
-        except ValueError:
-            raise DataFileError(
-                f"{path}, line {number}: expected numbers, got {line.strip()[:60]!r}: this is not "
-                "the format it was taken for, or the line is damaged"
-            ) from None
-        if rows and len(row) != len(rows[0]):
-            raise DataFileError(
-                f"{path}, line {number}: expected {len(rows[0])} columns as above, got {len(row)}: "
-                "the file was cut off or mixes tables; export it again"
-            )
-        rows.append(row)
-    if not rows:
-        raise DataFileError(f"{path} has no rows of numbers: export it again")
-    return np.array(rows)
+# The fact of files whose rows are in no order that shows the direction of y.
+ROWS, MIXED = "rows", "mixed"
 
 
 def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) -> dict[str, Any]:
@@ -82,6 +29,12 @@ def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) ->
     """
     axes, places = {}, {}
     for name in ("x", "y"):
+        found = columns[name]
+        if not np.isfinite(found).all() or largest(found) > LARGEST:
+            raise DataFileError(
+                f"{path} must have a finite {name} of at most {LARGEST:g} for every vector, got "
+                f"{found[~(np.abs(found) <= LARGEST)][0]:g}: export it again"
+            )
         axes[name], places[name] = _axis(columns[name])
     shape = (axes["y"].size, axes["x"].size)
     place = np.ravel_multi_index((places["y"], places["x"]), shape)
@@ -121,8 +74,23 @@ def _axis(values: Float64) -> tuple[Float64, Any]:
     return axis, index
 
 
-def y_points_down(y: Float64) -> bool | None:
-    """Whether y grows along a file [n] that begins at the top of the image."""
-    steps = np.diff(y)
-    steps = steps[steps != 0]
-    return None if steps.size == 0 else bool(steps[0] > 0)
+def y_points_down(columns: Mapping[str, Float64]) -> tuple[bool | None, dict[str, str]]:
+    """Whether y grows along a file that begins at the top of the image, and facts for the record.
+
+    The order of the rows shows it if x grows along the file and y runs the same way in every
+    column. Rows in another order, such as sorted ones, do not show it: then the fact `ROWS` says
+    so, and the direction must be given.
+
+    Args:
+        columns: x and y of a full grid [n], in the order of the file.
+    """
+    (x, column), (y, row) = _axis(columns["x"]), _axis(columns["y"])
+    by_rows = row.reshape(y.size, x.size), column.reshape(y.size, x.size)
+    by_columns = row.reshape(x.size, y.size).T, column.reshape(x.size, y.size).T
+    for rows, places in (by_rows, by_columns):
+        step = int(rows[1, 0]) - int(rows[0, 0])
+        if step not in (1, -1) or (places != np.arange(x.size)).any():
+            continue
+        if (rows == np.arange(y.size)[::step, None]).all():
+            return step > 0, {}
+    return None, {ROWS: MIXED}

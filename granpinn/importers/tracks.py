@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers.tables import MAX_BYTES, numbers, read_text
+from granpinn.importers.textfile import MAX_BYTES, MAX_COLUMNS, Rows, TextFile
 from granpinn.importers.tracking import Motion, velocities
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
@@ -40,7 +40,10 @@ NAMES = {
     "sigma_v": ("sigma_v", "sigma_vy"),
     "ep": ("ep",),
 }
-_COLUMN = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]([^\])]*)[\])])?\s*")
+# A name of a column, and its unit in brackets.
+_COLUMN = re.compile(r"([^\[(]++)(?:[\[(]([^\])]*+)[\])])?")
+_BRACKETS = re.compile(r"[\[(]([^\])\[(]*+)[\])]")
+_DIGITS = re.compile(r"\d++")
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
 _TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "STRING")
 
@@ -93,11 +96,17 @@ def read(path: Path, window: int = 5) -> VectorFields:
     finite = np.isfinite(np.stack([motion.x, motion.y, t])).all(axis=0)
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
-    measured = np.isfinite(motion.u + motion.v)
+    measured = np.isfinite(motion.u) & np.isfinite(motion.v)
+    # The order of the rows in the file must not matter: equal vectors give equal flows.
+    keys = [columns.get("particle"), t]
+    order = np.lexsort(
+        [k for k in (motion.v, motion.u, motion.y, motion.x, *keys) if k is not None]
+    )
+    order = order[finite[order]]
     parts: dict[str, Any] = {**motion._asdict(), "t": t}
     return vector_fields(
-        **{name: part[finite] for name, part in parts.items() if part is not None},
-        validity=np.where(measured, Validity.VALID, Validity.INVALID)[finite],
+        **{name: part[order] for name, part in parts.items() if part is not None},
+        validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
         length_unit=length,
         time_unit=time_unit,
         velocity_unit=velocity_unit,
@@ -111,9 +120,18 @@ def column_names(header: str) -> tuple[dict[str, int], dict[str, str]]:
     return _known(_split(header))
 
 
+def unit_in(header: str) -> str | None:
+    """The first text in brackets of a header line."""
+    found = _BRACKETS.search(header)
+    return found[1] if found else None
+
+
 def _split(line: str) -> list[str]:
     delimiter = max(",;\t", key=line.count)
-    return next(csv.reader([line.strip()], delimiter=delimiter), [])
+    try:
+        return next(csv.reader([line.strip()], delimiter=delimiter), [])
+    except csv.Error:  # no header: a quoted cell of more than 131,072 characters
+        return []
 
 
 def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
@@ -121,11 +139,11 @@ def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
     found: dict[str, int] = {}
     units: dict[str, str] = {}
     for i, text in enumerate(names):
-        match = _COLUMN.fullmatch(text)
+        match = _COLUMN.fullmatch(text.strip())
         if match is None:
             continue
         for name, spellings in NAMES.items():
-            if match[1].lower() in spellings and name not in found:
+            if match[1].strip().lower() in spellings and name not in found:
                 found[name] = i
                 if match[2]:
                     units[name] = match[2]
@@ -133,23 +151,35 @@ def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
 
 
 def _read_csv(path: Path) -> tuple[list[str], Float64]:
-    header, _, rest = read_text(path).partition("\n")
+    text = TextFile(path)
+    header = text.head(1)[0]
     names = _split(header)
+    if len(names) > MAX_COLUMNS:
+        raise DataFileError(
+            f"{path} must have at most {MAX_COLUMNS} columns, got {len(names)}: export it again"
+        )
     known, _ = _known(names)
     # Columns that the reader ignores may hold text; empty cells are NaN.
     delimiter = max(",;\t", key=header.count)
     keep = sorted(known.values())
-    lines = []
-    for number, cells in enumerate(csv.reader(rest.split("\n"), delimiter=delimiter), 2):
-        if not cells:
-            continue
-        if len(cells) != len(names):
-            raise DataFileError(
-                f"{path}, line {number}: expected {len(names)} cells as in the header, got "
-                f"{len(cells)}: the file was cut off; export it again"
-            )
-        lines.append(";".join(cells[i].strip() or "nan" for i in keep))
-    return [names[i] for i in keep] + _unknown(names, keep), numbers(path, lines, first_line=2)
+    rows = Rows(path)
+    reader = csv.reader(text.lines(1), delimiter=delimiter)
+    try:
+        for cells in reader:
+            if not cells:
+                continue
+            if len(cells) != len(names):
+                raise DataFileError(
+                    f"{path}, line {reader.line_num + 1}: expected {len(names)} cells as in the "
+                    f"header, got {len(cells)}: the file was cut off; export it again"
+                )
+            rows.add(reader.line_num + 1, [cells[i].strip() or "nan" for i in keep])
+    except csv.Error as error:  # such as a quoted cell that never ends
+        raise DataFileError(
+            f"{path}, line {reader.line_num + 1}: expected cells of a table, got another text "
+            f"({error}): export it again"
+        ) from None
+    return [names[i] for i in keep] + _unknown(names, keep), rows.table()
 
 
 def _unknown(names: list[str], keep: list[int]) -> list[str]:
@@ -168,13 +198,19 @@ def _has_tables(path: Path) -> bool:
 def _tables(file: h5py.File) -> list[h5py.Dataset]:
     """The pandas tables that lie in this file, in the natural order of their frames."""
     found = []
-    for name in sorted(file, key=lambda key: [int(n) for n in re.findall(r"\d+", key)]):
+    for name in sorted(file, key=_frame_number):
         group = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
         if isinstance(group, h5py.Group) and isinstance(group.get("table"), h5py.Dataset):
             table = group["table"]
             if table.dtype.names and not table.is_virtual and not table.external:
                 found.append(table)
     return found
+
+
+def _frame_number(name: str) -> list[tuple[int, str]]:
+    """Key that sorts Frame_9 before Frame_10, without integers of any length."""
+    digits = [text.lstrip("0") for text in _DIGITS.findall(name)]
+    return [(len(text), text) for text in digits]
 
 
 def _read_hdf5(path: Path) -> tuple[list[str], Float64]:

@@ -6,19 +6,24 @@ frames (s/frame) to become m/s, and an error can name the missing one.
 
 from __future__ import annotations
 
-import math
 import re
 from functools import cache
 from typing import Any
 
+from granpinn.importers.numerals import MAX_CHARACTERS as MAX_NUMBER
+from granpinn.importers.numerals import number
 from granpinn.importers.vectors import DataFileError
+from granpinn.physics.unit_text import MAX_CHARACTERS as MAX_UNIT
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*")
+MAX_QUANTITY = MAX_NUMBER + MAX_UNIT
+_QUANTITY = re.compile(r"([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)(.*+)")
 # Only plain products and quotients of names with one-digit powers, which are quick to parse.
-_POWER = r"(?:\^|\*\*)?-?\d"
-_NAME = rf"[A-Za-zµμ°]+(?:{_POWER})?"
-_UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/· ]\s*{_NAME}){{0,5}}")
+_POWER = r"(?:\^|\*\*)?-?[0-9]"
+_NAME = rf"[A-Za-zµμ°]++(?:{_POWER})?"
+_UNIT = re.compile(rf"(?:1 ?/ ?)?{_NAME}(?:(?: ?[*/·] ?| ){_NAME}){{0,5}}")
+_NAME_WITH_POWER = re.compile(rf"([A-Za-zµμ°])({_POWER})")
+# Factors and constants of one unit system; what is larger or smaller is a mistake.
+_LEAST, _MOST = 1e-30, 1e30
 
 DIMENSIONS = {
     "length": "[length]",
@@ -46,12 +51,17 @@ def unit(text: str, what: str) -> Any:
     """A pint unit; `what` names the setting or the file for the message."""
     import pint
 
-    cleaned = text.strip().strip("[]").strip()
+    if len(text) > MAX_QUANTITY:
+        raise DataFileError(
+            f"{what} must be a unit such as mm, px/frame or m/s, got {len(text)} characters: "
+            "give a short one"
+        )
+    cleaned = " ".join(text.strip().strip("[]").split())
     if cleaned in ("1", "-", ""):
         return _registry().dimensionless
-    if not _UNIT.fullmatch(cleaned) or len(cleaned) > 60:
+    if len(cleaned) > MAX_UNIT or not _UNIT.fullmatch(cleaned):
         raise DataFileError(f"{what} must be a unit such as mm, px/frame or m/s, got {text!r}")
-    powers = re.sub(rf"([A-Za-zµμ°])({_POWER})", _with_power, cleaned).replace("·", "*")
+    powers = _NAME_WITH_POWER.sub(_with_power, cleaned).replace("·", "*")
     try:
         return _registry().Unit(powers)
     except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError):
@@ -66,30 +76,47 @@ def _with_power(match: re.Match[str]) -> str:
 
 def split(text: str, what: str) -> tuple[float, str]:
     """Number and unit of text such as "2500 kg/m^3"."""
-    match = _QUANTITY.fullmatch(str(text))
+    if len(text) > MAX_QUANTITY:
+        raise DataFileError(
+            f"{what} must be a number with a unit, got {len(text)} characters: give a short one"
+        )
+    match = _QUANTITY.fullmatch(" ".join(text.split()))
     if match is None:
         raise DataFileError(f"{what} must be a number with a unit, got {text!r}")
-    number = float(match[1])
-    if not math.isfinite(number):
-        raise DataFileError(f"{what} must be a finite number with a unit, got {text!r}")
-    return number, match[2]
+    return number(match[1], what), match[2].strip()
 
 
 def plain(text: str, what: str) -> float:
     """A number of a conversion without units."""
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise DataFileError(f"{what} must be a plain number with --dimensionless, got {text!r}")
+        return number(text, what)
+    except DataFileError:
+        raise DataFileError(
+            f"{what} must be a plain number with --dimensionless, got {text!r}"
+        ) from None
+
+
+def positive(text: str, what: str) -> float:
+    """A positive number of a conversion without units."""
+    return in_range(plain(text, what), what, text)
+
+
+def in_range(value: float, what: str, text: str) -> float:
+    """The value, which must be positive and usable in products; `text` is what was given."""
+    if not value > 0:
+        raise DataFileError(f"{what} must be positive, got {text!r}")
+    if not _LEAST <= value <= _MOST:
+        raise DataFileError(
+            f"{what} must be between {_LEAST:g} and {_MOST:g} in SI units, got {text!r}: check "
+            "the number and its unit"
+        )
     return value
 
 
 def quantity(text: str, what: str) -> Any:
     """A pint quantity from text such as "2500 kg/m^3"."""
-    number, name = split(text, what)
-    return number * unit(name, what)
+    value, name = split(text, what)
+    return value * unit(name, what)
 
 
 def si(text: str, dimension: str, what: str, example: str) -> float:
@@ -110,7 +137,8 @@ def scale(text: str) -> float:
     registry = _registry()
     for candidate in (value, 1 / value if value.magnitude else value):
         if candidate.check("[length]/[px_length]") and candidate.magnitude > 0:
-            return float(candidate.to(registry.m / registry.px).magnitude)
+            found = float(candidate.to(registry.m / registry.px).magnitude)
+            return in_range(found, "--scale", text)
     raise DataFileError(
         f"--scale must be a positive length per pixel such as '0.12 mm/px', got {text!r}"
     )
@@ -124,7 +152,7 @@ def frame_time(text: str, what: str) -> float:
         for target in (registry.s, registry.s / registry.frame):
             # A frequency in hertz is 1/s, with no radians in it.
             if candidate.dimensionality == target.dimensionality and candidate.magnitude > 0:
-                return float(candidate.to(target).magnitude)
+                return in_range(float(candidate.to(target).magnitude), what, text)
     raise DataFileError(f"{what} must be a rate or a time such as '500 Hz' or '2 ms', got {text!r}")
 
 
@@ -158,7 +186,7 @@ def factor(
             found = found * (known * base) ** power
     if not found.check(DIMENSIONS[dimension]):
         raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
-    return float(found.to_base_units().magnitude)
+    return in_range(float(found.to_base_units().magnitude), what, text)
 
 
 def has(text: str | None, symbol: str) -> bool:

@@ -8,6 +8,7 @@ zeros among the valid vectors cause a warning.
 from __future__ import annotations
 
 import enum
+import math
 import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,13 +19,29 @@ import numpy.typing as npt
 from granpinn.arrays import Bool, Float64, Int8
 from granpinn.data.flow import FlowFileWarning
 from granpinn.errors import BadInput
+from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
 
+# Of coordinates and vectors, in any unit. Their squares and products stay finite in float64.
+LARGEST = 1e30
+MAX_FACT = 200  # characters
+MAX_MESSAGE = 600
 # If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
 
 
 class DataFileError(BadInput):
-    """A measurement file cannot be used; the message is one sentence with the remedy."""
+    """A measurement file cannot be used; the message is one sentence with the remedy.
+
+    A message may quote a file. So it becomes one printable line of at most 600 characters; what is
+    longer loses its middle.
+    """
+
+    def __init__(self, message: str) -> None:
+        line = " ".join(message.split())
+        line = line if line.isprintable() else "".join(c if c.isprintable() else "?" for c in line)
+        if len(line) > MAX_MESSAGE:
+            line = f"{line[: MAX_MESSAGE // 2]} ... {line[-MAX_MESSAGE // 2 + 5 :]}"
+        super().__init__(line)
 
 
 class Validity(enum.IntEnum):
@@ -77,11 +94,33 @@ class VectorFields:
                     f"{name} must have the shape {list(shape)} of t, y, x, got "
                     f"{list(values.shape)}: give a value for every vector"
                 )
-        coordinates = {"t": self.t, "y": self.y, "x": self.x}
-        for name, values in coordinates.items():
-            if not np.isfinite(values).all():
+        if 0 in (*shape, self.y.size, self.x.size):
+            raise DataFileError(
+                f"u and v must hold at least one vector, got the shape {list(shape)}: check which "
+                "frames the file holds"
+            )
+        for name in ("t", "y", "x"):
+            if not np.isfinite(getattr(self, name)).all():
                 raise DataFileError(
                     f"{name} must be finite, got NaN or infinity: leave these vectors out"
+                )
+        for name, values in {"t": self.t, "y": self.y, "x": self.x, **self.arrays()}.items():
+            if (found := largest(values)) > LARGEST:
+                raise DataFileError(
+                    f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
+                    "damaged, or a unit or a scale is wrong"
+                )
+        for name in ("length_unit", "time_unit", "velocity_unit"):
+            if not is_short(getattr(self, name) or ""):
+                raise DataFileError(
+                    f"the {name.replace('_', ' ')} of the file must be a unit such as mm or px, "
+                    f"got {getattr(self, name)[:MAX_CHARACTERS]!r}: export the file again"
+                )
+        for name, text in self.facts.items():
+            if len(text) > MAX_FACT or not text.isprintable():
+                raise DataFileError(
+                    f"{name} must be at most {MAX_FACT} printable characters, got "
+                    f"{text[:MAX_CHARACTERS]!r}: export the file again"
                 )
 
     @property
@@ -103,6 +142,17 @@ class VectorFields:
     def count(self, validity: Validity) -> int:
         """Number of vectors of this kind."""
         return int((self.validity == validity).sum())
+
+
+def largest(values: npt.NDArray[Any]) -> float:
+    """The largest magnitude among the finite values, 0 if there is none."""
+    if values.dtype.kind != "f":
+        return 0.0  # validity
+    high = float(np.fmax.reduce(values, axis=None, initial=0.0))
+    low = float(np.fmin.reduce(values, axis=None, initial=0.0))
+    if math.isfinite(high) and math.isfinite(low):
+        return max(high, -low)
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def vector_fields(
