@@ -30,6 +30,16 @@ class Attributes:
 
     def text(self, name: str) -> str | None:
         """A scalar fixed-length string, None if there is none."""
+        content = self.content(name)
+        try:
+            return None if content is None else content.decode()
+        except UnicodeDecodeError:
+            raise UnsafeFileError(
+                f"the attribute {name} must be text in UTF-8, got other bytes: write it again"
+            ) from None
+
+    def content(self, name: str) -> bytes | None:
+        """The bytes of a scalar fixed-length string, None if there is none."""
         with damage(f"the attribute {name}"):
             attribute = self._open(name)
             if attribute is None:
@@ -48,12 +58,7 @@ class Attributes:
                 )
             value = np.empty((), dtype=f"S{kind.get_size()}")
             attribute.read(value, mtype=kind)
-            try:
-                return bytes(value[()]).rstrip(b"\0").decode()
-            except UnicodeDecodeError:
-                raise UnsafeFileError(
-                    f"the attribute {name} must be text in UTF-8, got other bytes: write it again"
-                ) from None
+            return bytes(value[()]).rstrip(b"\0")
 
     def numbers(self, name: str) -> tuple[float, ...] | None:
         """A numeric attribute as a flat tuple (of int for an integer type), None if none."""

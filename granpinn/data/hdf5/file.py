@@ -91,6 +91,17 @@ class SafeFile:
             kept = [n for n in found if self._root.links.get_info(n).type == h5l.TYPE_HARD]
             return [name.decode("utf-8", "surrogateescape") for name in kept]
 
+    def holds(self, name: str) -> bool:
+        """Whether the root has an entry of this name, of any kind."""
+        with damage(name):
+            return bool(self._root.links.exists(name.encode("utf-8", "surrogateescape")))
+
+    def is_group(self, name: str) -> bool:
+        """Whether the root has a group of this name."""
+        with damage(name):
+            encoded = name.encode("utf-8", "surrogateescape")
+            return bool(h5g.get_objinfo(self._root, encoded, False).type == h5g.GROUP)
+
     def dereference(self, name: str, reference: Any) -> Dataset | None:
         """The dataset of this file that a reference names; None for an empty reference.
 
