@@ -81,6 +81,10 @@ class SafeFile:
 
     def names(self) -> list[str]:
         """Names of the groups and datasets of the root that lie in the file itself."""
+        return list(self.addresses().values())
+
+    def addresses(self) -> dict[int, str]:
+        """The names by the address of the group or dataset."""
         with damage("the list of names"):
             count = self._root.get_num_objs()
             if count > MAX_NAMES:
@@ -88,8 +92,12 @@ class SafeFile:
                     f"the file must have at most {MAX_NAMES} datasets, got {count}: split it"
                 )
             found = [self._root.get_objname_by_idx(i) for i in range(count)]
-            kept = [n for n in found if self._root.links.get_info(n).type == h5l.TYPE_HARD]
-            return [name.decode("utf-8", "surrogateescape") for name in kept]
+            links = [(name, self._root.links.get_info(name)) for name in found]
+            return {
+                int(link.u): name.decode("utf-8", "surrogateescape")
+                for name, link in links
+                if link.type == h5l.TYPE_HARD
+            }
 
     def holds(self, name: str) -> bool:
         """Whether the root has an entry of this name, of any kind."""
