@@ -21,12 +21,14 @@ from granpinn.data.format import (
     TRUE_LAW,
     TRUTH,
 )
-from granpinn.data.hdf5 import SafeFile, read_regular_file, too_large
+from granpinn.data.hdf5 import SafeFile
 from granpinn.data.particles import grid_view
+from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
 from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
 from granpinn.physics.laws import DEFAULT
 
 DEFAULT_MAX_BYTES = 2**30
+_RAISE = "if it can be trusted, raise max_bytes of read_flow"
 # Types in memory: coordinates float64, velocities as in the file, all else float32.
 _FLOAT64 = tuple(
     prefix + name for prefix in ("", f"{PARTICLES}/", "surface_") for name in ("t", "y", "x")
@@ -46,15 +48,16 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
     try:
         flow = _read(Path(path), max_bytes)
         check_values(flow)
-    except FlowFileError as error:
+    except (FlowFileError, UnsafeFileError) as error:
         raise FlowFileError(f"{path}: {error}") from None
     warn_of_zeros(flow)
     return flow
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    image = read_regular_file(path, max_bytes)
-    with SafeFile(image) as file:
+    image = read_regular_file(path, max_bytes, _RAISE)
+    # Twice: a coordinate that is stored as float32 becomes float64.
+    with SafeFile(image, 2 * max_bytes) as file:
         _check_version(file)
         constants: dict[str, Any] = {
             "gravity": _require(file, "gravity"),
@@ -111,7 +114,7 @@ def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
     check_layout({name: dataset.layout for name, dataset in datasets.items()})
     total = sum(dataset.n_bytes_needed for dataset in datasets.values())
     if total > max_bytes:
-        raise too_large(total, max_bytes)
+        raise too_large(total, max_bytes, _RAISE)
     return {
         name: dataset.read(_type_of(name, dataset.layout.dtype))
         for name, dataset in datasets.items()

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
-
 from granpinn.data.format import FORMAT_NAME
+from granpinn.data.hdf5 import open_hdf5
+from granpinn.data.reader import DEFAULT_MAX_BYTES
+from granpinn.data.regular import UnsafeFileError, first_bytes
 from granpinn.importers import (
     arrays,
     basilisk,
@@ -67,10 +68,9 @@ def detect(path: Path) -> str:
     head = b""
     if not path.is_dir():
         try:
-            with path.open("rb") as stream:
-                head = stream.read(HEAD)
-        except OSError as error:
-            raise DataFileError(f"{path} cannot be opened ({error.strerror}): check it") from None
+            head = first_bytes(path, HEAD)
+        except UnsafeFileError as error:
+            raise DataFileError(f"{path}: {error}") from None
         if not head and path.suffix.lower() != ".foam":
             raise DataFileError(f"{path} is empty, expected vectors: export it again")
     for name, found in FORMATS.items():
@@ -89,9 +89,9 @@ def detect(path: Path) -> str:
 def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
-        with h5py.File(path, "r") as file:
-            return bool(file.attrs.get("format_name") == FORMAT_NAME.encode())
-    except OSError:  # no HDF5
+        with open_hdf5(path, DEFAULT_MAX_BYTES) as file:
+            return file.attributes.text("format_name") == FORMAT_NAME
+    except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
 

@@ -35,6 +35,8 @@ _MATRIX, _COMPRESSED = 14, 15
 _CELL, _CHARACTERS = 1, 4
 _NUMBERS = range(6, 16)  # classes of matrices: double, single, and the integers
 _MAX_DEPTH = 3
+_NOTHING = (2, memoryview(b""))  # numbers of a matrix without any
+_MAX_ELEMENTS = 4_000_000  # a session of 60,000 frames
 
 
 class Mat5Error(ValueError):
@@ -42,7 +44,8 @@ class Mat5Error(ValueError):
 
 
 def read_variables(content: bytes, max_bytes: int) -> dict[str, Any]:
-    """All matrices and cell arrays by name: float64 arrays, and object arrays of them or None.
+    """All matrices and cell arrays by name: arrays in their stored type, and object arrays of them
+    or None.
 
     Characters are their code points, as in version 7.3.
 
@@ -55,7 +58,7 @@ def read_variables(content: bytes, max_bytes: int) -> dict[str, Any]:
     order = "<" if content[126:128] == b"IM" else ">"
     reader = _Reader(order, max_bytes)
     found = {}
-    for kind, data in reader.elements(content[HEADER:]):
+    for kind, data in reader.elements(memoryview(content)[HEADER:]):
         packed = kind == _COMPRESSED
         inside = reader.elements(reader.inflate(data)) if packed else iter([(kind, data)])
         for inner, matrix in inside:
@@ -69,8 +72,9 @@ class _Reader:
     def __init__(self, order: str, max_bytes: int) -> None:
         self.order = order
         self.left = max_bytes
+        self.elements_left = _MAX_ELEMENTS
 
-    def inflate(self, data: bytes) -> bytes:
+    def inflate(self, data: memoryview) -> memoryview:
         """The content of a compressed element."""
         try:
             raw = zlib.decompressobj().decompress(data, self.left)
@@ -79,12 +83,15 @@ class _Reader:
         self.left -= len(raw)
         if self.left <= 0:
             raise Mat5Error("it holds too much data")
-        return raw
+        return memoryview(raw)
 
-    def elements(self, data: bytes) -> Iterator[tuple[int, bytes]]:
+    def elements(self, data: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Type and data of the elements that follow one another."""
         at = 0
         while at < len(data):
+            self.elements_left -= 1
+            if self.elements_left < 0:
+                raise Mat5Error("it holds too many parts")
             if len(data) - at < 8:
                 raise Mat5Error("it was cut off")
             (first,) = struct.unpack_from(f"{self.order}I", data, at)
@@ -103,7 +110,7 @@ class _Reader:
             yield kind, data[start : start + size]
             at = end
 
-    def numbers(self, kind: int, data: bytes) -> Any:
+    def numbers(self, kind: int, data: memoryview) -> Any:
         if kind not in _TYPES:
             raise Mat5Error(f"numbers of the unknown type {kind}")
         dtype = np.dtype(self.order + _TYPES[kind])
@@ -111,7 +118,7 @@ class _Reader:
             raise Mat5Error("numbers are cut off")
         return np.frombuffer(data, dtype)
 
-    def matrix(self, data: bytes, depth: int) -> tuple[str, Any]:
+    def matrix(self, data: memoryview, depth: int) -> tuple[str, Any]:
         """Name and value of a matrix; None unless it has numbers or is a cell array."""
         parts = self.elements(data)
         try:
@@ -120,19 +127,19 @@ class _Reader:
             raise Mat5Error("a matrix has no flags, dimensions or name") from None
         kind = int(self.numbers(*flags)[0]) & 0xFF if flags[1] else 0
         shape = tuple(int(n) for n in self.numbers(*dimensions))
-        label = name[1].decode("ascii", "replace")
+        label = bytes(name[1]).decode("ascii", "replace")
         if any(n < 0 for n in shape) or len(shape) < 2:
             raise Mat5Error("a matrix has wrong dimensions")
         size = math.prod(shape)
         if kind in _NUMBERS:
-            values = self.numbers(*next(parts, (2, b"")))
+            values = self.numbers(*next(parts, _NOTHING))
             if values.size != size:
                 raise Mat5Error(f"{label} does not hold the {size} numbers that it declares")
-            return label, values.astype(np.float64).reshape(shape, order="F")
+            return label, values.reshape(shape, order="F")
         if kind == _CHARACTERS:
-            codes = self.numbers(*next(parts, (2, b"")))
+            codes = self.numbers(*next(parts, _NOTHING))
             # UTF-8 beyond ASCII has more bytes than characters; no text that is read has any.
-            return label, codes.astype(np.float64) if codes.size == size else None
+            return label, codes if codes.size == size else None
         if kind != _CELL or depth >= _MAX_DEPTH:
             return label, None
         cells = []

@@ -7,15 +7,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
-import h5py
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.data.hdf5 import SafeFile
+from granpinn.data.hdf5.dataset import Dataset
+from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
 from granpinn.importers.mat5 import read_variables
 from granpinn.importers.vectors import DataFileError
 
 MAX_BYTES = 2**31
 MAX_TEXT = 1000
+_ITEM = 8  # bytes of a number as float64
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_AT = (0, 512)  # at 512 after the header of MATLAB
 
@@ -60,21 +63,17 @@ class Matlab(Protocol):
 def open_matlab(path: Path) -> Iterator[Matlab]:
     """The variables of a file; DataFileError if it is damaged or no MATLAB file."""
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise DataFileError(f"{path} must be at most 2 GiB: save fewer frames in one file")
-        with path.open("rb") as stream:
-            head = stream.read(1024)
-        if any(head[i : i + 8] == _HDF5 for i in _HDF5_AT):
-            with h5py.File(path, "r") as file:
+        content = read_regular_file(path, MAX_BYTES)
+        if any(content[i : i + 8] == _HDF5 for i in _HDF5_AT):
+            with SafeFile(content, MAX_BYTES) as file:
                 yield _Hdf5(path, file)
         else:
-            yield _Version5(path)
+            yield _Version5(path, content)
     except DataFileError:
         raise
-    except FileNotFoundError:
-        raise DataFileError(f"{path} does not exist: check the path") from None
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError, NotImplementedError) as error:
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path} cannot be read as a MATLAB file: {error}") from None
+    except (ValueError, TypeError, LookupError, ArithmeticError) as error:
         reason = " ".join(str(error).split())[:160]
         raise DataFileError(
             f"{path} cannot be read as a MATLAB file ({reason}): it is damaged or something else"
@@ -92,21 +91,29 @@ def _matrix(value: Any) -> Float64 | None:
 class _Version5(Matlab):
     """Version 5 to 7."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, content: bytes) -> None:
         self.path = path
-        self._variables = read_variables(path.read_bytes(), MAX_BYTES)
+        self._variables = read_variables(content, MAX_BYTES)
+        self._taken = 0
+
+    def _matrix(self, value: Any) -> Float64 | None:
+        """Numbers as float64; all of them together within the limit of a file."""
+        self._taken += np.size(value) * _ITEM
+        if self._taken > MAX_BYTES:
+            raise too_large(self._taken, MAX_BYTES)
+        return _matrix(value)
 
     def __contains__(self, name: str) -> bool:
         return name in self._variables
 
     def _numbers(self, name: str) -> Float64 | None:
-        return _matrix(self._variables[name])
+        return self._matrix(self._variables[name])
 
     def cells(self, name: str) -> list[Any]:
         value = self._variables[name]
         if value is None or value.dtype != object:
-            return [_matrix(value)]
-        return [_matrix(cell) for cell in value.ravel(order="F")]
+            return [self._matrix(value)]
+        return [self._matrix(cell) for cell in value.ravel(order="F")]
 
     def cell_table(self, name: str) -> Any:
         value = self._variables[name]
@@ -114,54 +121,54 @@ class _Version5(Matlab):
             raise DataFileError(f"{self.path}: {name} must be a cell array, got something else")
         table = np.empty(value.shape, object)
         for index, cell in np.ndenumerate(value):
-            table[index] = _matrix(cell)
+            table[index] = self._matrix(cell)
         return table
 
 
 class _Hdf5(Matlab):
     """Version 7.3: arrays are stored transposed, cells as references, empty ones by attribute."""
 
-    def __init__(self, path: Path, file: h5py.File) -> None:
+    def __init__(self, path: Path, file: SafeFile) -> None:
         self.path, self._file = path, file
 
-    def _dataset(self, name: str) -> h5py.Dataset:
-        link = self._file.get(name, getlink=True)
-        dataset = self._file[name] if isinstance(link, h5py.HardLink) else None
-        if not isinstance(dataset, h5py.Dataset) or dataset.is_virtual or dataset.external:
-            raise DataFileError(f"{self.path}: {name} must be an array stored in the file itself")
+    def _dataset(self, name: str) -> Dataset:
+        dataset = self._file.open_dataset(name)
+        if dataset is None:
+            raise DataFileError(f"{self.path}: {name} must be a variable of the file, got none")
         return dataset
 
-    def _read(self, dataset: Any) -> Float64 | None:
-        if not isinstance(dataset, h5py.Dataset) or dataset.attrs.get("MATLAB_empty", 0):
+    def _read(self, dataset: Dataset | None) -> Float64 | None:
+        if dataset is None or dataset.dtype is None:
             return None
-        if dataset.dtype.kind not in "fiub":
+        empty = dataset.attributes.numbers("MATLAB_empty")
+        if empty and empty[0]:
             return None
-        if dataset.size * 8 > MAX_BYTES:
-            raise DataFileError(f"{self.path} must declare at most 2 GiB of data: split it")
-        matrix = _matrix(dataset[()])
+        matrix = _matrix(dataset.read("float64"))
         return None if matrix is None else matrix.T
 
-    def _cells(self, dataset: h5py.Dataset) -> Any:
-        references = dataset[()].T
+    def _cells(self, dataset: Dataset) -> Any:
+        references = dataset.references().T
         table = np.empty(references.shape, object)
         for index, reference in np.ndenumerate(references):
-            table[index] = self._read(self._file[reference]) if reference else None
+            table[index] = self._read(self._file.dereference(dataset.name, reference))
         return table
 
     def __contains__(self, name: str) -> bool:
-        return name in self._file
+        return self._file.holds(name)
 
     def _numbers(self, name: str) -> Float64 | None:
         return self._read(self._dataset(name))
 
     def cells(self, name: str) -> list[Any]:
         dataset = self._dataset(name)
-        if h5py.check_ref_dtype(dataset.dtype) is None:
+        if not dataset.holds_references:
             return [self._read(dataset)]
         return list(self._cells(dataset).ravel(order="F"))
 
     def cell_table(self, name: str) -> Any:
         dataset = self._dataset(name)
-        if h5py.check_ref_dtype(dataset.dtype) is None or dataset.ndim != 2:
-            raise DataFileError(f"{self.path}: {name} must be a cell array, got {dataset.dtype}")
+        if not dataset.holds_references or len(dataset.layout.shape) != 2:
+            raise DataFileError(
+                f"{self.path}: {name} must be a cell array, got {dataset.layout.dtype}"
+            )
         return self._cells(dataset)

@@ -7,18 +7,25 @@ This package adds c (volume fraction), p, sigma_u, sigma_v. Needs xarray.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Int8
+from granpinn.data.regular import UnsafeFileError, first_bytes, read_regular_file
 from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.netcdf4 import read_variables
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.zarr_folder import open_store
 
 MAX_BYTES = 2**32
 INTERPOLATED_FROM = 5
 _EXTRAS = ("sigma_u", "sigma_v", "c", "p")
+VARIABLES = ("x", "y", "t", "u", "v", "chc", *_EXTRAS)
+FACTS = ("delta_t",)
+_ITEM = 8  # bytes of a number as float64
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -38,18 +45,32 @@ def read(path: Path) -> VectorFields:
             f"{path} is netCDF or zarr, which needs xarray: pip install 'granpinn[netcdf]'"
         ) from None
     try:
-        if path.is_dir():
-            _refuse_pickles(path)
-            data = xarray.open_zarr(path, decode_times=False, chunks=None)
-        else:
-            data = xarray.open_dataset(path, decode_times=False)
-        with data:
+        with _open(xarray, path) as data:
             return from_dataset(data, str(path))
     except DataFileError:
         raise
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError, ImportError) as error:
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path} cannot be read by xarray: {error}") from None
+    except (
+        *(OSError, ValueError, TypeError, LookupError, RuntimeError, ImportError),
+        *(ArithmeticError, AssertionError, AttributeError),
+    ) as error:
         reason = " ".join(str(error).split())[:160]
         raise DataFileError(f"{path} cannot be read by xarray ({reason}): check it") from None
+
+
+def _open(xarray: Any, path: Path) -> Any:
+    """The variables that this module reads, as an xarray.Dataset; nothing but `path` is opened."""
+    if path.is_dir():
+        store = open_store(path, VARIABLES, MAX_BYTES)
+        return xarray.open_zarr(store, decode_times=False, chunks=None, consolidated=False)
+    if first_bytes(path, 3) == b"CDF":
+        content = io.BytesIO(read_regular_file(path, MAX_BYTES))
+        return xarray.open_dataset(content, engine="scipy", decode_times=False)
+    found, facts = read_variables(path, VARIABLES, FACTS, MAX_BYTES)
+    variables = {name: xarray.Variable(*parts) for name, parts in found.items()}
+    store = xarray.backends.InMemoryDataStore(variables, facts)
+    return xarray.open_dataset(store, decode_times=False)
 
 
 def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
@@ -59,7 +80,7 @@ def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
         raise DataFileError(
             f"{path} must have the variables x, y, u, v, got no {', '.join(missing)}: rename them"
         )
-    if sum(data[name].nbytes for name in data.variables) > MAX_BYTES:
+    if sum(data[name].size for name in VARIABLES if name in data.variables) * _ITEM > MAX_BYTES:
         raise DataFileError(f"{path} must hold at most 4 GiB: choose fewer frames")
     if "t" not in data.dims:
         data = data.expand_dims("t")
@@ -106,14 +127,3 @@ def _codes(chc: Any, finite: Any) -> Int8:
     codes[chc < 0] = Validity.INVALID
     codes[(chc >= INTERPOLATED_FROM) & finite] = Validity.INTERPOLATED
     return codes
-
-
-def _refuse_pickles(folder: Path) -> None:
-    """A zarr folder may name a codec that runs foreign code when it is read."""
-    for name in (".zarray", ".zmetadata", "zarr.json"):
-        for file in folder.rglob(name):
-            if b"pickle" in file.read_bytes().lower():
-                raise DataFileError(
-                    f"{file} uses the pickle codec, which can run foreign code: write it again "
-                    "with plain numbers"
-                )

@@ -20,10 +20,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.data.hdf5 import SafeFile, open_hdf5
+from granpinn.data.hdf5.dataset import Dataset
+from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.textfile import MAX_BYTES, MAX_COLUMNS, Rows, TextFile
 from granpinn.importers.tracking import Motion, velocities
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -189,21 +191,19 @@ def _unknown(names: list[str], keep: list[int]) -> list[str]:
 
 def _has_tables(path: Path) -> bool:
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, MAX_BYTES) as file:
             return bool(_tables(file))
-    except OSError:
+    except UnsafeFileError:
         return False
 
 
-def _tables(file: h5py.File) -> list[h5py.Dataset]:
+def _tables(file: SafeFile) -> list[Dataset]:
     """The pandas tables that lie in this file, in the natural order of their frames."""
     found = []
-    for name in sorted(file, key=_frame_number):
-        group = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
-        if isinstance(group, h5py.Group) and isinstance(group.get("table"), h5py.Dataset):
-            table = group["table"]
-            if table.dtype.names and not table.is_virtual and not table.external:
-                found.append(table)
+    for name in sorted(file.names(), key=_frame_number):
+        table = file.open_dataset(f"{name}/table") if file.is_group(name) else None
+        if table is not None and table.is_table:
+            found.append(table)
     return found
 
 
@@ -215,14 +215,11 @@ def _frame_number(name: str) -> list[tuple[int, str]]:
 
 def _read_hdf5(path: Path) -> tuple[list[str], Float64]:
     try:
-        with h5py.File(path, "r") as file:
-            tables = _tables(file)
-            if sum(table.size * table.dtype.itemsize for table in tables) > MAX_BYTES:
-                raise DataFileError(f"{path} must hold at most 1 GiB: choose fewer frames")
-            parts = [_columns(table) for table in tables]
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
-        if isinstance(error, DataFileError):
-            raise
+        with open_hdf5(path, MAX_BYTES) as file:
+            parts = [_columns(table) for table in _tables(file)]
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path} cannot be read as HDF5: {error}") from None
+    except (ValueError, LookupError, ArithmeticError):  # of the list of columns
         raise DataFileError(f"{path} cannot be read as HDF5: copy or make it again") from None
     parts = [part for part in parts if part]
     if not parts:
@@ -234,19 +231,25 @@ def _read_hdf5(path: Path) -> tuple[list[str], Float64]:
     return names, np.stack(columns, axis=1)
 
 
-def _columns(table: h5py.Dataset) -> dict[str, Float64]:
+def _columns(table: Dataset) -> dict[str, Float64]:
     """Columns of a pandas table: single ones, and blocks whose names an attribute lists."""
-    rows = table[()]
+    rows = table.read()
     found: dict[str, Float64] = {}
-    for field in rows.dtype.names:
+    for field in rows.dtype.names or ():
         block = rows[field]
         if field == "index" or block.dtype.kind not in "fiu":
             continue
         if block.ndim == 1 and not field.startswith("values_block"):
             found[field] = block.astype(np.float64)
             continue
-        names = _listed(bytes(table.attrs.get(f"{field}_kind", b"")))
-        for name, column in zip(names, block.reshape(len(rows), -1).T, strict=True):
+        names = _listed(table.attributes.content(f"{field}_kind") or b"")
+        columns = block.reshape(len(rows), -1).T
+        if len(names) != len(columns):
+            raise UnsafeFileError(
+                f"{field} must have a name for each of its {len(columns)} columns, got "
+                f"{len(names)}: write it again"
+            )
+        for name, column in zip(names, columns, strict=True):
             found[name] = column.astype(np.float64)
     return found
 

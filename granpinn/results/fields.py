@@ -15,12 +15,16 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
+from granpinn.data.hdf5 import SafeFile, open_hdf5
+from granpinn.data.hdf5.attributes import Attributes
+from granpinn.data.hdf5.dataset import Dataset
+from granpinn.data.regular import UnsafeFileError
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
-
+MAX_BYTES = 2**34  # all variables of a flow file of the largest size
 
 # name -> (kind of quantity, description); `Units.of` turns the kind into a unit.
 VARIABLES = {
@@ -162,41 +166,70 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
 def read_fields(path: str | Path) -> Fields:
     """Read fields.h5; the message of FieldsFileError is one sentence."""
     path = Path(path)
-    if not path.is_file():
+    if not path.exists():
         raise FieldsFileError(f"{path} does not exist")
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, MAX_BYTES) as file:
             return _read(file)
-    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except UnsafeFileError as error:
         raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
 
 
-def _read(file: h5py.File) -> Fields:
-    attributes = file.attrs
-    found = (bytes(attributes["format_name"]).decode(), int(attributes["format_version"]))
-    if found != (FORMAT_NAME, FORMAT_VERSION):
-        raise ValueError(f"expected version {FORMAT_VERSION}, got {found[0]} version {found[1]}")
-    t, y, x = (file[name][:] for name in "tyx")
+def _read(file: SafeFile) -> Fields:
+    attributes = file.attributes
+    name = _text(attributes, "format_name")
+    version = _number(attributes, "format_version")
+    if name != FORMAT_NAME or version != FORMAT_VERSION:
+        raise UnsafeFileError(
+            f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
+            "granpinn that wrote it"
+        )
+    t, y, x = (_require(file, name, 1).read("float64") for name in "tyx")
     shape = t.size, y.size, x.size
-    for name in ("c", *VARIABLES):
-        if name in file and file[name].shape != shape:
-            raise ValueError(f"{name} must be {shape} like t, y, x, got {file[name].shape}")
-    c = file["c"][:]
+    c = _on_grid(file, "c", shape)
     inside = np.equal(c, 1.0)
-    values = {}
-    for name in VARIABLES:
-        if name in file:
-            frames = [file[name][k][inside[k]] for k in range(t.size)]
-            values[name] = np.concatenate(frames)
-    names = ["length", "time", *(["density"] if "density_unit" in attributes else [])]
+    values = {name: _on_grid(file, name, shape)[inside] for name in VARIABLES if file.holds(name)}
+    names = ["length", "time", *(["density"] if attributes.text("density_unit") else [])]
     return Fields(
         t=t,
         y=y,
         x=x,
         c=c,
         values=values,
-        units=Units(**{name: bytes(attributes[f"{name}_unit"]).decode() for name in names}),
-        length=float(attributes["length_scale"]),
-        time=float(attributes["time_scale"]),
-        pressure=float(attributes["pressure_scale"]),
+        units=Units(**{name: _text(attributes, f"{name}_unit") for name in names}),
+        length=_number(attributes, "length_scale"),
+        time=_number(attributes, "time_scale"),
+        pressure=_number(attributes, "pressure_scale"),
     )
+
+
+def _require(file: SafeFile, name: str, axes: int) -> Dataset:
+    dataset = file.open_dataset(name)
+    found = "none" if dataset is None else f"{len(dataset.layout.shape)} axes"
+    if dataset is None or len(dataset.layout.shape) != axes:
+        raise UnsafeFileError(f"{name} must have {axes} axes, got {found}: predict again")
+    return dataset
+
+
+def _on_grid(file: SafeFile, name: str, shape: tuple[int, int, int]) -> Float32:
+    """A variable [T, Y, X]."""
+    dataset = _require(file, name, 3)
+    if dataset.layout.shape != shape:
+        raise UnsafeFileError(
+            f"{name} must be {shape} like t, y, x, got {dataset.layout.shape}: predict again"
+        )
+    return dataset.read("float32")
+
+
+def _text(attributes: Attributes, name: str) -> str:
+    text = attributes.text(name)
+    if text is None:
+        raise UnsafeFileError(f"the attribute {name} must be text, got none: predict again")
+    return text
+
+
+def _number(attributes: Attributes, name: str) -> float:
+    found = attributes.numbers(name)
+    if found is None or len(found) != 1:
+        raise UnsafeFileError(f"the attribute {name} must be one number: predict again")
+    return float(found[0])

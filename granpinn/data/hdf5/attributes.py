@@ -1,52 +1,64 @@
-"""Root attributes: numbers and fixed-length strings, whose size is checked before reading."""
+"""Attributes: numbers and text, whose kind and size are checked before reading."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 from h5py import h5a, h5s, h5t
 
-from granpinn.data.flow import FlowFileError
-from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, is_number
+from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, is_number, stored_dtype
+from granpinn.data.hdf5.messages import raw_attribute
+from granpinn.data.hdf5.variable import sequences
+from granpinn.data.regular import UnsafeFileError
+
+if TYPE_CHECKING:
+    from granpinn.data.hdf5.file import SafeFile
 
 MAX_ATTRIBUTES = 256
 MAX_BYTES = 65536
+MAX_AXES = 32
 
 
 class Attributes:
-    """The attributes of one group."""
+    """The attributes of one group or dataset."""
 
-    def __init__(self, group: Any) -> None:
-        self._group = group
+    def __init__(self, group: Any, file: SafeFile) -> None:
+        self._group, self._file = group, file
 
     def text(self, name: str) -> str | None:
         """A scalar fixed-length string, None if there is none."""
+        content = self.content(name)
+        try:
+            return None if content is None else content.decode()
+        except UnicodeDecodeError:
+            raise UnsafeFileError(
+                f"the attribute {name} must be text in UTF-8, got other bytes: write it again"
+            ) from None
+
+    def content(self, name: str) -> bytes | None:
+        """The bytes of a scalar fixed-length string, None if there is none."""
         with damage(f"the attribute {name}"):
             attribute = self._open(name)
             if attribute is None:
                 return None
             kind = attribute.get_type()
             if not is_fixed_string(kind):
-                raise FlowFileError(
+                raise UnsafeFileError(
                     f"the attribute {name} must be a fixed-length string, got "
                     f"{describe(kind)}: write it as numpy.bytes_"
                 )
             shape = _shape(name, attribute, kind)
             if shape != ():
-                raise FlowFileError(
+                raise UnsafeFileError(
                     f"the attribute {name} must be one string, got an array {list(shape)}: "
                     "write it as numpy.bytes_"
                 )
             value = np.empty((), dtype=f"S{kind.get_size()}")
             attribute.read(value, mtype=kind)
-            try:
-                return bytes(value[()]).rstrip(b"\0").decode()
-            except UnicodeDecodeError:
-                raise FlowFileError(
-                    f"the attribute {name} must be text in UTF-8, got other bytes: write it again"
-                ) from None
+            return bytes(value[()]).rstrip(b"\0")
 
     def numbers(self, name: str) -> tuple[float, ...] | None:
         """A numeric attribute as a flat tuple (of int for an integer type), None if none."""
@@ -56,7 +68,7 @@ class Attributes:
                 return None
             kind = attribute.get_type()
             if not is_number(kind):
-                raise FlowFileError(
+                raise UnsafeFileError(
                     f"the attribute {name} must be a number, got {describe(kind)}: write it as "
                     "float64"
                 )
@@ -67,13 +79,64 @@ class Attributes:
                 attribute.read(value)
             return tuple(value.ravel().tolist())
 
+    def any_text(self, name: str) -> str | None:
+        """One string of fixed or of variable length; None if there is none."""
+        with damage(f"the attribute {name}"):
+            attribute = self._open(name)
+            if attribute is None:
+                return None
+            kind, space = attribute.get_type(), attribute.get_space()
+            if kind.get_class() != h5t.STRING or space.get_simple_extent_type() == h5s.NULL:
+                return None
+            if math.prod(space.shape) != 1:
+                return None
+            if is_fixed_string(kind):
+                _shape(name, attribute, kind)
+                value = np.empty(space.shape, dtype=f"S{kind.get_size()}")
+                attribute.read(value, mtype=kind)
+                content = bytes(value.item())
+            else:
+                (content,) = sequences(self._file, self._raw(name), 1)
+            return content.rstrip(b"\0").decode("utf-8", "replace")
+
+    def array(self, name: str) -> npt.NDArray[Any] | None:
+        """Numbers in their own type, None if there are none."""
+        with damage(f"the attribute {name}"):
+            attribute = self._open(name)
+            dtype = None if attribute is None else stored_dtype(attribute.get_type())
+            if attribute is None or dtype is None:
+                return None
+            value = np.zeros(_shape(name, attribute, attribute.get_type()), dtype)
+            if value.size:
+                attribute.read(value)
+            return value
+
+    def references(self, name: str) -> list[int]:
+        """The first object that each variable-length list names, as its address.
+
+        This is how DIMENSION_LIST names the scale of every axis. The list is empty if there is no
+        such attribute.
+        """
+        with damage(f"the attribute {name}"):
+            attribute = self._open(name)
+            if attribute is None or attribute.get_type().get_class() != h5t.VLEN:
+                return []
+            (count,) = attribute.get_space().shape
+            if count > MAX_AXES:
+                raise UnsafeFileError(f"{name} must have at most {MAX_AXES} axes, got {count}")
+            lists = sequences(self._file, self._raw(name), count)
+            return [int.from_bytes(part[:8], "little") for part in lists]
+
+    def _raw(self, name: str) -> bytes:
+        return raw_attribute(self._file, self._file.address(self._group), name)
+
     def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
         """All scalar numbers and fixed-length strings except the known ones."""
         names: list[str] = []
         with damage("the list of attributes"):
             count = h5a.get_num_attrs(self._group)
             if count > MAX_ATTRIBUTES:
-                raise FlowFileError(
+                raise UnsafeFileError(
                     f"the file must have at most {MAX_ATTRIBUTES} attributes, got {count}: "
                     "remove those that are not needed"
                 )
@@ -109,11 +172,11 @@ def _shape(name: str, attribute: Any, kind: Any) -> tuple[int, ...]:
     """The shape of an attribute; an error if it is large."""
     space = attribute.get_space()
     if space.get_simple_extent_type() == h5s.NULL:
-        raise FlowFileError(f"the attribute {name} must have a value, got none: add it")
+        raise UnsafeFileError(f"the attribute {name} must have a value, got none: add it")
     shape = tuple(space.shape)
     n_bytes = kind.get_size() * math.prod(shape)
     if n_bytes > MAX_BYTES:
-        raise FlowFileError(
+        raise UnsafeFileError(
             f"the attribute {name} must be at most {MAX_BYTES} bytes long, got {n_bytes}: "
             "shorten it"
         )

@@ -1,44 +1,53 @@
-"""One dataset of a file from an unknown source: its storage, its layout and its data."""
+"""One dataset of a file from an unknown source: its storage, its layout and its data.
+
+The bytes of a dataset are taken from the file as they are and become numbers in NumPy. HDF5 itself
+converts nothing, so it neither follows variable-length data nor leaves memory unwritten.
+"""
 
 from __future__ import annotations
 
 import math
-import zlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 import numpy.typing as npt
-from h5py import h5d, h5s, h5z
+from h5py import h5d, h5s, h5t
 
-from granpinn.data.flow import FlowFileError
 from granpinn.data.format import Layout
-from granpinn.data.hdf5.kinds import damage, describe
+from granpinn.data.hdf5.attributes import Attributes
+from granpinn.data.hdf5.chunks import Chunks
+from granpinn.data.hdf5.kinds import damage, describe, row_dtype, stored_dtype
+from granpinn.data.regular import UnsafeFileError
 
-MAX_CHUNKS = 1_000_000
-_CHECKSUM_BYTES = 4
-_FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
+if TYPE_CHECKING:
+    from granpinn.data.hdf5.file import SafeFile
+
+
+_REFERENCE_BYTES = 100  # of one reference as an object of h5py
 
 
 class Dataset:
     """A dataset whose layout is known; `read` reads its data."""
 
-    def __init__(self, name: str, dataset: Any, file_bytes: int) -> None:
+    def __init__(self, name: str, dataset: Any, file: SafeFile) -> None:
         self.name = name
-        self._dataset = dataset
-        self._file_bytes = file_bytes
+        self._dataset, self._file = dataset, file
         self._plan = dataset.get_create_plist()
         # The storage comes first: reading the shape of a virtual dataset opens other files.
         self._chunked = self._plan.get_layout() == h5d.CHUNKED
         if self._plan.get_layout() == h5d.VIRTUAL or self._plan.get_external_count() > 0:
-            raise FlowFileError(
+            raise UnsafeFileError(
                 f"{name} must be stored in the file itself, got data in another file (virtual "
                 "or external storage): copy the data into the file"
             )
         kind, space = dataset.get_type(), dataset.get_space()
         if space.get_simple_extent_type() == h5s.NULL:
-            raise FlowFileError(f"{name} must be an array, got an empty dataset: store the data")
+            raise UnsafeFileError(f"{name} must be an array, got an empty dataset: store the data")
+        self._kind = kind
         self._itemsize: int = kind.get_size()
         self.layout = Layout(tuple(space.shape), describe(kind))
+        self.attributes = Attributes(dataset, file)
 
     @property
     def n_bytes(self) -> int:
@@ -48,71 +57,83 @@ class Dataset:
     @property
     def n_bytes_needed(self) -> int:
         """Memory that reading takes: the data, or one chunk if that is larger."""
-        return max(self.n_bytes, self._chunk_bytes)
+        chunk: tuple[int, ...] = self._plan.get_chunk() if self._chunked else (0,)
+        return max(self.n_bytes, self._itemsize * math.prod(chunk))
 
     @property
-    def _chunk_bytes(self) -> int:
-        chunk: tuple[int, ...] = self._plan.get_chunk() if self._chunked else (0,)
-        return self._itemsize * math.prod(chunk)
+    def address(self) -> int:
+        """Place of its object header, by which references name it."""
+        return self._file.address(self._dataset)
 
-    def read(self, dtype: str) -> npt.NDArray[Any]:
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The NumPy type of stored numbers; None if it holds something else."""
+        return stored_dtype(self._kind)
+
+    @property
+    def is_table(self) -> bool:
+        """Whether it has rows with columns, a compound type."""
+        return bool(self._kind.get_class() == h5t.COMPOUND)
+
+    @property
+    def holds_references(self) -> bool:
+        """Whether it names other objects of the file."""
+        return bool(self._kind.equal(h5t.STD_REF_OBJ))
+
+    def read(self, dtype: str | None = None) -> npt.NDArray[Any]:
         """All of the data, after a check that the file really holds it.
 
         Args:
-            dtype: of the result.
+            dtype: of the result; None for the type in the file.
         """
         with damage(self.name):
-            if self._chunked:
-                self._check_chunks()
-            elif self._dataset.get_storage_size() != self.n_bytes:
-                raise self._incomplete()
-            array = np.empty(self.layout.shape, dtype=dtype)
+            stored = row_dtype(self._kind) if self.is_table else self.dtype
+            if stored is None:
+                raise UnsafeFileError(
+                    f"{self.name} must hold numbers of 1, 2, 4 or 8 bytes, got {self.layout.dtype}"
+                    ": write it as float64"
+                )
+            return self._read(stored, np.dtype(dtype) if dtype else stored)
+
+    def references(self) -> npt.NDArray[Any]:
+        """The references, of h5py, as `SafeFile.dereference` takes them."""
+        with damage(self.name):
+            if not self.holds_references:
+                raise UnsafeFileError(
+                    f"{self.name} must hold references, got {describe(self._kind)}: make it again"
+                )
+            if self._plan.get_layout() != h5d.COMPACT:
+                self._read(np.dtype("<u8"), np.dtype("<u8"))  # the check of storage and chunks
+            self._file.take(_REFERENCE_BYTES * math.prod(self.layout.shape))
+            array = np.empty(self.layout.shape, dtype=h5py.ref_dtype)
             self._dataset.read(h5s.ALL, h5s.ALL, array)
             return array
 
-    def _incomplete(self) -> FlowFileError:
-        return FlowFileError(
+    def _read(self, stored: np.dtype[Any], wanted: np.dtype[Any]) -> npt.NDArray[Any]:
+        shape = self.layout.shape
+        self._file.take(max(self.n_bytes_needed, wanted.itemsize * math.prod(shape)))
+        # A number beyond the range of the wanted type becomes infinite, as in HDF5.
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self._chunked:
+                array = np.empty(shape, wanted)
+                chunks = Chunks(
+                    self.name, self._dataset, self._plan, shape, stored, self._file.n_bytes
+                )
+                if not chunks.read(array):
+                    raise self._incomplete()
+                return array
+            if self._dataset.get_storage_size() != self.n_bytes:
+                raise self._incomplete()
+            if self._plan.get_layout() == h5d.COMPACT and not self.is_table:
+                array = np.empty(shape, stored)
+                self._dataset.read(h5s.ALL, h5s.ALL, array, self._kind)
+            else:
+                content = self._file.content(self._dataset.get_offset() or 0, self.n_bytes)
+                array = np.frombuffer(content, stored).reshape(shape)
+            return array.astype(wanted)
+
+    def _incomplete(self) -> UnsafeFileError:
+        return UnsafeFileError(
             f"{self.name} must hold the {list(self.layout.shape)} values that it declares, got "
             "fewer: the file was not written to its end, make it again"
         )
-
-    def _check_chunks(self) -> None:
-        """Raises an error unless every chunk exists and unpacks to exactly its declared size.
-
-        HDF5 itself unpacks a chunk as far as it goes, to 1000 times the size of the file.
-        """
-        shape, chunk = self.layout.shape, self._plan.get_chunk()
-        expected = math.prod(-(-n // k) for n, k in zip(shape, chunk, strict=True))
-        if expected > MAX_CHUNKS:
-            raise FlowFileError(
-                f"{self.name} must be stored in at most {MAX_CHUNKS} chunks, got {expected}: "
-                "write it in chunks of whole frames"
-            )
-        filters = [self._plan.get_filter(i)[0] for i in range(self._plan.get_nfilters())]
-        if not set(filters) <= set(_FILTERS) or len(set(filters)) < len(filters):
-            raise FlowFileError(
-                f"{self.name} must be stored with gzip, shuffle and fletcher32 only, each at "
-                f"most once, got the filters {filters}: write it again with gzip"
-            )
-        stored: list[Any] = []
-        self._dataset.chunk_iter(stored.append)
-        if len({info.chunk_offset for info in stored}) != expected:
-            raise self._incomplete()
-        for info in stored:
-            self._check_chunk(info, filters)
-
-    def _check_chunk(self, info: Any, filters: list[int]) -> None:
-        """The filters run in order when data is written: shuffle, gzip, checksum as a rule."""
-        applied = [f for i, f in enumerate(filters) if not info.filter_mask >> i & 1]
-        packed = h5z.FILTER_DEFLATE in applied
-        first = applied[: applied.index(h5z.FILTER_DEFLATE)] if packed else applied
-        expected = self._chunk_bytes + _CHECKSUM_BYTES * (h5z.FILTER_FLETCHER32 in first)
-        size = info.size
-        if packed and size <= self._file_bytes:
-            _, raw = self._dataset.read_direct_chunk(info.chunk_offset)
-            size = len(zlib.decompressobj().decompress(raw, expected + 1))
-        if size != expected:
-            raise FlowFileError(
-                f"{self.name} must have chunks of {expected} bytes as declared, got one of "
-                f"{size if size < expected else 'more'}: the file is damaged, make it again"
-            )

@@ -2,83 +2,125 @@
 
 from __future__ import annotations
 
-import os
-import stat
+import struct
 from pathlib import Path
 from typing import Any
 
-from h5py import h5d, h5f, h5g, h5l, h5o
+from h5py import h5d, h5f, h5g, h5l, h5o, h5r
 
-from granpinn.data.flow import FlowFileError
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
 from granpinn.data.hdf5.kinds import HDF5_ERRORS, damage
+from granpinn.data.regular import RETRY, UnsafeFileError, read_regular_file, too_large
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # H5LT_FILE_IMAGE_DONT_COPY | H5LT_FILE_IMAGE_DONT_RELEASE: parse our bytes where they are.
 _IN_PLACE = 0x2 | 0x4
 _LINKS = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "a link to another file"}
-
-
-def read_regular_file(path: Path, max_bytes: int) -> bytes:
-    """The content of a regular file; an error for a directory, FIFO, device or larger file."""
-    try:
-        kind = path.stat().st_mode  # before opening: opening a device can have effects
-        if stat.S_ISDIR(kind):
-            raise FlowFileError("this is a directory, expected a flow file: name the file in it")
-        if not stat.S_ISREG(kind):
-            raise FlowFileError("this is no regular file: copy the flow to one and name that")
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, "rb") as file:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
-                raise FlowFileError("this file was replaced while it was opened: try again")
-            if status.st_size > max_bytes:
-                raise too_large(status.st_size, max_bytes)
-            content = file.read(status.st_size)
-    except FileNotFoundError:
-        raise FlowFileError("there is no such file: check the path") from None
-    except OSError as error:
-        raise FlowFileError(f"the file cannot be opened ({error.strerror}): check it") from None
-    if not content:
-        raise FlowFileError("the file is empty, expected a flow file: copy or make it again")
-    return content
-
-
-def too_large(n_bytes: int, max_bytes: int) -> FlowFileError:
-    """The error for a file that holds or declares more than `max_bytes`."""
-    return FlowFileError(
-        f"the file must hold at most {max_bytes / 2**30:.3g} GiB of data, got "
-        f"{n_bytes / 2**30:.3g} GiB: if it can be trusted, raise max_bytes of read_flow"
-    )
+MAX_NAMES = 100_000
 
 
 class SafeFile:
-    """A HDF5 file in memory: a context manager."""
+    """A HDF5 file in memory: a context manager.
 
-    def __init__(self, image: bytes) -> None:
+    Args:
+        image: the content of the file.
+        max_bytes: most bytes of arrays that may be read from it, all reads together.
+    """
+
+    def __init__(self, image: bytes, max_bytes: int) -> None:
         # HDF5 looks for the signature at 0, 512, 1024, 2048, ...
         offsets = [0, *(512 << i for i in range(len(image).bit_length()))]
         if not any(image[i : i + 8] == _SIGNATURE for i in offsets):
-            raise FlowFileError(
-                "this is no HDF5 file, expected a flow file: make one with granpinn.data.write_flow"
-            )
+            raise UnsafeFileError(f"this is no HDF5 file: {RETRY}")
         self._image = image  # HDF5 works on these bytes: they must outlive the file
+        self._max_bytes, self._taken = max_bytes, 0
 
     def __enter__(self) -> SafeFile:
         try:
             self._file = h5f.open_file_image(self._image, flags=_IN_PLACE)
             self._root = h5g.open(self._file, b"/")
+            self._base = self._file.get_create_plist().get_userblock()
         except HDF5_ERRORS:  # their messages are of no use here
-            raise FlowFileError(
-                "the file is damaged or was cut off, expected a whole HDF5 file: copy or make it "
-                "again"
+            raise UnsafeFileError(
+                f"the file is damaged or was cut off, expected a whole HDF5 file: {RETRY}"
             ) from None
-        self.attributes = Attributes(self._root)
+        self.attributes = Attributes(self._root, self)
         return self
 
     def __exit__(self, *error: object) -> None:
         self._file.close()
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the file."""
+        return len(self._image)
+
+    def take(self, n_bytes: int) -> None:
+        """Counts bytes that are about to be read; an error beyond the limit of the file."""
+        self._taken += n_bytes
+        if self._taken > self._max_bytes:
+            raise too_large(self._taken, self._max_bytes)
+
+    def content(self, start: int, length: int) -> memoryview:
+        """Bytes of the file, all of which must exist."""
+        if start + length > len(self._image):
+            raise UnsafeFileError(f"the file was cut off, expected a whole HDF5 file: {RETRY}")
+        return memoryview(self._image)[start : start + length]
+
+    def address(self, item: Any) -> int:
+        """Address of the header of an open group or dataset, as references name it."""
+        return int(h5o.get_info(item).addr)
+
+    def at(self, address: int, length: int) -> bytes:
+        """Bytes at an address, which counts from the end of the user block."""
+        start = self._base + address
+        if start + length > len(self._image):
+            raise struct.error("an address lies beyond the end of the file")
+        return self._image[start : start + length]
+
+    def names(self) -> list[str]:
+        """Names of the groups and datasets of the root that lie in the file itself."""
+        return list(self.addresses().values())
+
+    def addresses(self) -> dict[int, str]:
+        """The names by the address of the group or dataset."""
+        with damage("the list of names"):
+            count = self._root.get_num_objs()
+            if count > MAX_NAMES:
+                raise UnsafeFileError(
+                    f"the file must have at most {MAX_NAMES} datasets, got {count}: split it"
+                )
+            found = [self._root.get_objname_by_idx(i) for i in range(count)]
+            links = [(name, self._root.links.get_info(name)) for name in found]
+            return {
+                int(link.u): name.decode("utf-8", "surrogateescape")
+                for name, link in links
+                if link.type == h5l.TYPE_HARD
+            }
+
+    def holds(self, name: str) -> bool:
+        """Whether the root has an entry of this name, of any kind."""
+        with damage(name):
+            return bool(self._root.links.exists(name.encode("utf-8", "surrogateescape")))
+
+    def is_group(self, name: str) -> bool:
+        """Whether the root has a group of this name."""
+        with damage(name):
+            encoded = name.encode("utf-8", "surrogateescape")
+            return bool(h5g.get_objinfo(self._root, encoded, False).type == h5g.GROUP)
+
+    def dereference(self, name: str, reference: Any) -> Dataset | None:
+        """The dataset of this file that a reference names; None for an empty reference.
+
+        Args:
+            name: for messages.
+            reference: of `Dataset.references`.
+        """
+        if not reference:
+            return None
+        with damage(name):
+            return self._dataset(name, h5r.dereference(reference, self._file))
 
     def open_dataset(self, name: str) -> Dataset | None:
         """A dataset that lies in this file itself, None if there is none.
@@ -90,21 +132,37 @@ class SafeFile:
             place: Any = self._root
             *groups, _ = parts = name.split("/")
             for depth, part in enumerate(parts):
-                if not place.links.exists(part.encode()):
+                encoded = part.encode("utf-8", "surrogateescape")
+                if not place.links.exists(encoded):
                     return None
-                kind = place.links.get_info(part.encode()).type
+                kind = place.links.get_info(encoded).type
                 if kind != h5l.TYPE_HARD:
-                    raise FlowFileError(
+                    raise UnsafeFileError(
                         f"{name} must be stored in the file itself, got "
                         f"{_LINKS.get(kind, 'a user-defined link')}: copy the data into the file"
                     )
-                place = h5o.open(place, part.encode())
+                place = h5o.open(place, encoded)
                 if depth < len(groups) and not isinstance(place, h5g.GroupID):
-                    raise FlowFileError(
+                    raise UnsafeFileError(
                         f"{part} must be a group that holds {name}, got no group: rename it"
                     )
-            if not isinstance(place, h5d.DatasetID):
-                raise FlowFileError(
-                    f"{name} must be a dataset, got a group or a type: store the data in it"
-                )
-            return Dataset(name, place, len(self._image))
+            return self._dataset(name, place)
+
+    def _dataset(self, name: str, item: Any) -> Dataset:
+        if not isinstance(item, h5d.DatasetID):
+            raise UnsafeFileError(
+                f"{name} must be a dataset, got a group or a type: store the data in it"
+            )
+        return Dataset(name, item, self)
+
+
+def open_hdf5(path: Path, max_bytes: int) -> SafeFile:
+    """A regular file as a SafeFile, to be used in a `with` statement.
+
+    Args:
+        max_bytes: largest size of the file, and of all arrays that are read from it.
+
+    Raises:
+        UnsafeFileError: see `read_regular_file` and `SafeFile`.
+    """
+    return SafeFile(read_regular_file(path, max_bytes), max_bytes)

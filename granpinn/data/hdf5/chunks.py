@@ -1,0 +1,143 @@
+"""Chunks of a dataset, unpacked here and not by HDF5.
+
+HDF5 unpacks a chunk as far as it goes, to 1000 times the size of the file, and fills the rest of a
+chunk that is too short with whatever its memory holds. Here a chunk has its declared size or is
+refused. The filters gzip, shuffle and fletcher32 are those of the "HDF5 File Format Specification",
+section IV.A.2.l.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from h5py import h5z
+
+from granpinn.data.regular import UnsafeFileError
+
+MAX_CHUNKS = 1_000_000
+_FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
+_CHECKSUM_BYTES = 4
+_MODULUS = 0xFFFF  # of both sums of fletcher32
+_BLOCK = 2**20  # words whose sums fit into 64 bits
+
+
+class Chunks:
+    """The chunks of one dataset.
+
+    Args:
+        name: of the dataset, for messages.
+        dataset, plan: its identifier and its creation properties.
+        shape: of the dataset.
+        dtype: of the stored values.
+        file_bytes: size of the file.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        dataset: Any,
+        plan: Any,
+        shape: tuple[int, ...],
+        dtype: np.dtype[Any],
+        file_bytes: int,
+    ) -> None:
+        self._name, self._dataset, self._file_bytes = name, dataset, file_bytes
+        self._shape, self._dtype = shape, dtype
+        self._chunk: tuple[int, ...] = plan.get_chunk()
+        self._filters = [plan.get_filter(i)[0] for i in range(plan.get_nfilters())]
+        self._bytes = math.prod(self._chunk) * dtype.itemsize
+
+    def read(self, array: npt.NDArray[Any]) -> bool:
+        """Fills an array [shape] with all values; False if chunks are missing."""
+        shape, chunk = self._shape, self._chunk
+        expected = math.prod(-(-n // k) for n, k in zip(shape, chunk, strict=True))
+        if expected > MAX_CHUNKS:
+            raise UnsafeFileError(
+                f"{self._name} must be stored in at most {MAX_CHUNKS} chunks, got {expected}: "
+                "write it in chunks of whole frames"
+            )
+        if not set(self._filters) <= set(_FILTERS) or len(set(self._filters)) < len(self._filters):
+            raise UnsafeFileError(
+                f"{self._name} must be stored with gzip, shuffle and fletcher32 only, each at "
+                f"most once, got the filters {self._filters}: write it again with gzip"
+            )
+        stored: list[Any] = []
+        self._dataset.chunk_iter(stored.append)
+        places = {info.chunk_offset: info for info in stored if self._is_place(info.chunk_offset)}
+        if len(places) != expected:
+            return False
+        for place, info in places.items():
+            values = np.frombuffer(self._unpacked(info), self._dtype).reshape(chunk)
+            inside = tuple(slice(o, o + k) for o, k in zip(place, chunk, strict=True))
+            target = array[inside]
+            target[...] = values[tuple(slice(n) for n in target.shape)]
+        return True
+
+    def _is_place(self, offset: tuple[int, ...]) -> bool:
+        return all(
+            0 <= o < n and o % k == 0
+            for o, n, k in zip(offset, self._shape, self._chunk, strict=True)
+        )
+
+    def _unpacked(self, info: Any) -> bytes:
+        """The values of a chunk: its filters backwards, but those that the chunk leaves out."""
+        if info.size > self._file_bytes:
+            raise self._wrong_size(info.size)
+        _, raw = self._dataset.read_direct_chunk(info.chunk_offset)
+        content: bytes = raw
+        applied = [f for i, f in enumerate(self._filters) if not info.filter_mask >> i & 1]
+        for i, code in reversed([*enumerate(applied)]):
+            if code == h5z.FILTER_DEFLATE:
+                inner = _CHECKSUM_BYTES * (h5z.FILTER_FLETCHER32 in applied[:i])
+                content = zlib.decompressobj().decompress(content, self._bytes + inner + 1)
+            elif code == h5z.FILTER_FLETCHER32:
+                content = self._checked(content)
+            else:
+                content = self._unshuffled(content)
+        if len(content) != self._bytes:
+            raise self._wrong_size(len(content))
+        return content
+
+    def _checked(self, content: bytes) -> bytes:
+        data, stored = content[:-_CHECKSUM_BYTES], content[-_CHECKSUM_BYTES:]
+        if fletcher32(data) != int.from_bytes(stored, "little"):
+            raise UnsafeFileError(
+                f"{self._name} must have chunks that match their checksum, got another: the file "
+                "is damaged, make it again"
+            )
+        return data
+
+    def _unshuffled(self, content: bytes) -> bytes:
+        """Shuffled bytes: the first of all values, then the second of all values, and so on."""
+        if len(content) != self._bytes:
+            raise self._wrong_size(len(content))
+        size = self._dtype.itemsize
+        return np.frombuffer(content, np.uint8).reshape(size, -1).T.tobytes()
+
+    def _wrong_size(self, size: int) -> UnsafeFileError:
+        return UnsafeFileError(
+            f"{self._name} must have chunks of {self._bytes} bytes as declared, got one of "
+            f"{size if size < self._bytes else 'more'}: the file is damaged, make it again"
+        )
+
+
+def fletcher32(data: bytes) -> int:
+    """The checksum of HDF5: sums of big-endian 16-bit words, and of these sums, modulo 65535."""
+    padded = data + bytes(len(data) % 2)
+    words = np.frombuffer(padded, ">u2")
+    first, second = 0, 0
+    for start in range(0, words.size, _BLOCK):
+        block = words[start : start + _BLOCK].astype(np.uint64)
+        weights = np.arange(block.size, 0, -1, dtype=np.uint64)
+        second += block.size * first + int((weights * block).sum())
+        first += int(block.sum())
+    return _folded(second) << 16 | _folded(first)
+
+
+def _folded(total: int) -> int:
+    """The total modulo 65535, where a total above 0 stays above 0."""
+    return total % _MODULUS or (_MODULUS if total else 0)
