@@ -23,6 +23,7 @@ from granpinn.config.fields import flag_of
 from granpinn.data import FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
+from granpinn.output import objection_to_file
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -93,8 +94,8 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     given: dict[str, Any] = vars(parser.parse_args(_joined(argv)))
     sources = [Path(source) for source in given.pop("sources")]
     out = Path(given.pop("out"))
-    if out.is_dir() or not out.resolve().parent.is_dir():
-        raise DataFileError(f"--out must be a file in an existing folder, got {out}")
+    if objection := objection_to_file(out):
+        raise DataFileError(f"--out {objection}")
     if out.resolve() in [source.resolve() for source in sources]:
         raise DataFileError(f"--out must be another file than the data, got {out}")
     return sources, out, Settings(**given)

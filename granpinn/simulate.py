@@ -28,6 +28,7 @@ from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
 from granpinn.data.flow import Flow
+from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.parameters import law_settings
@@ -107,11 +108,11 @@ def _check(values: dict[str, Any]) -> None:
     for name in ("out", "animation"):
         if name not in values:
             continue
-        if values[name].is_dir() or not values[name].resolve().parent.is_dir():
-            raise ConfigError(f"--{name} must be a file in an existing folder, got {values[name]}")
+        if objection := objection_to_file(values[name]):
+            raise ConfigError(f"--{name} {objection}")
     for name in ("figures", "paper_cases"):
-        if name in values and values[name].exists() and not values[name].is_dir():
-            raise ConfigError(f"--{name.replace('_', '-')} must be a folder, got {values[name]}")
+        if name in values and (objection := objection_to_folder(values[name])):
+            raise ConfigError(f"--{name.replace('_', '-')} {objection}")
 
 
 def _run(values: dict[str, Any]) -> None:
@@ -142,7 +143,7 @@ def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None
     """Simulates the paper's six regimes of mu(I) and draws their final states."""
     from granpinn.figures.simulation import save_final_states
 
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     flows = []
     for mu_s, mu_2 in PAPER_CASES:
         law = law_settings(mu_of_i.LAW, (mu_s, mu_2, settings.I0))

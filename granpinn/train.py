@@ -24,6 +24,7 @@ if __name__ == "__main__":
 import dataclasses
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from granpinn import report, results
@@ -33,6 +34,7 @@ from granpinn.data import Flow, add_noise, read_flow
 from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
+from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
@@ -58,7 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
-        with parallel.joined() as rank:
+        assert config.out is not None
+        with parallel.joined() as rank, nullcontext() if rank else owned(config.out):
             result = _identify(config, rank)
             if rank == 0:
                 result = _conclude(config, result)

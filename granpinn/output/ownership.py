@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from granpinn.output.targets import OutputError, failure, make_folder
+from granpinn.output.targets import OutputError, failure, make_folder, objection_to_content
 
 LOCK = ".lock"  # it stays in the folder; the system releases the lock when its process ends
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
@@ -24,10 +24,16 @@ _guard = threading.Lock()
 def owned(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Make a folder and keep other processes from writing to it; a thread may own it repeatedly.
 
+    A folder that this made, and that nothing was written to, is removed at the end.
+
     Raises:
-        OutputError: another process or thread owns the folder, or it cannot be made.
+        OutputError: another process or thread owns the folder, it cannot be made, or it holds a
+            link, a FIFO or a device, which no file of a run may replace.
     """
+    made = not Path(folder).exists()
     folder = make_folder(folder)
+    if objection := objection_to_content(folder):
+        raise OutputError(objection)
     place, me = folder.resolve(), threading.get_ident()
     with _guard:
         owner = _owners.get(place)
@@ -44,6 +50,8 @@ def owned(folder: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with _guard:
             del _owners[place]
+            if made:
+                _remove_if_empty(folder)
             os.close(handle)
 
 
@@ -67,6 +75,13 @@ def _lock(folder: Path) -> int:
         os.ftruncate(handle, 0)
         os.pwrite(handle, f"process {os.getpid()} on {os.uname().nodename}\n".encode(), 0)
     return handle
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with contextlib.suppress(OSError):
+        if [entry.name for entry in folder.iterdir()] == [LOCK]:
+            (folder / LOCK).unlink()
+            folder.rmdir()
 
 
 def _taken(folder: Path, who: str) -> OutputError:

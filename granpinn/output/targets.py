@@ -58,7 +58,7 @@ def objection_to_file(path: str | os.PathLike[str]) -> str | None:
 def objection_to_folder(path: str | os.PathLike[str]) -> str | None:
     """Why files may not be written into the folder `path`, in one sentence; None: they may.
 
-    The folder may be missing. A link, FIFO or device in it is an objection, also in its folders.
+    The folder may be missing.
     """
     path = Path(path)
     kind = _kind(path)
@@ -67,13 +67,16 @@ def objection_to_folder(path: str | os.PathLike[str]) -> str | None:
     if kind != stat.S_IFDIR:
         found = "a file" if kind == stat.S_IFREG else _KINDS.get(kind, "no folder")
         return f"{path} must be a new or existing folder, got {found}: choose another name"
-    for folder, folders, files in os.walk(path):
-        for name in (*folders, *files):
-            place = Path(folder, name)
-            kind = _kind(place)
-            if kind not in (None, stat.S_IFREG, stat.S_IFDIR):
-                found = _KINDS.get(kind or 0, "no regular file")
-                return f"{path} must hold plain files and folders, got {found}: remove {place}"
+    return None
+
+
+def objection_to_content(folder: Path) -> str | None:
+    """The link, FIFO or device that lies in a folder, in one sentence; None: plain files alone."""
+    for place in sorted(folder.iterdir()):
+        kind = _kind(place)
+        if kind not in (None, stat.S_IFREG, stat.S_IFDIR):
+            found = _KINDS.get(kind or 0, "no regular file")
+            return f"{folder} must hold plain files and folders, got {found}: remove {place}"
     return None
 
 

@@ -14,8 +14,11 @@ if __name__ == "__main__":
 
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
 
 from granpinn.command.parser import Parser
+from granpinn.output import owned
 from granpinn.report.page import build, for_paraview
 
 
@@ -41,9 +44,11 @@ def _run(argv: Sequence[str]) -> int:
         help="write fields.vtkhdf too, the fields over time for ParaView",
     )
     arguments = parser.parse_args(argv)
-    print(build(arguments.folder, arguments.time))
-    if arguments.paraview:
-        print(for_paraview(arguments.folder))
+    folder = Path(arguments.folder)
+    with owned(folder) if folder.is_dir() else nullcontext():
+        print(build(folder, arguments.time))
+        if arguments.paraview:
+            print(for_paraview(folder))
     return 0
 
 

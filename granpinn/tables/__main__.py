@@ -15,6 +15,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from granpinn.config.toml import read_toml
 from granpinn.config.values import convert
 from granpinn.data import Flow
 from granpinn.identification.case import choose_device
+from granpinn.output import objection_to_folder, owned
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case
 from granpinn.training import parallel, progress
@@ -67,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         request = parse(sys.argv[1:] if argv is None else argv)
-        with parallel.joined() as rank:
+        with parallel.joined() as rank, nullcontext() if rank else owned(request.out):
             return _run(request, rank)
 
     return exit_codes.exit_code("tables", run)
@@ -132,8 +134,8 @@ def _request(given: argparse.Namespace) -> Request:
         raise ConfigError(f"--I0 must be positive, got {I0}")
     if given.out is None:
         raise ConfigError("--out, the folder of the tables, is missing: give --out DIR")
-    if given.out.exists() and not given.out.is_dir():
-        raise ConfigError(f"--out must be a folder, got the file {given.out}")
+    if objection := objection_to_folder(given.out):
+        raise ConfigError(f"--out {objection}")
     if given.paths and given.stride is not None:
         raise ConfigError("--stride is for simulated flows, but flow files are given: leave it out")
     return Request(

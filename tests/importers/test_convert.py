@@ -158,7 +158,7 @@ WRONG = {
     "no match": (["nothing_*.txt", "--out", "f.h5"], "no file matches"),
     "no out": (["a.txt"], "the following arguments are required: --out"),
     "flag": (["a.txt", "--out", "f.h5", "--scael", "1"], "unrecognized arguments"),
-    "folder": (["a.txt", "--out", "nowhere/f.h5"], "--out must be a file in an existing folder"),
+    "folder": (["a.txt", "--out", "nowhere/f.h5"], "must lie in an existing folder"),
     "format": (["FILE", "--out", "f.h5", "--format", "tiff"], "--format must be auto or one of"),
     "wrong format": (["FILE", "--out", "f.h5", "--format", "openpiv"], "FILE, line 1: expected n"),
     "scale": (

@@ -71,10 +71,23 @@ def test_a_run_folder_is_a_plain_folder_of_plain_files(
 ) -> None:
     folder = tmp_path / "run"
     if inside:
-        (folder / "checkpoint").mkdir(parents=True)
-    hostile(kind, folder / "checkpoint" / "file" if inside else folder)
+        folder.mkdir()
+    hostile(kind, folder / "fields.h5" if inside else folder)
     with pytest.raises(OutputError, match="must hold plain files" if inside else "must be a new"):
         owned(folder).__enter__()
+
+
+def test_a_new_folder_that_stays_empty_is_removed(tmp_path: Path) -> None:
+    with owned(tmp_path / "new"):
+        pass
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    with owned(tmp_path / "old"):
+        pass
+    assert (tmp_path / "old").exists()
+    with owned(tmp_path / "used") as folder:
+        (folder / "results.json").write_text("{}")
+    assert (tmp_path / "used" / "results.json").exists()
 
 
 def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_folder_that_is_missing_is_refused_before_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command.main(["--out", str(tmp_path / "none" / "flow.h5")]) == 2
-    assert "--out must be a file in an existing folder" in capsys.readouterr().err
+    assert "must lie in an existing folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
