@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -28,6 +27,7 @@ from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
+from granpinn.training.state import TrainingState
 
 ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
 
@@ -103,26 +103,26 @@ class Trainer:
         c = self.control
         return [*self.tensors().values(), self.optimizer.direction, c.counter, c.fault]
 
-    def plain_state(self) -> dict[str, Any]:
-        """The rest of the state, as JSON values."""
-        return {
-            "step": self.step,
-            "averaged": self.averaged,
-            "lr_scale": list(self.lr_scale),
-            "misfit": list(self.misfit),
-            "diverged": {str(e): reason for e, reason in self.diverged.items()},
-            "total": self.schedule.total,
-            "from_step": self.schedule.from_step,
-            "from_progress": self.schedule.from_progress,
-        }
+    def plain_state(self) -> TrainingState:
+        """The rest of the state, as values for JSON."""
+        return TrainingState(
+            step=self.step,
+            averaged=self.averaged,
+            lr_scale=tuple(self.lr_scale),
+            misfit=tuple(self.misfit),
+            diverged={str(e): reason for e, reason in self.diverged.items()},
+            total=self.schedule.total,
+            from_step=self.schedule.from_step,
+            from_progress=self.schedule.from_progress,
+        )
 
-    def set_plain_state(self, state: dict[str, Any]) -> None:
+    def set_plain_state(self, state: TrainingState) -> None:
         """The inverse of `plain_state`; the caller copies the tensors into `tensors`."""
-        self.step, self.averaged = state["step"], state["averaged"]
-        self.lr_scale, self.misfit = list(state["lr_scale"]), list(state["misfit"])
-        self.diverged = {int(e): reason for e, reason in state["diverged"].items()}
+        self.step, self.averaged = state.step, state.averaged
+        self.lr_scale, self.misfit = list(state.lr_scale), list(state.misfit)
+        self.diverged = {int(e): reason for e, reason in state.diverged.items()}
         names = ("total", "from_step", "from_progress")
-        self.schedule = dataclasses.replace(self.schedule, **{k: state[k] for k in names})
+        self.schedule = dataclasses.replace(self.schedule, **{k: getattr(state, k) for k in names})
         self.control.reload()
         self.remember()
 
@@ -178,7 +178,7 @@ class Trainer:
     @property
     def remembered(self) -> int:
         """The step of the copy."""
-        return int(self._good_state["step"])
+        return self._good_state.step
 
     def restore(self) -> None:
         """Restore all members from the copy."""

@@ -102,7 +102,7 @@ def test_the_second_time_it_stops_and_a_good_state_is_on_disk(
         run.train()
     found = checkpoint.newest(tmp_path / "run" / "checkpoint")
     assert found is not None
-    assert found.state["step"] == BAD_STEP
+    assert found.state.training.step == BAD_STEP
     for tensor in found.tensors.values():
         assert tensor.isfinite().all()
 

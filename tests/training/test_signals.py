@@ -51,8 +51,8 @@ def test_a_signal_saves_and_stops_within_ten_seconds(
     assert "Traceback" not in err
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
-    assert f"stopped at step {found.state['step']};" in last
-    assert found.state["step"] > 0
+    assert f"stopped at step {found.state.training.step};" in last
+    assert found.state.training.step > 0
 
 
 def test_a_second_signal_ends_the_process_at_once() -> None:
@@ -111,7 +111,7 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     assert str(folder / "history.csv") in done.stderr.splitlines()[-1]
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
-    assert found.state["step"] > 0
+    assert found.state.training.step > 0
 
 
 def test_the_limit_of_this_process_is_untouched() -> None:
