@@ -141,22 +141,29 @@ class TrainingLoop:
     def _loop(self, caught: Signals) -> None:
         trainer, config = self.trainer, self.config
         while not trainer.finished and not self._stopping(caught):
-            before = trainer.step
+            before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
+                row = trainer.step % config.log_every == 0 or trainer.finished
+                due = time.monotonic() - self.saved >= config.checkpoint_every
+                if row or due:
+                    trainer.require_finite()
             except NonFiniteError as error:
                 self._recover(error)
+                continue
             if trainer.step <= before:
                 continue
-            if trainer.step % config.log_every == 0 or trainer.finished:
+            if row:
                 self._log()
-            if time.monotonic() - self.saved >= config.checkpoint_every:
+            if due:
                 self._save()
         self._save()
+        where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
+        message = f"stopped at step {trainer.step}{where}"
         if self._stopping(caught):
-            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
-            signum = caught.received or signal.SIGTERM  # None: another process received one
-            raise Interrupted(signum, f"stopped at step {trainer.step}{where}")
+            # None: another process received one
+            raise Interrupted(caught.received or signal.SIGTERM, message)
+        caught.stop_at_once(message)
         trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
 

@@ -134,8 +134,7 @@ class Trainer:
         """
         if self.schedule.ends_prefit(self.step):
             self.optimizer.reset()
-            misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
-            self.misfit = self.processes.broadcast(misfit)
+            self.misfit = self._misfit()
             self.remember()
         steps, prefit = self._stretch(), self.schedule.in_prefit(self.step)
         at = Position(self.schedule, self.step, self.averaged, tuple(self.misfit))
@@ -151,6 +150,16 @@ class Trainer:
         if found:
             self.control.reload()
             raise NonFiniteError(next(iter(found.values())), found)
+
+    def _misfit(self) -> list[float]:
+        """The misfit of the velocity of every member after the pre-fit."""
+        misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
+        found = self.processes.broadcast(misfit)
+        text = f"the misfit of the velocity became NaN or infinite in step {self.step + 1}"
+        bad = {e: text for e, m in enumerate(found) if not math.isfinite(m)}
+        if new := {e: text for e in bad if e not in self.diverged}:
+            raise NonFiniteError(text, new)
+        return [0.0 if e in bad else m for e, m in enumerate(found)]
 
     def one_step(self, prefit: bool) -> Evaluation:
         """Make the step at the counter of `control`, without a copy from device to host."""
@@ -169,6 +178,23 @@ class Trainer:
         if in_prefit(self.step):
             steps = next((i for i in range(1, steps) if not in_prefit(self.step + i)), steps)
         return steps
+
+    def require_finite(self) -> None:
+        """Raise NonFiniteError if a tensor of the state holds a NaN or an infinity.
+
+        A step tests what it uses. This finds the rest, such as the averages, before it is copied or
+        saved.
+        """
+        tensors = self.tensors()
+        sound = torch.stack([t.isfinite().flatten(1).all(1) for t in tensors.values()])
+        bad = {
+            e: f"the tensor {name} became NaN or infinite before step {self.step + 1}"
+            for name, row in zip(tensors, sound.tolist(), strict=True)
+            for e, good in enumerate(row)
+            if not good and e not in self.diverged
+        }
+        if bad:
+            raise NonFiniteError(next(iter(bad.values())), bad)
 
     def remember(self) -> None:
         """Keep a copy of the state in memory, for a rollback."""
