@@ -19,7 +19,7 @@ from types import FrameType
 import torch
 from torch import Tensor
 
-from granpinn.errors import CannotGoOn
+from granpinn.errors import CannotGoOn, Interrupted
 
 
 class NonFiniteError(CannotGoOn):

@@ -14,6 +14,7 @@ import pytest
 
 from granpinn import identify, identify_many, results, train
 from granpinn.data import Flow, write_flow
+from granpinn.errors import Interrupted
 from granpinn.figures import album
 from granpinn.identification import finish, prediction, simulated_fields
 from granpinn.identification.case import Case
@@ -22,7 +23,6 @@ from granpinn.results import NotDone
 from granpinn.results.attempt import PENDING, attempt
 from granpinn.second_opinion import resimulation, simulated_pressure
 from granpinn.simulation import SimulationError
-from granpinn.training.guard import Interrupted
 from tests.runs import tiny
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from granpinn.data import Flow
+from granpinn.errors import Interrupted
 from granpinn.training import checkpoint
-from granpinn.training.guard import Interrupted, Signals, signals
+from granpinn.training.guard import Signals, signals
 from tests.runs import make_run, tiny
 
 ENDLESS = ["--steps", "1000000", "--log-every", "10", "--network.widths", "6,5"]
