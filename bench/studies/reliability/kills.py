@@ -18,6 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 from random import Random
+from subprocess import Popen
 from typing import NamedTuple
 
 from bench.studies.reliability import runs
@@ -101,11 +102,12 @@ def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Reco
             record.add(reason or outcome, failure | {"reason": reason} if reason else None)
         differs = ended if ended != "0" else runs.difference(whole.folder, out)
         chains += 1
-        if reason:
-            record.failures.append({"mode": name, "seed": seed, "chain": chains, "reason": reason})
-        print(
-            f"{name}: {kills} kills, chain {chains} ends {reason or 'in the same bits'}", flush=True
-        )
+        if differs:
+            failure = {"mode": name, "seed": seed, "chain": chains, "reason": differs}
+            record.failures.append(failure)
+            if len(record.failures) > MOST_FAILURES:
+                return
+        print(f"{name}: {kills} kills, chain {chains}: {differs or 'same bits'}", flush=True)
     record.details[name] = {"kills": kills, "chains with the same bits": chains}
 
 
@@ -125,7 +127,7 @@ def undisturbed(flow: Path, out: Path, flags: list[str], processes: int) -> Undi
 def one(
     argv: list[str], out: Path, whole: Undisturbed, draw: Random, processes: int
 ) -> tuple[str, float]:
-    """One process that is killed, unless it ends before: how it ended ("" if killed), the moment."""
+    """One process that is killed, unless it ends before: how it ended ("" if killed), when."""
     early = draw.random() < EARLY
     moment = draw.uniform(0, whole.before if early else 0.6 * whole.after)
     alone = processes > 1 and draw.random() < 0.5
@@ -134,7 +136,8 @@ def one(
         pass  # most of the libraries are loaded
     if runs.wait_until(process, moment):
         return conclude(process), moment
-    if alone and (workers := children(process.pid)):  # torchrun ends the other worker
+    workers = runs.children(process.pid) if processes > 1 else []
+    if alone and workers:  # torchrun ends the other worker
         os.kill(draw.choice(workers), signal.SIGKILL)
         runs.wait_until(process, 60)
     runs.end(process)
@@ -149,16 +152,10 @@ def last(argv: list[str]) -> tuple[str, float]:
     return conclude(process), 0.0
 
 
-def conclude(process: runs.subprocess.Popen[str]) -> str:
-    """ "0" for a run that ended well; else its last line."""
+def conclude(process: Popen[str]) -> str:
+    """The text 0 for a run that ended well; else its exit code and its last words."""
     _, err = process.communicate()
     return "0" if process.returncode == 0 else f"exit {process.returncode}: {err[-300:]}"
-
-
-def children(pid: int) -> list[int]:
-    """The processes that a process started."""
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(word) for word in path.read_text().split()] if path.exists() else []
 
 
 def survived(out: Path, before: int) -> tuple[str, int]:

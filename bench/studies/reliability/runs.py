@@ -55,10 +55,19 @@ def start(argv: list[str]) -> subprocess.Popen[str]:
     )
 
 
-def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGKILL) -> None:
-    """Send a signal to the whole group of a process."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, number)
+def children(pid: int) -> list[int]:
+    """The processes that a process started."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    with suppress(OSError):
+        return [int(word) for word in path.read_text().split()]
+    return []
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """Kill a process and those that it started: torchrun gives each of its own a session."""
+    for pid in (*children(process.pid), process.pid):
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def wait_until(process: subprocess.Popen[str], seconds: float) -> bool:
