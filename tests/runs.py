@@ -37,7 +37,8 @@ def make_objective(config: Config, flow: Flow) -> Objective:
     scales = scales_of(flow)
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
-    member = Member(posed, data, config.seed, LAWS[config.law], fixed_values(config))
+    law = LAWS[config.law]
+    member = Member(posed, data, config.seed, law, fixed_values(config), flow)
     return Objective([member], config.batch, torch.device("cpu"), precision=config.precision)
 
 

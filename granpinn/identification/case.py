@@ -87,7 +87,8 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     scales = scales_of(seen)
     data = training_data(seen, scales, config)
     posed = problem.build(seen, scales, data, config)
-    member = Member(posed, data, config.seed, LAWS[config.law], fixed_values(config))
+    law = LAWS[config.law]
+    member = Member(posed, data, config.seed, law, fixed_values(config), flow)
     return Case(flow, config, scales, member, seen, known_sd(seen))
 
 

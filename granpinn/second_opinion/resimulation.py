@@ -110,9 +110,7 @@ def box_of(flow: Flow) -> float | None:
 
 def _box_width(flow: Flow, column: Column) -> float:
     stated = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
-    return max(
-        stated, 0.5 * column.width
-    )  # Collapse refuses a box that is narrower than its column
+    return max(stated, 0.5 * column.width)  # Collapse refuses so narrow a box
 
 
 def cells_of(flow: Flow, column: Column) -> int:

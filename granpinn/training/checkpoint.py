@@ -1,9 +1,13 @@
 """Checkpoints that survive a crash at any moment.
 
 A checkpoint is two files in `<run>/checkpoint/`: `step-N.safetensors` holds every tensor of the
-training state, `step-N.json` the rest and the SHA-256 of the first. Each is written to a temporary
+training state, `step-N.json` the rest and one SHA-256 over both. Each is written to a temporary
 file, flushed to disk and renamed, tensors first. So a checkpoint is complete once its JSON exists.
 The two newest are kept. If the newest is damaged, the one before it is read.
+
+The JSON has one form alone: it is read only if writing its content again gives the same bytes. So a
+changed bit anywhere in either file is damage, and only a whole checkpoint can belong to another
+run.
 
 The files hold no pickle, so reading them executes no code.
 """
@@ -12,8 +16,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Mapping
+import re
+import stat
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,10 +30,16 @@ from torch import Tensor
 
 from granpinn.atomic import atomic_path
 from granpinn.errors import CannotGoOn
+from granpinn.results.decoding import decode, encode
+from granpinn.training.identity import difference
+from granpinn.training.state import RunState
 
 FORMAT_NAME = "granpinn-checkpoint"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 KEPT = 2
+HEAD = ("format_name", "format_version", "step")
+NAME = re.compile(r"step-(\d{9,16})\.json", re.ASCII)
+LONGEST = 300  # characters of the reason why a checkpoint cannot be read
 
 
 class CheckpointError(CannotGoOn):
@@ -41,33 +52,35 @@ class Checkpoint:
 
     path: Path
     tensors: dict[str, Tensor]
-    state: dict[str, Any]
+    state: RunState
 
 
-def save(folder: Path, step: int, tensors: Mapping[str, Tensor], state: Mapping[str, Any]) -> Path:
-    """Write the checkpoint of `step` and remove all but the two newest; path of the JSON.
+def save(folder: Path, tensors: Mapping[str, Tensor], state: RunState) -> Path:
+    """Write the checkpoint of a step and remove all but the two newest; path of the JSON.
 
-    CheckpointError: a tensor holds a NaN or an infinity, or a file cannot be written.
+    CheckpointError: a tensor holds a NaN or an infinity, a file cannot be written, or the run
+    folder is gone.
     """
+    step = state.training.step
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise CheckpointError(
                 f"{folder} was not written to: {name} holds a NaN or an infinity at step {step}"
             )
     path = folder / f"step-{step:09d}.safetensors"
-    content = safetensors.save({name: t.cpu().contiguous() for name, t in tensors.items()})
-    header = {
-        "format_name": FORMAT_NAME,
-        "format_version": FORMAT_VERSION,
-        "step": step,
-        "tensors_sha256": hashlib.sha256(content).hexdigest(),
-    }
-    text = json.dumps(header | dict(state), indent=2, allow_nan=False)
+    binary = safetensors.save({name: t.cpu().contiguous() for name, t in tensors.items()})
+    head = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "step": step}
+    content = head | encode(state)
+    content["sha256"] = _checksum(content, binary)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _write(path, content)
+        if not folder.parent.is_dir():
+            raise CheckpointError(
+                f"{folder.parent} was removed during the run: start again with an --out that stays"
+            )
+        folder.mkdir(exist_ok=True)
+        _write(path, binary)
         path = path.with_suffix(".json")
-        _write(path, text.encode())
+        _write(path, _text(content))
         _prune(folder)
     except OSError as error:
         raise CheckpointError(
@@ -75,6 +88,17 @@ def save(folder: Path, step: int, tensors: Mapping[str, Tensor], state: Mapping[
             f"choose another --out; the checkpoints before it are intact, --resume continues there"
         ) from error
     return path
+
+
+def _text(content: Mapping[str, Any]) -> bytes:
+    """The one form of the JSON."""
+    return json.dumps(content, indent=2, allow_nan=False).encode()
+
+
+def _checksum(content: Mapping[str, Any], binary: bytes) -> str:
+    """SHA-256 of the JSON without its checksum, and of the tensors."""
+    named = {name: value for name, value in content.items() if name != "sha256"}
+    return hashlib.sha256(_text(named) + b"\0" + binary).hexdigest()
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -93,7 +117,9 @@ def _prune(folder: Path) -> None:
 
 
 def _newest_first(folder: Path) -> list[Path]:
-    return sorted(folder.glob("step-*.json"), reverse=True)
+    named = [(NAME.fullmatch(path.name), path) for path in folder.glob("step-*.json")]
+    steps = [(int(match[1]), path) for match, path in named if match]
+    return [path for _, path in sorted(steps, reverse=True)]
 
 
 def newest(folder: Path) -> Checkpoint | None:
@@ -102,8 +128,8 @@ def newest(folder: Path) -> Checkpoint | None:
     for path in _newest_first(folder):
         try:
             return _read(path)
-        except (OSError, ValueError, SafetensorError) as error:
-            damaged.append(f"{path}: {error}")
+        except (OSError, ValueError, RecursionError, SafetensorError) as error:
+            damaged.append(f"{path}: {str(error)[:LONGEST]}")
     if damaged:
         raise CheckpointError(
             f"no checkpoint can be read ({'; '.join(damaged)}): start again with another --out"
@@ -112,43 +138,58 @@ def newest(folder: Path) -> Checkpoint | None:
 
 
 def _read(path: Path) -> Checkpoint:
-    state = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    if not isinstance(state, dict):
-        raise ValueError(f"expected a JSON object, got {type(state).__name__}")
-    found = (state.get("format_name"), state.get("format_version"))
+    text = _bytes(path)
+    content = json.loads(text, parse_constant=_refuse_constant)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected a JSON object, got {type(content).__name__}")
+    found = (content.get("format_name"), content.get("format_version"))
     if found != (FORMAT_NAME, FORMAT_VERSION):
         raise ValueError(f"expected {FORMAT_NAME} version {FORMAT_VERSION}, got {found}")
-    content = path.with_suffix(".safetensors").read_bytes()
-    if hashlib.sha256(content).hexdigest() != state.get("tensors_sha256"):
-        raise ValueError("its tensors are not those that were saved with it")
-    return Checkpoint(path, safetensors.load(content), state)
+    binary = _bytes(path.with_suffix(".safetensors"))
+    if content.get("sha256") != _checksum(content, binary) or text != _text(content):
+        raise ValueError("it was changed after it was saved")
+    named = {k: v for k, v in content.items() if k not in (*HEAD, "sha256")}
+    state = decode(RunState, named)
+    if not content["step"] == state.training.step == int(path.stem.removeprefix("step-")):
+        raise ValueError(f"it holds step {content['step']}, which is not that of its name")
+    return Checkpoint(path, safetensors.load(binary), state)
+
+
+def _bytes(path: Path) -> bytes:
+    """The content of a regular file; a FIFO would never end."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise ValueError(f"{path.name} is no regular file")
+    return path.read_bytes()
 
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a JSON number")
 
 
-def require_same(checkpoint: Checkpoint, settings: Mapping[str, Any], input_sha256: str) -> None:
-    """Raise CheckpointError, with the difference, for other settings or another flow file."""
-    saved = checkpoint.state.get("settings")
-    if not isinstance(saved, dict) or checkpoint.state.get("input_sha256") is None:
-        raise CheckpointError(f"{checkpoint.path} lacks its settings or the hash of its flow file")
-    for name, value in settings.items():
-        if saved.get(name) != plain(value):
-            raise CheckpointError(
-                f"{checkpoint.path} belongs to a run with {name} = {saved.get(name)}, this one has "
-                f"{value}: give the same settings, or another --out for a new run"
-            )
-    if checkpoint.state["input_sha256"] != input_sha256:
+def require_same(
+    checkpoint: Checkpoint,
+    settings: Mapping[str, Any],
+    members: Sequence[Mapping[str, Any]],
+    data_sha256: str,
+) -> None:
+    """Raise CheckpointError, with the difference, for another identity (identity.py)."""
+    saved = checkpoint.state
+    found = difference(saved.settings, settings)
+    advice = "give the same settings"
+    if found is None:
+        advice = "give the same FLOW"
+        pairs = zip(saved.members, members, strict=False)
+        found = next(filter(None, (difference(*pair) for pair in pairs)), None)
+        if len(saved.members) != len(members):
+            found = f"{len(saved.members)} members, this one has {len(members)}"
+        elif found is None and saved.data_sha256 != data_sha256:
+            found = "another flow file"
+    if found is not None:
+        with_or_on = "on" if found == "another flow file" else "with"
         raise CheckpointError(
-            f"{checkpoint.path} belongs to a run on another flow file: give the same FLOW, or "
-            f"another --out for a new run"
+            f"{checkpoint.path} belongs to a run {with_or_on} {found}: {advice}, or another --out "
+            f"for a new run"
         )
-
-
-def plain(value: Any) -> Any:
-    """`value` as strict JSON, which has no number for infinity: it becomes the text "inf"."""
-    return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
 def restore(checkpoint: Checkpoint, live: Mapping[str, Tensor]) -> None:

@@ -19,7 +19,7 @@ from types import FrameType
 import torch
 from torch import Tensor
 
-from granpinn.errors import CannotGoOn
+from granpinn.errors import CannotGoOn, Interrupted
 
 
 class NonFiniteError(CannotGoOn):
@@ -50,11 +50,20 @@ class Signals:
 
     def __init__(self) -> None:
         self.received: int | None = None
+        self._message: str | None = None
 
     def handle(self, signum: int, frame: FrameType | None) -> None:
         if self.received is not None:
             os._exit(128 + signum)
         self.received = signum
+        if self._message is not None:
+            raise Interrupted(signum, self._message)
+
+    def stop_at_once(self, message: str) -> None:
+        """From now on the first signal raises Interrupted, wherever it arrives."""
+        self._message = message
+        if self.received is not None:
+            raise Interrupted(self.received, message)
 
 
 @contextmanager

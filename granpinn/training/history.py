@@ -76,15 +76,19 @@ class History:
         self._file: io.BufferedRandom | None = None
 
     def open(self, offset: int) -> None:
-        """Open the file and cut it at `offset` bytes; 0 starts it with a header."""
+        """Open the file and cut it at `offset` bytes; 0 starts it with a header.
+
+        ValueError: the file is shorter, or holds anything but rows.
+        """
         if self.path is None:
             return
+        if offset and self.path.stat().st_size < offset:
+            raise ValueError(f"it should have at least {offset} bytes")
         self._file = self.path.open("r+b" if offset else "w+b")
         self._file.truncate(offset)
         if offset:
             self._file.seek(0)
-            _, *lines = csv.reader(io.StringIO(self._file.read().decode()))
-            self.rows = [Row.of(self.law, (float(v or math.nan) for v in cells)) for cells in lines]
+            self.rows = _rows(self._file.read(), self.law)
         else:
             self._write(columns(self.law))
 
@@ -134,3 +138,14 @@ class History:
             yield
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self.path)) from error
+
+
+def _rows(content: bytes, law: Law) -> list[Row]:
+    """The rows of a history.csv; ValueError: it holds something else."""
+    try:
+        header, *lines = csv.reader(io.StringIO(content.decode()))
+        if tuple(header) != columns(law) or any(len(cells) != len(header) for cells in lines):
+            raise ValueError(f"it should have the columns {', '.join(columns(law))}")
+        return [Row.of(law, (float(v or math.nan) for v in cells)) for cells in lines]
+    except (csv.Error, OverflowError) as error:
+        raise ValueError(str(error)) from None

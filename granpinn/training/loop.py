@@ -6,21 +6,23 @@ stops at signals, rolls back members that diverge, and keeps a time limit.
 
 from __future__ import annotations
 
-import hashlib
 import signal
 import time
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
-from granpinn.config import Config, ConfigError, identity
+from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
-from granpinn.training import checkpoint, time_limit
+from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.guard import NonFiniteError, Signals, require_finite, signals
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
+from granpinn.training.state import RunState
 from granpinn.training.trainer import Trainer
 
 UNLIMITED = 2**53  # steps
@@ -66,11 +68,17 @@ class TrainingLoop:
             History(part / "history.csv" if part and writes else None, objective.law)
             for part in parts
         ]
-        self.data_sha256 = _digest(objective)
+        self.objective = objective
         self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))
         schedule = Schedule(self.at_most, config.optimizer)
         self.trainer = Trainer(objective, schedule, config, self.processes)
         self.wall_s = 0.0
+
+    @cached_property
+    def identity(self) -> tuple[dict[str, Any], tuple[dict[str, Any], ...], str]:
+        """Settings, members and data, for checkpoints (identity.py)."""
+        members = tuple(identity.of_member(member) for member in self.objective.members)
+        return identity.of_settings(self.config), members, identity.of_data(self.objective)
 
     def train(self) -> None:
         """Train to the end; Interrupted, NonFiniteError or CheckpointError if that fails."""
@@ -105,18 +113,24 @@ class TrainingLoop:
         if found is None:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
             return False
-        checkpoint.require_same(found, identity(self.config), self.data_sha256)
+        checkpoint.require_same(found, *self.identity)
         checkpoint.restore(found, self.trainer.tensors())
-        self.trainer.set_plain_state(found.state["training"])
-        self.wall_s, self.stopped = found.state["wall_s"], found.state["stopped"]
+        self.trainer.set_plain_state(found.state.training)
+        self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.deadline = None  # the schedule of the checkpoint stays
-        self._open(found.state["history_bytes"])
+        self._open(found.state.history_bytes)
         self._mark()
         return True
 
     def _open(self, offsets: Sequence[int]) -> None:
         for history, offset in zip(self.histories, offsets, strict=True):
-            history.open(offset)
+            try:
+                history.open(offset)
+            except (ValueError, FileNotFoundError) as error:
+                raise checkpoint.CheckpointError(
+                    f"{history.path} is not the file of this checkpoint ({error}): put the file "
+                    f"back, or start again with another --out"
+                ) from error
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
@@ -127,22 +141,29 @@ class TrainingLoop:
     def _loop(self, caught: Signals) -> None:
         trainer, config = self.trainer, self.config
         while not trainer.finished and not self._stopping(caught):
-            before = trainer.step
+            before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
+                row = trainer.step % config.log_every == 0 or trainer.finished
+                due = time.monotonic() - self.saved >= config.checkpoint_every
+                if row or due:
+                    trainer.require_finite()
             except NonFiniteError as error:
                 self._recover(error)
+                continue
             if trainer.step <= before:
                 continue
-            if trainer.step % config.log_every == 0 or trainer.finished:
+            if row:
                 self._log()
-            if time.monotonic() - self.saved >= config.checkpoint_every:
+            if due:
                 self._save()
         self._save()
+        where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
+        message = f"stopped at step {trainer.step}{where}"
         if self._stopping(caught):
-            where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
-            signum = caught.received or signal.SIGTERM  # None: another process received one
-            raise Interrupted(signum, f"stopped at step {trainer.step}{where}")
+            # None: another process received one
+            raise Interrupted(caught.received or signal.SIGTERM, message)
+        caught.stop_at_once(message)
         trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
 
@@ -211,16 +232,17 @@ class TrainingLoop:
         if self.checkpoints is None or self.processes.rank > 0:
             return
         self.wall_s = self.before + time.monotonic() - self.started
-        settings = {name: checkpoint.plain(v) for name, v in identity(self.config).items()}
-        state = {
-            "training": self.trainer.plain_state(),
-            "history_bytes": [history.flush() for history in self.histories],
-            "wall_s": self.wall_s,
-            "stopped": self.stopped,
-            "settings": settings,
-            "input_sha256": self.data_sha256,
-        }
-        checkpoint.save(self.checkpoints, self.trainer.step, self.trainer.tensors(), state)
+        settings, members, data_sha256 = self.identity
+        state = RunState(
+            training=self.trainer.plain_state(),
+            history_bytes=tuple(history.flush() for history in self.histories),
+            wall_s=self.wall_s,
+            stopped=self.stopped,
+            settings=settings,
+            members=members,
+            data_sha256=data_sha256,
+        )
+        checkpoint.save(self.checkpoints, self.trainer.tensors(), state)
         self.saved = time.monotonic()
 
 
@@ -231,11 +253,3 @@ def _steps(config: Config, n_points: int) -> int:
     if config.epochs is not None:
         return config.epochs * -(-n_points // config.batch.interior)
     return UNLIMITED
-
-
-def _digest(objective: Objective) -> str:
-    """SHA-256 of the data and constants of the fit."""
-    sha = hashlib.sha256()
-    for tensor in (*objective.tensors().values(), objective.places, objective.seeds):
-        sha.update(tensor.cpu().numpy().tobytes())
-    return sha.hexdigest()

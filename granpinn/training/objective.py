@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Batch, ConfigError
-from granpinn.data import TrainingSet
+from granpinn.data import Flow, TrainingSet
 from granpinn.kernels import (
     ops,
     step_ops,  # noqa: F401
@@ -36,6 +36,7 @@ class Member:
     Attributes:
         data: may be shared by members.
         fixed: values of the fixed parameters of the law; by default `LawParameter.start`.
+        flow: where the data come from, for the identity of a run (identity.py).
     """
 
     problem: Problem
@@ -43,6 +44,7 @@ class Member:
     seed: int
     law: Law
     fixed: Mapping[str, float]
+    flow: Flow | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -28,6 +27,7 @@ from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
 from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
+from granpinn.training.state import TrainingState
 
 ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
 
@@ -103,26 +103,26 @@ class Trainer:
         c = self.control
         return [*self.tensors().values(), self.optimizer.direction, c.counter, c.fault]
 
-    def plain_state(self) -> dict[str, Any]:
-        """The rest of the state, as JSON values."""
-        return {
-            "step": self.step,
-            "averaged": self.averaged,
-            "lr_scale": list(self.lr_scale),
-            "misfit": list(self.misfit),
-            "diverged": {str(e): reason for e, reason in self.diverged.items()},
-            "total": self.schedule.total,
-            "from_step": self.schedule.from_step,
-            "from_progress": self.schedule.from_progress,
-        }
+    def plain_state(self) -> TrainingState:
+        """The rest of the state, as values for JSON."""
+        return TrainingState(
+            step=self.step,
+            averaged=self.averaged,
+            lr_scale=tuple(self.lr_scale),
+            misfit=tuple(self.misfit),
+            diverged={str(e): reason for e, reason in self.diverged.items()},
+            total=self.schedule.total,
+            from_step=self.schedule.from_step,
+            from_progress=self.schedule.from_progress,
+        )
 
-    def set_plain_state(self, state: dict[str, Any]) -> None:
+    def set_plain_state(self, state: TrainingState) -> None:
         """The inverse of `plain_state`; the caller copies the tensors into `tensors`."""
-        self.step, self.averaged = state["step"], state["averaged"]
-        self.lr_scale, self.misfit = list(state["lr_scale"]), list(state["misfit"])
-        self.diverged = {int(e): reason for e, reason in state["diverged"].items()}
+        self.step, self.averaged = state.step, state.averaged
+        self.lr_scale, self.misfit = list(state.lr_scale), list(state.misfit)
+        self.diverged = {int(e): reason for e, reason in state.diverged.items()}
         names = ("total", "from_step", "from_progress")
-        self.schedule = dataclasses.replace(self.schedule, **{k: state[k] for k in names})
+        self.schedule = dataclasses.replace(self.schedule, **{k: getattr(state, k) for k in names})
         self.control.reload()
         self.remember()
 
@@ -134,8 +134,7 @@ class Trainer:
         """
         if self.schedule.ends_prefit(self.step):
             self.optimizer.reset()
-            misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
-            self.misfit = self.processes.broadcast(misfit)
+            self.misfit = self._misfit()
             self.remember()
         steps, prefit = self._stretch(), self.schedule.in_prefit(self.step)
         at = Position(self.schedule, self.step, self.averaged, tuple(self.misfit))
@@ -151,6 +150,16 @@ class Trainer:
         if found:
             self.control.reload()
             raise NonFiniteError(next(iter(found.values())), found)
+
+    def _misfit(self) -> list[float]:
+        """The misfit of the velocity of every member after the pre-fit."""
+        misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
+        found = self.processes.broadcast(misfit)
+        text = f"the misfit of the velocity became NaN or infinite in step {self.step + 1}"
+        bad = {e: text for e, m in enumerate(found) if not math.isfinite(m)}
+        if new := {e: text for e in bad if e not in self.diverged}:
+            raise NonFiniteError(text, new)
+        return [0.0 if e in bad else m for e, m in enumerate(found)]
 
     def one_step(self, prefit: bool) -> Evaluation:
         """Make the step at the counter of `control`, without a copy from device to host."""
@@ -170,6 +179,23 @@ class Trainer:
             steps = next((i for i in range(1, steps) if not in_prefit(self.step + i)), steps)
         return steps
 
+    def require_finite(self) -> None:
+        """Raise NonFiniteError if a tensor of the state holds a NaN or an infinity.
+
+        A step tests what it uses. This finds the rest, such as the averages, before it is copied or
+        saved.
+        """
+        tensors = self.tensors()
+        sound = torch.stack([t.isfinite().flatten(1).all(1) for t in tensors.values()])
+        bad = {
+            e: f"the tensor {name} became NaN or infinite before step {self.step + 1}"
+            for name, row in zip(tensors, sound.tolist(), strict=True)
+            for e, good in enumerate(row)
+            if not good and e not in self.diverged
+        }
+        if bad:
+            raise NonFiniteError(next(iter(bad.values())), bad)
+
     def remember(self) -> None:
         """Keep a copy of the state in memory, for a rollback."""
         self._good = {name: t.clone() for name, t in self.tensors().items()}
@@ -178,7 +204,7 @@ class Trainer:
     @property
     def remembered(self) -> int:
         """The step of the copy."""
-        return int(self._good_state["step"])
+        return self._good_state.step
 
     def restore(self) -> None:
         """Restore all members from the copy."""

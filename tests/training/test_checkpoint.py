@@ -13,22 +13,44 @@ import pytest
 import torch
 
 from granpinn.training import checkpoint
-from granpinn.training.checkpoint import CheckpointError, newest, plain, require_same, restore, save
+from granpinn.training.checkpoint import CheckpointError, newest, require_same, restore, save
+from granpinn.training.identity import plain
+from granpinn.training.state import RunState, TrainingState
 
 TENSORS = {"params": torch.arange(6.0), "q": torch.tensor([1.0, 2.0], dtype=torch.float64)}
-STATE: dict[str, Any] = {"settings": {"seed": 3, "sigma": "inf"}, "input_sha256": "abc"}
+
+
+def state_at(step: int) -> RunState:
+    return RunState(
+        training=TrainingState(
+            step=step,
+            averaged=0,
+            lr_scale=(1.0, 0.5),
+            misfit=(0.0, 0.25),
+            diverged={"1": "the loss became NaN"},
+            total=2000,
+            from_step=0,
+            from_progress=0.0,
+        ),
+        history_bytes=(70, 80),
+        wall_s=float(step),
+        stopped="steps",
+        settings={"seed": 3, "sigma": "inf"},
+        members=({"grain_diameter": 0.025, "weights": [1.0, 2.0]}, {"grain_diameter": 0.025}),
+        data_sha256="abc",
+    )
 
 
 def saved(folder: Path, *steps: int) -> None:
     for step in steps:
-        save(folder, step, {k: t + step for k, t in TENSORS.items()}, STATE | {"wall_s": step})
+        save(folder, {k: t + step for k, t in TENSORS.items()}, state_at(step))
 
 
 def test_what_is_saved_comes_back(tmp_path: Path) -> None:
     saved(tmp_path, 7)
     found = newest(tmp_path)
     assert found is not None
-    assert found.state["step"] == found.state["wall_s"] == 7
+    assert found.state == state_at(7)
     live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
     restore(found, live)
     for name, tensor in live.items():
@@ -97,8 +119,8 @@ def test_a_fault_at_any_call_leaves_the_checkpoint_before_it(
             message = save_or_message(folder, 3)
         found = newest(folder)
         assert found is not None
-        assert found.state["step"] in (2, 3)
-        assert torch.equal(found.tensors["params"], TENSORS["params"] + found.state["step"])
+        assert found.state.training.step in (2, 3)
+        assert torch.equal(found.tensors["params"], TENSORS["params"] + found.state.training.step)
         saved(folder, 4)
         assert len(list(folder.iterdir())) == 4
         if message is None:
@@ -123,7 +145,7 @@ def test_half_a_write_is_a_fault_too(tmp_path: Path, monkeypatch: pytest.MonkeyP
             saved(tmp_path, 2)
     found = newest(tmp_path)
     assert found is not None
-    assert found.state["step"] == 1
+    assert found.state.training.step == 1
 
 
 DAMAGE = {
@@ -133,7 +155,7 @@ DAMAGE = {
     "state cut": ("json", lambda b: b[: len(b) // 2]),
     "state of another program": ("json", lambda b: b'{"step": 1}'),
     "state is a list": ("json", lambda b: b"[1, 2]"),
-    "state with NaN": ("json", lambda b: b.replace(b'"wall_s": 2', b'"wall_s": NaN')),
+    "state with NaN": ("json", lambda b: b.replace(b'"wall_s": 2.0', b'"wall_s": NaN')),
     "state is binary": ("json", lambda b: b"\xff\xfe"),
 }
 
@@ -146,7 +168,7 @@ def test_a_damaged_checkpoint_is_passed_over(case: str, tmp_path: Path) -> None:
     path.write_bytes(damage(path.read_bytes()))
     found = newest(tmp_path)
     assert found is not None
-    assert found.state["step"] == 1
+    assert found.state.training.step == 1
     (tmp_path / "step-000000001.safetensors").unlink()
     with pytest.raises(CheckpointError, match="no checkpoint can be read"):
         newest(tmp_path)
@@ -155,7 +177,7 @@ def test_a_damaged_checkpoint_is_passed_over(case: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_what_is_not_finite_is_never_saved(bad: float, tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="params holds a NaN or an infinity at step 3"):
-        save(tmp_path, 3, {"params": torch.tensor([1.0, bad])}, STATE)
+        save(tmp_path, {"params": torch.tensor([1.0, bad])}, state_at(3))
     assert not list(tmp_path.iterdir())
 
 
@@ -164,7 +186,7 @@ def test_what_is_not_finite_is_never_restored(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint.torch, "isfinite", torch.ones_like)
-        save(tmp_path, 3, {"params": torch.tensor([1.0, float("nan")])}, STATE)
+        save(tmp_path, {"params": torch.tensor([1.0, float("nan")])}, state_at(3))
     found = newest(tmp_path)
     assert found is not None
     with pytest.raises(CheckpointError, match="params holds a NaN"):
@@ -189,20 +211,135 @@ def test_another_run_is_refused_with_the_difference(tmp_path: Path) -> None:
     saved(tmp_path, 1)
     found = newest(tmp_path)
     assert found is not None
-    settings = {"seed": 3, "sigma": float("inf")}
-    require_same(found, settings, "abc")
+    state = found.state
+    settings, members = {"seed": 3, "sigma": plain(float("inf"))}, state.members
+    require_same(found, settings, members, "abc")
     with pytest.raises(CheckpointError, match="a run with seed = 3, this one has 4"):
-        require_same(found, settings | {"seed": 4}, "abc")
-    with pytest.raises(CheckpointError, match="another flow file"):
-        require_same(found, settings, "def")
-    del found.state["settings"]
-    with pytest.raises(CheckpointError, match="lacks its settings"):
-        require_same(found, settings, "abc")
+        require_same(found, settings | {"seed": 4}, members, "abc")
+    with pytest.raises(CheckpointError, match="a run with 2 members, this one has 1"):
+        require_same(found, settings, members[:1], "abc")
+    other = (members[0], {"grain_diameter": 0.05})
+    with pytest.raises(CheckpointError, match="with grain_diameter = 0.025, this one has 0.05"):
+        require_same(found, settings, other, "abc")
+    with pytest.raises(CheckpointError, match="on another flow file"):
+        require_same(found, settings, members, "def")
+
+
+def forged(folder: Path, step: int, /, **changes: Any) -> None:
+    """A checkpoint with other values and a checksum that fits them."""
+    path = folder / f"step-{step:09d}.json"
+    content = json.loads(path.read_text())
+    for name, value in changes.items():
+        place, _, key = name.rpartition("__")
+        (content[place] if place else content)[key] = value
+    binary = path.with_suffix(".safetensors").read_bytes()
+    content["sha256"] = checkpoint._checksum(content, binary)
+    path.write_bytes(checkpoint._text(content))
+
+
+IMPOSSIBLE: list[dict[str, Any]] = [
+    {"training__step": -5},
+    {"training__step": 1},
+    {"training__step": 2.0},
+    {"training__step": True},
+    {"training__step": "2"},
+    {"training__step": 2**70},
+    {"training__total": 1},
+    {"training__averaged": 3},
+    {"training__from_step": 3},
+    {"training__from_progress": 1.5},
+    {"training__lr_scale": [1.0]},
+    {"training__lr_scale": [1.0, 1e308]},
+    {"training__misfit": [0.0, -1.0]},
+    {"training__diverged": {"2": "no such member"}},
+    {"training__more": 1},
+    {"step": 1},
+    {"step": 7, "training__step": 7},
+    {"history_bytes": [-1, 80]},
+    {"history_bytes": [70]},
+    {"wall_s": -1.0},
+    {"wall_s": None},
+    {"stopped": "later"},
+    {"members": []},
+    {"settings": []},
+    {"data_sha256": 3},
+    {"format_version": 2},
+    {"more": 1},
+]
+
+
+@pytest.mark.parametrize("changes", IMPOSSIBLE, ids=str)
+def test_impossible_values_are_damage_whatever_their_checksum(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    saved(tmp_path, 1, 2)
+    forged(tmp_path, 2)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state.training.step == 2
+    forged(tmp_path, 2, **changes)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state.training.step == 1
+
+
+def test_a_checkpoint_of_version_2_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    saved(tmp_path, 1)
+    forged(tmp_path, 1, format_version=2)
+    with pytest.raises(CheckpointError, match=r"expected granpinn-checkpoint version 3, got .* 2"):
+        newest(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", ["json", "safetensors"])
+def test_a_fifo_in_place_of_a_file_is_damage(suffix: str, tmp_path: Path) -> None:
+    saved(tmp_path, 1, 2)
+    path = tmp_path / f"step-000000002.{suffix}"
+    path.unlink()
+    os.mkfifo(path)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state.training.step == 1
+
+
+def test_the_newest_is_the_largest_number_and_other_names_are_left_out(tmp_path: Path) -> None:
+    run = tmp_path / "checkpoint"
+    saved(run, 1, 2)
+    for name in ("step-x.json", "step-٣٣٣٣٣٣٣٣٣.json", "step-000000009.json.bak"):
+        (run / name).write_text("{}")
+    found = newest(run)
+    assert found is not None
+    assert found.state.training.step == 2
+
+
+def test_every_flipped_bit_is_damage(tmp_path: Path) -> None:
+    """Gate T-6 on a small checkpoint: all bits of both files."""
+    saved(tmp_path, 1, 2)
+    for suffix in ("json", "safetensors"):
+        path = tmp_path / f"step-000000002.{suffix}"
+        whole = path.read_bytes()
+        for bit in range(8 * len(whole)):
+            damaged = bytearray(whole)
+            damaged[bit // 8] ^= 1 << bit % 8
+            path.write_bytes(damaged)
+            found = newest(tmp_path)
+            assert found is not None
+            assert found.state.training.step == 1, f"bit {bit} of {path.name}"
+        path.write_bytes(whole)
+    found = newest(tmp_path)
+    assert found is not None
+    assert found.state.training.step == 2
+
+
+def test_a_run_folder_that_vanished_is_not_made_again(tmp_path: Path) -> None:
+    folder = tmp_path / "run" / "checkpoint"
+    with pytest.raises(CheckpointError, match="run was removed during the run"):
+        saved(folder, 1)
+    assert not (tmp_path / "run").exists()
 
 
 def test_infinity_is_text_in_the_state(tmp_path: Path) -> None:
     assert plain(float("inf")) == "inf"
-    assert plain(1.5) == 1.5
+    assert plain((1.5, float("inf"))) == [1.5, "inf"]
     saved(tmp_path, 1)
     text = (tmp_path / "step-000000001.json").read_text()
-    assert json.loads(text)["format_version"] == 2
+    assert json.loads(text)["format_version"] == 3

@@ -102,7 +102,7 @@ def test_the_second_time_it_stops_and_a_good_state_is_on_disk(
         run.train()
     found = checkpoint.newest(tmp_path / "run" / "checkpoint")
     assert found is not None
-    assert found.state["step"] == BAD_STEP
+    assert found.state.training.step == BAD_STEP
     for tensor in found.tensors.values():
         assert tensor.isfinite().all()
 
@@ -117,6 +117,60 @@ def test_the_rollback_uses_half_the_learning_rate_from_the_snapshot_on(flow: Flo
             twin.lr_scale = [0.5]
         twin.advance()
     assert torch.equal(run.trainer.params, twin.params)
+
+
+STATE = ("optimizer.first", "optimizer.second", "optimizer.q.first", "optimizer.q.second")
+STATE += ("average.params", "average.q")
+
+
+@pytest.mark.parametrize("value", BAD)
+@pytest.mark.parametrize("name", STATE)
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_bad_state_of_the_optimizer_is_never_kept(
+    times: int, name: str, value: float, flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A part that a step uses is noticed in it, and the rest before the state is copied."""
+    run = make_run(tiny(checkpoint_every=0.0), flow, tmp_path)
+    real, poisoned, messages = run.trainer.advance, list[int](), list[str]()
+
+    def advance() -> None:
+        if run.trainer.step == BAD_STEP and len(poisoned) < times:
+            poisoned.append(BAD_STEP)
+            run.trainer.tensors()[name][0, -1] = value
+        real()
+
+    monkeypatch.setattr(run.trainer, "advance", advance)
+    monkeypatch.setattr(run.progress, "message", messages.append)
+    if times == 1:
+        run.train()
+        assert "back to step 20" in messages[0]
+        assert run.trainer.lr_scale == [0.5]
+    else:
+        with pytest.raises(NonFiniteError, match=r"again, after a rollback"):
+            run.train()
+    found = checkpoint.newest(tmp_path / "checkpoint")
+    assert found is not None
+    assert found.state.training.step == (40 if times == 1 else BAD_STEP)
+    for tensor in (*found.tensors.values(), *run.trainer.tensors().values()):
+        assert times == 2 or tensor.isfinite().all()
+
+
+@pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])
+def test_data_that_turn_bad_on_the_way_stop_the_run(name: str, flow: Flow, tmp_path: Path) -> None:
+    run = make_run(tiny(), flow, tmp_path)
+    real = run.trainer.advance
+
+    def advance() -> None:
+        if run.trainer.step == 3:
+            getattr(run.trainer.objective, name).fill_(math.nan)
+        real()
+
+    run.trainer.advance = advance  # type: ignore[method-assign]
+    with pytest.raises(NonFiniteError, match="became NaN .* again, after a rollback"):
+        run.train()
+    found = checkpoint.newest(tmp_path / "checkpoint")
+    assert found is not None
+    assert all(tensor.isfinite().all() for tensor in found.tensors.values())
 
 
 @pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])

@@ -67,7 +67,7 @@ def test_a_signal_to_one_process_stops_both(flow_file: Path, tmp_path: Path) -> 
     assert err.count("granpinn.train: stopped at step ") == 2
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
-    assert f"stopped at step {found.state['step']};" in err
+    assert f"stopped at step {found.state.training.step};" in err
 
 
 SPREAD = """

@@ -151,3 +151,66 @@ def test_a_checkpoint_of_other_data_is_refused(flow: Flow, tmp_path: Path) -> No
     other = dataclasses.replace(flow, u=flow.u * 1.01)
     with pytest.raises(CheckpointError, match="another flow file"):
         make_run(tiny(resume=True), other, tmp_path / "run").train()
+
+
+MATERIAL: dict[str, dict[str, Any]] = {
+    "grain_diameter": {"grain_diameter": 0.05},
+    "density": {"density": 1600.0},
+    "grain_density": {"grain_density": 2500.0},
+    "gravity": {"gravity": (0.0, -9.80)},
+    "length_unit": {"length_unit": "mm"},
+    "time_unit": {"time_unit": "ms"},
+    "density_unit": {"density_unit": "kg/m^3"},
+    "eta_max": {"eta_max": 2e4},
+    "eta_min": {"eta_min": None},
+}
+
+
+@pytest.mark.parametrize("name", MATERIAL)
+def test_a_checkpoint_of_another_material_is_refused_by_name(
+    name: str, flow: Flow, tmp_path: Path
+) -> None:
+    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
+    other = dataclasses.replace(flow, **MATERIAL[name])
+    with pytest.raises(CheckpointError, match=f"belongs to a run with {name} = .*give the same F"):
+        make_run(tiny(resume=True), other, tmp_path / "run").train()
+
+
+def test_the_truth_is_no_part_of_a_run(flow: Flow, tmp_path: Path) -> None:
+    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
+    other = dataclasses.replace(flow, truth=None, p=None, attributes={"box_height": 3.0})
+    again = make_run(tiny(resume=True), other, tmp_path / "run")
+    again.train()
+    assert again.trainer.finished
+
+
+def test_a_damaged_checkpoint_of_another_run_is_only_damaged(flow: Flow, tmp_path: Path) -> None:
+    """What looks like another seed is a flipped bit: the checkpoint before is taken."""
+    folder = tmp_path / "run"
+    interrupted_at(3, make_run(tiny(), flow, folder))
+    interrupted_at(5, make_run(tiny(resume=True), flow, folder))
+    newest = folder / "checkpoint" / "step-000000005.json"
+    newest.write_text(newest.read_text().replace('"seed": 0', '"seed": 1'))
+    resumed = make_run(tiny(resume=True), flow, folder)
+    resumed.train()
+    whole = make_run(tiny(), flow)
+    whole.train()
+    assert torch.equal(resumed.trainer.params, whole.trainer.params)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda path: path.unlink(),
+        lambda path: path.write_text("step\n"),
+        lambda path: path.write_bytes(b"\xff" * path.stat().st_size),
+        lambda path: path.write_text(path.read_text().replace("\n5,", "\n,,", 1)),
+        lambda path: path.write_text(path.read_text().replace("\n5,", "\n1e999,", 1)),
+    ],
+)
+def test_a_damaged_history_is_one_sentence(damage: Any, flow: Flow, tmp_path: Path) -> None:
+    interrupted_at(8, make_run(tiny(), flow, tmp_path / "run"))
+    path = tmp_path / "run" / "history.csv"
+    damage(path)
+    with pytest.raises(CheckpointError, match=r"history.csv is not the file of this checkpoint"):
+        make_run(tiny(resume=True), flow, tmp_path / "run").train()

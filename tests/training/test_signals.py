@@ -12,8 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from granpinn.data import Flow
+from granpinn.errors import Interrupted
 from granpinn.training import checkpoint
-from granpinn.training.guard import signals
+from granpinn.training.guard import Signals, signals
+from tests.runs import make_run, tiny
 
 ENDLESS = ["--steps", "1000000", "--log-every", "10", "--network.widths", "6,5"]
 
@@ -51,8 +54,8 @@ def test_a_signal_saves_and_stops_within_ten_seconds(
     assert "Traceback" not in err
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
-    assert f"stopped at step {found.state['step']};" in last
-    assert found.state["step"] > 0
+    assert f"stopped at step {found.state.training.step};" in last
+    assert found.state.training.step > 0
 
 
 def test_a_second_signal_ends_the_process_at_once() -> None:
@@ -71,6 +74,32 @@ def test_a_second_signal_ends_the_process_at_once() -> None:
         process.send_signal(signal.SIGTERM)
     assert process.wait(timeout=5) == 143
     process.stdout.close()
+
+
+def test_a_signal_in_the_last_layer_step_stops_the_run(
+    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = make_run(tiny(), flow, tmp_path)
+
+    def last_layer() -> None:
+        signal.raise_signal(signal.SIGTERM)
+        pytest.fail("the signal was not noticed")
+
+    monkeypatch.setattr(run.trainer, "solve_last_layer", last_layer)
+    with pytest.raises(Interrupted, match="stopped at step 40; .*--resume") as stop:
+        run.train()
+    assert stop.value.signum == signal.SIGTERM
+    again = make_run(tiny(resume=True), flow, tmp_path)
+    again.train()
+    assert again.trainer.solved
+
+
+def test_a_signal_just_before_the_last_layer_is_not_lost() -> None:
+    caught = Signals()
+    caught.handle(signal.SIGINT, None)
+    with pytest.raises(Interrupted, match="here") as stop:
+        caught.stop_at_once("here")
+    assert stop.value.signum == signal.SIGINT
 
 
 def test_handlers_are_put_back() -> None:
@@ -111,7 +140,7 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     assert str(folder / "history.csv") in done.stderr.splitlines()[-1]
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
-    assert found.state["step"] > 0
+    assert found.state.training.step > 0
 
 
 def test_the_limit_of_this_process_is_untouched() -> None:
