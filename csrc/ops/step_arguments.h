@@ -34,6 +34,7 @@ class InPlace {
 
   // The memory from the first to the last element of a tensor, with gaps or without.
   void spans(const char* name, const at::Tensor& a, bool changed) {
+    GRANPINN_CHECK_VALUE(!a.is_neg(), name, " must not be a negated view: pass a clone of it");
     std::int64_t bytes = 0;
     if (a.numel() > 0) {
       bytes = 1;
