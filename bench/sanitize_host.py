@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from bench import copied_tree
 
@@ -57,7 +58,8 @@ def environment(kernels: str) -> dict[str, str]:
     }
 
 
-def check(tree: Path, tests: str, kernels: str) -> dict[str, object]:
+def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
+    """Runs some tests with the kernels of one instruction set; what they showed."""
     begin = time.monotonic()
     options = ["-k", "not cuda", "-o", "timeout=900", "-W", "ignore", tests]
     code, output = copied_tree.pytest(tree, options, 1800, environment(kernels))
@@ -93,16 +95,17 @@ def main() -> int:
     if error:
         print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
         return 2
-    rows = []
-    record = {"build_seconds": round(time.monotonic() - begin, 1), "runs": rows}
+    rows: list[dict[str, Any]] = []
+    record: dict[str, Any] = {"build_seconds": round(time.monotonic() - begin, 1), "runs": rows}
     for kernels in arguments.kernels:
         for tests in arguments.tests:
             rows.append(check(tree, tests, kernels))
             print(json.dumps(rows[-1]), flush=True)
             if arguments.out:
                 arguments.out.write_text(json.dumps(record, indent=1) + "\n")
-    reports = sum(len(row["reports"]) for row in rows)  # type: ignore[arg-type]
-    print(f"sanitize_host: {reports} reports, {sum(bool(r['exit_code']) for r in rows)} failures")
+    reports = sum(len(row["reports"]) for row in rows)
+    failures = sum(row["exit_code"] != 0 for row in rows)
+    print(f"sanitize_host: {reports} reports, {failures} failures")
     return int(any(row["exit_code"] or row["reports"] for row in rows))
 
 
