@@ -34,3 +34,12 @@ add_library(granpinn_options INTERFACE)
 target_compile_options(granpinn_options INTERFACE
   -Wall -Wextra -fno-math-errno -fno-trapping-math)
 target_include_directories(granpinn_options INTERFACE ${CMAKE_CURRENT_SOURCE_DIR}/csrc)
+
+# For bench/sanitize_host.py: the first report of a sanitizer ends the process.
+option(GRANPINN_SANITIZE "Check memory, integers and casts of the host code while it runs" OFF)
+if(GRANPINN_SANITIZE)
+  set(SANITIZERS -fsanitize=address,undefined,float-cast-overflow)
+  target_compile_options(granpinn_options INTERFACE
+    ${SANITIZERS} -fno-sanitize=vptr -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)
+  target_link_options(granpinn_options INTERFACE ${SANITIZERS})
+endif()

@@ -24,6 +24,8 @@ GRANPINN_HD constexpr int residuals_of_form(Form form) {
 // The sums that a pass over the points leaves: squares of the terms, then the gradient by theta.
 constexpr int kSums = kTerms + kMaxLawParameters;
 
+constexpr int kMaxLayers = 64;  // affine maps of a network
+
 template <class T>
 struct Network {
   const std::int64_t* widths;  // [layers + 1]: 3, hidden ..., outputs

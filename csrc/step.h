@@ -19,6 +19,15 @@ enum Fault : std::int64_t { kLoss, kGradient, kLawGradient, kParams, kLawScalars
 constexpr std::int64_t kFaults = 8;  // fault[e] = step * kFaults + Fault of the first one
 constexpr std::int64_t kHealthy = INT64_MAX;
 
+// For |step| < 2^60. Beyond that it wraps around.
+GRANPINN_HD std::int64_t fault_code(std::int64_t step, Fault what) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(step) * kFaults + what);
+}
+// The next number; the largest one wraps around.
+GRANPINN_HD std::int64_t next(std::int64_t a) {
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) + 1);
+}
+
 // The step of the run and its control table. `counter` is (step, step of the table's first row, 0).
 // update advances the step; on a GPU, the last number counts the blocks that have read the step.
 struct Control {
@@ -28,11 +37,15 @@ struct Control {
   std::int64_t rows, members;
 
   GRANPINN_HD const double* row(std::int64_t step) const {
-    const std::int64_t i = step - counter[1];
-    return table + (i < 0 ? 0 : i < rows ? i : rows - 1) * (2 + members);
+    const auto last = static_cast<std::uint64_t>(rows - 1);
+    const std::uint64_t i =
+        static_cast<std::uint64_t>(step) - static_cast<std::uint64_t>(counter[1]);
+    return table + (step < counter[1] ? 0 : i < last ? i : last) * (2 + members);
   }
   // The step of the last update.
-  GRANPINN_HD std::int64_t updated() const { return counter[0] - 1; }
+  GRANPINN_HD std::int64_t updated() const {
+    return static_cast<std::int64_t>(static_cast<std::uint64_t>(counter[0]) - 1);
+  }
 };
 
 // The learning rates and the faults of the members.
@@ -43,7 +56,7 @@ struct Members {
 
   // Whether the member had a fault before `what` in this step, or any fault in an earlier one.
   GRANPINN_HD bool frozen(std::int64_t e, std::int64_t step, Fault what) const {
-    return fault[e] < step * kFaults + what;
+    return fault[e] < fault_code(step, what);
   }
 };
 
@@ -138,7 +151,7 @@ GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, s
   const double factor = row[0] * arguments.members.lr_scale[e];
   const T weight = static_cast<T>(row[1]);
   std::int64_t* count = arguments.members.counts + 2 * e + 1;
-  const std::int64_t t = *count + 1, at = v.parameters * e;
+  const std::int64_t t = next(*count), at = v.parameters * e;
   T q[N] = {}, first[N] = {}, second[N] = {}, average[N] = {}, theta[N] = {}, theta_a[N] = {};
   for (int k = 0; k < N; ++k) {
     if (k >= v.parameters) continue;

@@ -13,8 +13,8 @@ at::Tensor CpuBackend::orthogonalize(const at::Tensor& G, c10::string_view preci
   if (from.numel() == 0) return out;
   const std::int64_t count = from.numel() / (m * n), team = team_size(count);
   const std::int64_t R = padded(std::min(m, n)), C = padded(std::max(m, n));
-  const std::int64_t scratch = 2 * R * (R + C);
-  const at::Tensor memory = at::empty({team * scratch}, from.options());
+  const std::int64_t scratch = checked_mul(2 * R, R + C);
+  const at::Tensor memory = at::empty({checked_mul(team, scratch)}, from.options());
   AT_DISPATCH_FLOATING_TYPES(from.scalar_type(), "orthogonalize", [&] {
     const scalar_t* source = from.const_data_ptr<scalar_t>();
     scalar_t *to = out.mutable_data_ptr<scalar_t>(), *own = memory.mutable_data_ptr<scalar_t>();

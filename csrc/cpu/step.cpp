@@ -16,7 +16,7 @@ namespace granpinn {
 namespace {
 
 void note(std::int64_t* fault, std::int64_t step, Fault what) {
-  *fault = std::min(*fault, step * kFaults + what);
+  *fault = std::min(*fault, fault_code(step, what));
 }
 
 // Whether all of n values are finite: a sum of differences that are 0 or NaN.
@@ -58,11 +58,12 @@ void CpuBackend::draw(const BatchArguments<T>& a) {
 
 template <class T>
 void CpuBackend::update(const UpdateArguments<T>& a) {
-  const std::int64_t step = a.control.counter[0]++;
+  const std::int64_t step = a.control.counter[0];
+  a.control.counter[0] = next(step);
   for (std::int64_t e = 0; e < a.control.members; ++e) {
     std::int64_t* fault = a.members.fault + e;
     if (a.members.frozen(e, step, kLoss)) continue;
-    ++a.members.counts[2 * e];
+    a.members.counts[2 * e] = next(a.members.counts[2 * e]);
     const auto [loss, law] = sound(a, e);
     if (!loss) note(fault, step, kLoss);
     if (!law) note(fault, step, kLawGradient);

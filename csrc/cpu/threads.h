@@ -7,6 +7,7 @@
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 
+#include "checked.h"
 #include "kernel_table.h"
 
 namespace granpinn {
@@ -42,8 +43,8 @@ class Team {
         gradient_(padded(gradient_offset(net, net.layers))),
         share_(workspace_bytes_ + gradient_ * (sizeof(T) + sizeof(double))) {
     thread_local at::Tensor kept;
-    if (!kept.defined() || kept.numel() < size_ * share_)
-      kept = at::empty({size_ * share_}, at::kByte);
+    const std::int64_t bytes = checked_mul(size_, share_);
+    if (!kept.defined() || kept.numel() < bytes) kept = at::empty({bytes}, at::kByte);
     memory_ = kept.mutable_data_ptr<std::uint8_t>();
   }
 

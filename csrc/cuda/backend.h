@@ -54,12 +54,9 @@ Batched<T> batched(const Shared& a) {
 template <class T>
 DeviceNetwork<T> device_network(const at::Tensor& params, Ints widths, std::int64_t count,
                                 std::int64_t members) {
-  const auto layers = static_cast<std::int64_t>(widths.size()) - 1;
-  GRANPINN_CHECK_VALUE(layers <= kMaxLayers, "a network on the GPU has at most ", kMaxLayers,
-                       " layers, got widths ", widths);
   DeviceNetwork<T> net{};
-  net.layers = static_cast<int>(layers);
-  for (std::int64_t l = 0; l <= layers; ++l) net.widths[l] = widths[l];
+  net.layers = static_cast<int>(widths.size()) - 1;
+  for (int l = 0; l <= net.layers; ++l) net.widths[l] = widths[l];
   net.members = members;
   net.count = count;
   net.params = params.const_data_ptr<T>();

@@ -10,8 +10,6 @@
 
 namespace granpinn::cuda {
 
-constexpr int kMaxLayers = 64;
-
 // A tensor of the ensemble: member e starts at data + e stride (stride 0: all share it).
 template <class T>
 struct Batched {

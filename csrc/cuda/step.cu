@@ -69,7 +69,7 @@ struct Update {
 
 template <class T>
 __device__ void load_state(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
-  const std::int64_t step = a.control.counter[0], count = a.members.counts[2 * e] + 1;
+  const std::int64_t step = a.control.counter[0], count = next(a.members.counts[2 * e]);
   const Sound now = sound(a, e);
   const double* row = a.control.row(step);
   update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
@@ -97,12 +97,12 @@ __device__ void advance(const UpdateArguments<T>& a) {
                    : "=l"(arrived)
                    : "l"(a.control.counter + 2)
                    : "memory");
-    a.control.counter[0] = step + 1;
+    a.control.counter[0] = next(step);
     a.control.counter[2] = 0;
   }
   __syncthreads();
   for (std::int64_t e = threadIdx.x; e < a.control.members; e += kThreads)
-    if (!a.members.frozen(e, step, kLoss)) ++a.members.counts[2 * e];
+    if (!a.members.frozen(e, step, kLoss)) a.members.counts[2 * e] = next(a.members.counts[2 * e]);
 }
 
 template <class T>

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "checked.h"
 #include "checks.h"
 #include "problem.h"
 
@@ -27,10 +28,13 @@ inline std::string shape_of(const at::Tensor& a) {
 inline std::int64_t parameter_count(Ints widths) {
   GRANPINN_CHECK_VALUE(widths.size() >= 2 && widths[0] == 3,
                        "widths must be [3, hidden ..., outputs], got ", widths);
+  GRANPINN_CHECK_VALUE(widths.size() <= kMaxLayers + 1, "a network has at most ", kMaxLayers,
+                       " layers, got ", widths.size() - 1);
   for (const auto w : widths)
     GRANPINN_CHECK_VALUE(w >= 1 && w <= 65536, "widths must be in 1..65536, got ", widths);
   std::int64_t count = 0;
-  for (std::size_t l = 0; l + 1 < widths.size(); ++l) count += (widths[l] + 1) * widths[l + 1];
+  for (std::size_t l = 0; l + 1 < widths.size(); ++l)
+    count = checked_add(count, checked_mul(widths[l] + 1, widths[l + 1]));
   return count;
 }
 
@@ -83,12 +87,7 @@ inline Shared shared(const char* name, const at::Tensor& a, const at::Tensor& pa
       fits, name, " must be [", expected, "]",
       ensemble > 0 ? " with or without a leading E = " + std::to_string(ensemble) : std::string(),
       ", got ", shape_of(a));
-  std::int64_t stride = 0;
-  if (own) {
-    stride = 1;
-    for (std::int64_t i = 1; i < a.dim(); ++i) stride *= a.size(i);
-  }
-  return {a.contiguous(), stride};
+  return {a.contiguous(), own ? a.numel() / ensemble : 0};
 }
 
 // The input map (x - shift) scale may come as host lists or from a tensor: `Values` is either.
@@ -111,10 +110,20 @@ inline void check_physics(std::int64_t count) {
   GRANPINN_CHECK_VALUE(count == kPhysics, "physics must be [", names, "], got ", count, " values");
 }
 
+// Refuses constants with which a clamp or the root of I would hide a NaN. Returns them.
+template <class T>
+const Physics<T>& sound(const Physics<T>& c) {
+  GRANPINN_CHECK_VALUE(c.eta_min <= c.eta_max, "eta_min must be at most eta_max, got ", c.eta_min,
+                       " and ", c.eta_max);
+  GRANPINN_CHECK_VALUE(c.pressure_floor >= 0,
+                       "the floor of the pressure must not be negative, got ", c.pressure_floor);
+  return c;
+}
+
 template <class T>
 Physics<T> physics_of(Doubles values) {
   check_physics(static_cast<std::int64_t>(values.size()));
-  return physics_from<T>(values.data());
+  return sound(physics_from<T>(values.data()));
 }
 
 inline LawName law_of(c10::string_view name) {

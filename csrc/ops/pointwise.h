@@ -35,6 +35,7 @@ struct ViscosityTensors {
     a.physics.eta_min = static_cast<T>(eta_min);
     a.physics.eta_max = static_cast<T>(eta_max);
     a.physics.pressure_floor = static_cast<T>(p_floor);
+    sound(a.physics);
     a.law = law;
     a.theta = theta.const_data_ptr<T>();
     a.n = gamma_dot.size(0);
@@ -117,6 +118,8 @@ at::Tensor sample_indices(const at::Tensor& step, std::int64_t seed, std::int64_
                        count);
   GRANPINN_CHECK_VALUE(population >= 1 && population < (1ll << 32),
                        "population must be in 1..2^32 - 1, got ", population);
+  GRANPINN_CHECK_VALUE(stream >= 0 && stream < (1ll << 32), "stream must be in 0..2^32 - 1, got ",
+                       stream);
   const c10::DeviceGuard guard(step.device());
   at::Tensor out = at::empty({count}, step.options());
   Backend::sample(step.const_data_ptr<std::int64_t>(), static_cast<std::uint64_t>(seed),

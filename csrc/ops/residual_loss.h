@@ -61,7 +61,7 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.count = parameter_count(widths);
   in.widths = widths;
   in.fast = fast_precision(precision);
-  check_physics(physics.size(-1));
+  check_physics(physics.dim() > 0 ? physics.size(-1) : 1);
   in.E = ensemble_size(params, in.count);
   in.form = form_of(form);
   in.law = law_of(law);
@@ -82,6 +82,11 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.input_shift = checked("input_shift", input_shift, {3});
   in.input_scale = checked("input_scale", input_scale, {3});
   in.physics = checked("physics", physics, {kPhysics});
+  if (physics.is_cpu())  // on a GPU the check would wait for it
+    AT_DISPATCH_FLOATING_TYPES(params.scalar_type(), "physics", [&] {
+      for (std::int64_t e = 0; e < in.members(); ++e)
+        sound(physics_from<scalar_t>(in.physics.member<scalar_t>(e)));
+    });
   return in;
 }
 

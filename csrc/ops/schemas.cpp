@@ -55,6 +55,13 @@ TORCH_LIBRARY(granpinn, m) {
       "float learning_rate, str precision) -> ()");
 }
 
+// torch's own handling of negated views ends the process for an operator that returns nothing. These
+// operators refuse such views (InPlace::spans).
+TORCH_LIBRARY_IMPL(granpinn, Negative, m) {
+  m.impl("update", torch::CppFunction::makeFallthrough());
+  m.impl("descend", torch::CppFunction::makeFallthrough());
+}
+
 PYBIND11_MODULE(_C, m) {
   m.doc() = "granpinn's compiled kernels; importing this registers torch.ops.granpinn";
   m.def("build_info", [] {

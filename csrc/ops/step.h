@@ -6,75 +6,13 @@
 #pragma once
 
 #include <c10/core/DeviceGuard.h>
+#include <algorithm>
 #include <tuple>
 
-#include "../batch.h"
 #include "residual_loss.h"
+#include "step_arguments.h"
 
 namespace granpinn {
-
-// Checks the type, the shape and the device (the same as `like`) of a tensor that is used in place.
-inline void expect(const char* name, const at::Tensor& a, at::ScalarType type,
-                   const at::Tensor& like, std::vector<std::int64_t> shape) {
-  const at::IntArrayRef expected(shape);
-  GRANPINN_CHECK_TYPE(a.scalar_type() == type && a.device() == like.device(), name, " must be ",
-                      c10::toString(type), " on ", like.device().str(), ", got ", shape_of(a));
-  GRANPINN_CHECK_VALUE(a.sizes() == expected && a.is_contiguous(), name, " must be ", expected,
-                       " and contiguous, got ", shape_of(a));
-}
-
-inline Control control_of(const at::Tensor& counter, const at::Tensor& table, std::int64_t E) {
-  expect("counter", counter, at::kLong, counter, {3});
-  GRANPINN_CHECK_VALUE(table.dim() == 2 && table.size(0) >= 1, "table must be [rows, ", 2 + E,
-                       "] with at least one row, got ", shape_of(table));
-  expect("table", table, at::kDouble, counter, {table.size(0), 2 + E});
-  return {counter.mutable_data_ptr<std::int64_t>(), table.const_data_ptr<double>(), table.size(0),
-          E};
-}
-
-inline Members members_of(const at::Tensor& lr_scale, const at::Tensor& fault,
-                          const at::Tensor& counts, const at::Tensor& like, std::int64_t E) {
-  expect("lr_scale", lr_scale, at::kDouble, like, {E});
-  expect("fault", fault, at::kLong, like, {E});
-  expect("counts", counts, at::kLong, like, {E, 2});
-  return {lr_scale.const_data_ptr<double>(), fault.mutable_data_ptr<std::int64_t>(),
-          counts.mutable_data_ptr<std::int64_t>()};
-}
-
-inline AdamSettings adam_settings(Doubles values) {
-  GRANPINN_CHECK_VALUE(values.size() == 4,
-                       "adam must be [learning_rate, beta_1, beta_2, epsilon], got ", values.size(),
-                       " values");
-  return {values[0], values[1], values[2], values[3]};
-}
-
-// A code of `Variable` for every parameter of a law, and the bounds (low, high) of its q.
-inline LawVariables law_variables(Ints codes, Doubles bounds) {
-  const std::size_t N = codes.size();
-  GRANPINN_CHECK_VALUE(N >= 1 && N <= kMaxLawParameters && bounds.size() == 2 * N,
-                       "variables must be 1 to ", kMaxLawParameters,
-                       " codes with two bounds each, got ", N, " and ", bounds.size(), " bounds");
-  LawVariables v{};
-  v.parameters = static_cast<int>(N);
-  for (std::size_t k = 0; k < N; ++k) {
-    GRANPINN_CHECK_VALUE(codes[k] >= 0 && codes[k] < kVariables, "variables must be in 0..",
-                         kVariables - 1, ", got ", codes);
-    v.kind[k] = static_cast<Variable>(codes[k]);
-    v.low[k] = bounds[2 * k];
-    v.high[k] = bounds[2 * k + 1];
-  }
-  GRANPINN_CHECK_VALUE(v.kind[0] != Variable::logarithm_above,
-                       "the first parameter of a law has no parameter below it, got ", codes);
-  return v;
-}
-
-// [E, P] and the type of params.
-inline std::pair<std::int64_t, std::int64_t> ensemble_of(const at::Tensor& params) {
-  GRANPINN_CHECK_TYPE(params.scalar_type() == at::kFloat || params.scalar_type() == at::kDouble,
-                      "params must be float32 or float64, got ", shape_of(params));
-  GRANPINN_CHECK_VALUE(params.dim() == 2, "params must be [E, P], got ", shape_of(params));
-  return {params.size(0), params.size(1)};
-}
 
 template <class Backend>
 struct StepOps {
@@ -87,40 +25,65 @@ struct StepOps {
                         const at::Tensor& term_weights, std::int64_t interior, std::int64_t surface,
                         std::int64_t share) {
     const c10::DeviceGuard guard(points.device());
-    const std::int64_t E = seeds.numel(), N = points.size(0), M = surface_points.size(0);
     const at::ScalarType type = points.scalar_type();
     GRANPINN_CHECK_TYPE(type == at::kFloat || type == at::kDouble,
                         "points must be float32 or float64, got ", shape_of(points));
-    expect("seeds", seeds, at::kLong, points, {E});
-    expect("places", places, at::kLong, points, {E, 4});
-    expect("points", points, type, points, {N, 3});
-    expect("velocity", velocity, type, points, {N, 2});
-    expect("point_weights", point_weights, type, points, {N, 2});
-    expect("surface_points", surface_points, type, points, {M, 3});
-    expect("surface_pressure", surface_pressure, type, points, {M});
-    expect("term_weights", term_weights, type, points, {E, kTerms});
+    GRANPINN_CHECK_VALUE(points.dim() == 2 && surface_points.dim() == 2,
+                         "points and surface_points must be [N, 3] and [M, 3], got ",
+                         shape_of(points), " and ", shape_of(surface_points));
+    const std::int64_t E = seeds.numel(), N = points.size(0), M = surface_points.size(0);
+    InPlace tensors(points);
+    tensors.reads("seeds", seeds, at::kLong, {E});
+    tensors.reads("places", places, at::kLong, {E, 4});
+    tensors.reads("points", points, type, {N, 3});
+    tensors.reads("velocity", velocity, type, {N, 2});
+    tensors.reads("point_weights", point_weights, type, {N, 2});
+    tensors.reads("surface_points", surface_points, type, {M, 3});
+    tensors.reads("surface_pressure", surface_pressure, type, {M});
+    tensors.reads("term_weights", term_weights, type, {E, kTerms});
     GRANPINN_CHECK_VALUE(interior >= 0 && surface >= 0 && share >= 0,
                          "interior, surface and share must not be negative, got ", interior, ", ",
                          surface, " and ", share);
+    const std::int64_t parts = checked_add(share, 1);
+    GRANPINN_CHECK_VALUE(
+        checked_mul(parts, interior) <= (1ll << 32) && checked_mul(parts, surface) <= (1ll << 32),
+        "all parts of a batch must have at most 2^32 points, got ", parts, " parts of ", interior,
+        " and ", surface);
     GRANPINN_CHECK_VALUE((N > 0 || interior == 0) && (M > 0 || surface == 0),
                          "there must be points to draw from, got ", N, " and ", M,
                          " for batches of ", interior, " and ", surface);
+    if (interior > 0) check_places("points", places, 0, N);
+    if (surface > 0) check_places("surface points", places, 2, M);
+    const Control control = control_of(tensors, counter, table, E, false);
     const auto empty = [&](std::vector<std::int64_t> shape) {
       return at::empty(shape, points.options());
     };
     const Six out{empty({E, interior, 3}), empty({E, interior, 2}), empty({E, interior, 2}),
                   empty({E, surface, 3}),  empty({E, surface}),     empty({E, kTerms})};
-    const Control control = control_of(counter, table, E);
     AT_DISPATCH_FLOATING_TYPES(type, "draw_batch", [&] {
       using T = scalar_t;
       const auto data = [](const at::Tensor& a) { return a.const_data_ptr<T>(); };
       const auto to = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
-      Backend::draw(BatchArguments<T>{
-          control, interior, surface, share, seeds.const_data_ptr<std::int64_t>(),
-          places.const_data_ptr<std::int64_t>(), data(points), data(velocity), data(point_weights),
-          data(surface_points), data(surface_pressure), data(term_weights), to(std::get<0>(out)),
-          to(std::get<1>(out)), to(std::get<2>(out)), to(std::get<3>(out)), to(std::get<4>(out)),
-          to(std::get<5>(out))});
+      Backend::draw(BatchArguments<T>{control,
+                                      N,
+                                      M,
+                                      interior,
+                                      surface,
+                                      share,
+                                      seeds.const_data_ptr<std::int64_t>(),
+                                      places.const_data_ptr<std::int64_t>(),
+                                      data(points),
+                                      data(velocity),
+                                      data(point_weights),
+                                      data(surface_points),
+                                      data(surface_pressure),
+                                      data(term_weights),
+                                      to(std::get<0>(out)),
+                                      to(std::get<1>(out)),
+                                      to(std::get<2>(out)),
+                                      to(std::get<3>(out)),
+                                      to(std::get<4>(out)),
+                                      to(std::get<5>(out))});
     });
     return out;
   }
@@ -161,26 +124,28 @@ struct StepOps {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
-    expect("params", params, type, params, {E, P});
-    expect("loss", loss, type, params, {E});
-    expect("gradient", gradient, type, params, {E, P});
-    expect("first", first, type, params, {E, P});
-    expect("second", second, type, params, {E, P});
-    expect("direction", direction, type, params, {E, P});
-    expect("average_params", average_params, type, params, {E, P});
+    InPlace tensors(params);
+    tensors.changes("params", params, type, {E, P});
+    tensors.reads("loss", loss, type, {E});
+    tensors.reads("gradient", gradient, type, {E, P});
+    tensors.changes("first", first, type, {E, P});
+    tensors.changes("second", second, type, {E, P});
+    tensors.changes("direction", direction, type, {E, P});
+    tensors.changes("average_params", average_params, type, {E, P});
     const LawVariables kinds = law_variables(variables, bounds);
-    expect("grad_theta", grad_theta, type, params, {E, kinds.parameters});
-    expect("q", q, type, params, {E, kinds.parameters});
-    expect("first_q", first_q, type, params, {E, kinds.parameters});
-    expect("second_q", second_q, type, params, {E, kinds.parameters});
-    expect("theta", theta, type, params, {E, kinds.parameters});
-    expect("average_q", average_q, type, params, {E, kinds.parameters});
-    const auto regions = static_cast<int>(matrices.size() / 2);
-    GRANPINN_CHECK_VALUE(matrices.size() % 2 == 0 && regions <= kMaxRegions,
-                         "matrices must be (begin, size) of at most ", kMaxRegions,
-                         " hidden matrices, got ", matrices.size(), " numbers");
-    const Control control = control_of(counter, table, E);
-    const Members members = members_of(lr_scale, fault, counts, params, E);
+    tensors.reads("grad_theta", grad_theta, type, {E, kinds.parameters});
+    tensors.changes("q", q, type, {E, kinds.parameters});
+    tensors.changes("first_q", first_q, type, {E, kinds.parameters});
+    tensors.changes("second_q", second_q, type, {E, kinds.parameters});
+    tensors.changes("theta", theta, type, {E, kinds.parameters});
+    tensors.changes("average_q", average_q, type, {E, kinds.parameters});
+    GRANPINN_CHECK_VALUE(finite(momentum), "momentum must be finite, got ", momentum);
+    Region region[kMaxRegions] = {};
+    const int regions = regions_of(matrices, P, region);
+    const Control control = control_of(tensors, counter, table, E, true);
+    check_step(control, counter);
+    const Members members = members_of(tensors, lr_scale, fault, counts, E, true);
+    tensors.are_apart();
     AT_DISPATCH_FLOATING_TYPES(type, "update", [&] {
       using T = scalar_t;
       const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
@@ -208,14 +173,7 @@ struct StepOps {
                            at(direction),
                            at(average_params),
                            law};
-      std::int64_t end = 0;
-      for (int i = 0; i < regions; ++i) {
-        a.region[i] = {matrices[2 * i], matrices[2 * i + 1]};
-        GRANPINN_CHECK_VALUE(a.region[i].begin >= end && a.region[i].size >= 0,
-                             "matrices must be ascending and apart, got ", matrices);
-        end = a.region[i].begin + a.region[i].size;
-      }
-      GRANPINN_CHECK_VALUE(end <= P, "matrices must end within ", P, " parameters, got ", matrices);
+      std::copy_n(region, regions, a.region);
       Backend::update(a);
     });
   }
@@ -233,15 +191,23 @@ struct StepOps {
                         shape_of(G));
     GRANPINN_CHECK_VALUE(G.dim() == 4 && G.size(0) == E, "G must be [", E, ", L, m, n], got ",
                          shape_of(G));
-    const std::int64_t L = G.size(1), size = G.size(2) * G.size(3);
-    expect("params", params, type, params, {E, P});
-    expect("average_params", average_params, type, params, {E, P});
+    const std::int64_t L = G.size(1), size = checked_mul(G.size(2), G.size(3));
+    InPlace tensors(params);
+    tensors.changes("params", params, type, {E, P});
+    tensors.changes("average_params", average_params, type, {E, P});
+    tensors.spans("G", G, false);
     GRANPINN_CHECK_VALUE(
-        offset >= 0 && (L == 0 || (apart >= size && offset + (L - 1) * apart + size <= P)),
+        offset >= 0 &&
+            (L == 0 ||
+             (apart >= size && within(offset, checked_add(checked_mul(L - 1, apart), size), P))),
         "the matrices must lie apart within ", P, " parameters, got offset ", offset, ", apart ",
         apart, " and G ", shape_of(G));
-    const Control control = control_of(counter, table, E);
-    const Members members = members_of(lr_scale, fault, counts, params, E);
+    GRANPINN_CHECK_VALUE(finite(learning_rate), "learning_rate must be finite, got ",
+                         learning_rate);
+    const Control control = control_of(tensors, counter, table, E, false);
+    check_step(control, counter);
+    const Members members = members_of(tensors, lr_scale, fault, counts, E, false);
+    tensors.are_apart();
     fast_precision(precision);
     if (G.numel() == 0) return;
     AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {

@@ -112,3 +112,9 @@ def test_viscosity_of_unlike_fields(ops: ModuleType) -> None:
 def test_indices_of_nothing(count: int, population: int, message: str, ops: ModuleType) -> None:
     with pytest.raises(ValueError, match=message):
         ops.sample_indices(0, 0, 0, count, population)
+
+
+def test_too_many_layers(ops: ModuleType) -> None:
+    case = problem(small("mixed", hidden=(2,) * 64))
+    with pytest.raises(ValueError, match="a network has at most 64 layers, got 65"):
+        ops.residual_loss(*case.loss)

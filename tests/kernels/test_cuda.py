@@ -85,12 +85,6 @@ def test_many_points_and_members_go_in_chunks(cuda_ops: ModuleType, cpu_ops: Mod
         torch.testing.assert_close(a, b, rtol=1e-9, atol=1e-11 * float(b.abs().max()))
 
 
-def test_too_many_layers(cuda_ops: ModuleType) -> None:
-    case = problem(small("mixed", hidden=(2,) * 64))
-    with pytest.raises(ValueError, match="a network on the GPU has at most 64 layers"):
-        cuda_ops.residual_loss(*case.loss)
-
-
 def test_a_tensor_that_was_left_on_the_cpu(cuda_ops: ModuleType) -> None:
     case = problem(small("mixed"))
     arguments = on_gpu(as_tensors(case.loss))

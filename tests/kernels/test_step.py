@@ -9,37 +9,21 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn.kernels import (
-    ops,
-    step_ops,
-)
-from granpinn.kernels.network import n_params
+from granpinn.kernels import ops
 from granpinn.training.control_table import HEALTHY
 from granpinn.training.optimise import Group
 from granpinn.training.sampling import INTERIOR, SURFACE
 
-SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
-MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed
-STEP = 2**33 + 3
-
-
-def batch_arguments(dtype: torch.dtype, device: torch.device | str = "cpu") -> list[Any]:
-    """All but the sizes; the first row of the control table belongs to STEP - 1."""
-    N, M = (sum(sizes) for sizes in zip(*SIZES, strict=True))
-    places = [[0, 50, 0, 8], [50, 20, 8, 5]]
-    table = torch.ones(4, 2 + len(MEMBERS), dtype=torch.float64)
-    table[1, 2:] = torch.tensor([0.5, 0.25, 2.0])
-    tensors = [
-        torch.tensor([STEP, STEP - 1, 0]),
-        table,
-        torch.tensor([seed for _, seed in MEMBERS]),
-        torch.tensor([places[which] for which, _ in MEMBERS]),
-        *(torch.randn(N, k, dtype=dtype) for k in (3, 2, 2)),
-        torch.randn(M, 3, dtype=dtype),
-        torch.randn(M, dtype=dtype),
-        torch.randn(len(MEMBERS), 5, dtype=dtype),
-    ]
-    return [tensor.to(device) for tensor in tensors]
+from .step_inputs import (
+    MEMBERS,
+    SIZES,
+    STEP,
+    batch_arguments,
+    descend_arguments,
+    loss_arguments,
+    state,
+    update_arguments,
+)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -69,19 +53,6 @@ def test_batches_may_be_empty(device: torch.device) -> None:
     assert shapes == [(3, 0, 3), (3, 0, 2), (3, 0, 2), (3, 0, 3), (3, 0), (3, 5)]
 
 
-def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu") -> list[Any]:
-    """The rest: params, theta, widths, input map, physics, form, law, precision."""
-    widths = [3, 20, 30, 5]
-    tensors = [
-        torch.randn(E, n_params(widths), dtype=dtype) / 4,
-        torch.tensor([[0.4, 0.7, 0.3]], dtype=dtype).repeat(E, 1),
-        *(torch.rand(E, 3, dtype=dtype) for _ in range(2)),
-        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3]], dtype=dtype).repeat(E, 1),
-    ]
-    params, theta, *rest = (tensor.to(device) for tensor in tensors)
-    return [params, theta, widths, *rest, "mixed", "mu_of_i", "fast"]
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("sizes", [(13, 6), (0, 0)], ids=str)
 def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
@@ -100,34 +71,6 @@ def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
     assert found[0].isfinite().all()
 
 
-def state(E: int, device: str = "cpu") -> list[Tensor]:
-    """counter, table, lr_scale, fault, counts."""
-    return [
-        torch.zeros(3, dtype=torch.int64, device=device),
-        torch.ones(2, 2 + E, dtype=torch.float64, device=device),
-        torch.ones(E, dtype=torch.float64, device=device),
-        torch.full((E,), HEALTHY, device=device),
-        torch.zeros(E, 2, dtype=torch.int64, device=device),
-    ]
-
-
-def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    """Loss and network from 5 on, those of the friction law from 15 on."""
-    adam = [1e-3, 0.9, 0.99, 1e-8]
-    network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(7)]
-    law = [torch.rand(E, 3, dtype=dtype) for _ in range(6)]
-    variables = [step_ops.VARIABLES[kind] for kind in ("log", "log_above", "fixed")]
-    bounds = [-4.0, 1.0, -4.0, 1.0, 0.0, 0.0]
-    return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, variables, bounds, True]
-
-
-def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    direction, params, average = (torch.rand(E, P + 14, dtype=dtype) for _ in range(3))
-    group = Group(3, 2, 2, 3)
-    places = (group.offset, group.apart, 0.1, "fast")
-    return [*state(E), group.of(direction), params, average, *places]
-
-
 CALLS = {
     "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
     "batch_loss": lambda E, P, dtype: [
@@ -141,14 +84,6 @@ CALLS = {
     "descend": descend_arguments,
     "orthogonalize": lambda E, P, dtype: [torch.rand(E, P, 4, dtype=dtype), "fast"],
 }
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-@pytest.mark.parametrize("name", CALLS)
-def test_opcheck(name: str, dtype: torch.dtype) -> None:
-    """Schemas (what is changed in place, what is not), shapes of fake tensors, tracing."""
-    operator = getattr(torch.ops.granpinn, name).default
-    torch.library.opcheck(operator, tuple(CALLS[name](3, 10, dtype)))
 
 
 REFUSED: dict[str, tuple[str, int, Any, str]] = {

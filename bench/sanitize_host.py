@@ -1,0 +1,113 @@
+"""Gate K-6 on the host: tests of the kernels and of the simulator under ASan and UBSan.
+
+    python -m bench.sanitize_host --out bench/studies/reliability/results/sanitizers.json
+
+Builds a copy of the repository in build/sanitize with -fsanitize=address,undefined. The first
+report ends the test process. Exit code 0: no report, and no test failed. Needs g++ and its libasan.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from bench import copied_tree
+
+BUILD = ["-DGRANPINN_SANITIZE=ON", "-DGRANPINN_CUDA=off", "-DCMAKE_CXX_FLAGS_RELEASE=-O1"]
+WORK = copied_tree.ROOT / "build" / "sanitize"
+
+# Small work alone: tests that time something or import other compiled libraries stay out.
+TESTS = [
+    "tests/kernels/test_hostile_calls.py",
+    "tests/kernels/test_small_work.py",
+    "tests/kernels/test_operators.py",
+    "tests/kernels/test_step.py",
+    "tests/kernels/test_arguments.py",
+    "tests/kernels/test_law_update.py",
+    "tests/kernels/test_laws.py",
+    "tests/kernels/test_orthogonalize.py",
+    "tests/kernels/test_pointwise.py",
+    "tests/kernels/test_sampling.py",
+    "tests/kernels/test_viscosity.py",
+    "tests/simulation",
+]
+REPORT = re.compile(r"ERROR: AddressSanitizer: .*|runtime error: .*")
+
+
+def library(name: str) -> str:
+    """The path of a library of the compiler."""
+    command = ["g++", f"-print-file-name={name}"]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def environment(kernels: str) -> dict[str, str]:
+    """Settings of the sanitizers; Python's own memory is never freed, so leaks are not counted."""
+    options = "detect_leaks=0:allocator_may_return_null=1:max_allocation_size_mb=2048"
+    return {
+        "LD_PRELOAD": f"{library('libasan.so')} {library('libstdc++.so.6')}",
+        "ASAN_OPTIONS": options,
+        "UBSAN_OPTIONS": "print_stacktrace=1",
+        "OMP_NUM_THREADS": "2",
+        "GRANPINN_CPU": kernels,
+    }
+
+
+def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
+    """Runs some tests with the kernels of one instruction set; what they showed."""
+    begin = time.monotonic()
+    options = ["-k", "not cuda", "-o", "timeout=900", "-W", "ignore", tests]
+    code, output = copied_tree.pytest(tree, options, 1800, environment(kernels))
+    passed = re.search(r"(\d+) passed", output)
+    reports = REPORT.findall(output)
+    for line in reports:
+        print(f"  {line}")
+    if code:
+        print(output[-3000:])
+    return {
+        "tests": tests,
+        "kernels": kernels,
+        "passed": int(passed[1]) if passed else 0,
+        "exit_code": code,
+        "reports": reports,
+        "seconds": round(time.monotonic() - begin, 1),
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, help="JSON file with tests, reports and times")
+    parser.add_argument("--kernels", nargs="+", default=["avx512"], help="avx512, avx2, generic")
+    parser.add_argument("--tests", nargs="+", default=TESTS)
+    parser.add_argument("--jobs", type=int, default=2, help="processes of the compiler")
+    arguments = parser.parse_args()
+    tree = WORK / "tree"
+    if tree.exists():
+        copied_tree.remove(tree)
+    copied_tree.copy_tree(tree, compiled=False)
+    begin = time.monotonic()
+    error = copied_tree.build(tree, WORK / "cmake", BUILD, arguments.jobs)
+    if error:
+        print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
+        return 2
+    rows: list[dict[str, Any]] = []
+    record: dict[str, Any] = {"build_seconds": round(time.monotonic() - begin, 1), "runs": rows}
+    for kernels in arguments.kernels:
+        for tests in arguments.tests:
+            rows.append(check(tree, tests, kernels))
+            print(json.dumps(rows[-1]), flush=True)
+            if arguments.out:
+                arguments.out.write_text(json.dumps(record, indent=1) + "\n")
+    reports = sum(len(row["reports"]) for row in rows)
+    failures = sum(row["exit_code"] != 0 for row in rows)
+    print(f"sanitize_host: {reports} reports, {failures} failures")
+    return int(any(row["exit_code"] or row["reports"] for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""The planted mistakes of gate V-4: each changes one line of a file.
+
+The old text must occur exactly once in its file. A test checks that, so the table keeps in step
+with the code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# The tests that could notice a mistake first, by area; the whole suite follows.
+TESTS = {
+    "kernels": ["tests/kernels"],
+    "cuda": ["tests/kernels", "tests/training"],
+    "solver": ["tests/simulation"],
+    "physics": ["tests/physics", "tests/kernels", "tests/config"],
+    "data": ["tests/data", "tests/importers"],
+    "units": ["tests/importers"],
+    "training": ["tests/training"],
+    "identification": ["tests/identification", "tests/results"],
+    "uncertainty": ["tests/uncertainty"],
+    "results": ["tests/results", "tests/identification"],
+    "simulation": ["tests/simulation"],
+    "inspection": ["tests/inspection"],
+}
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One wrong line.
+
+    Attributes:
+        area: a key of TESTS.
+        kind: sign, factor, index, missing term, wrong constant, or unit.
+    """
+
+    area: str
+    kind: str
+    file: str
+    old: str
+    new: str
+
+    @property
+    def compiled(self) -> bool:
+        return self.file.startswith("csrc/")
+
+    @property
+    def needs_gpu(self) -> bool:
+        return self.area == "cuda"
+
+
+def _rows(area: str, folder: str, rows: list[tuple[str, str, str, str]]) -> list[Mistake]:
+    return [Mistake(area, kind, f"{folder}/{file}", old, new) for kind, file, old, new in rows]
+
+
+MISTAKES = [
+    *_rows("kernels", "csrc/math", [
+        ("sign", "laws/mu_of_i.h", "theta_a[2] = -(mu_a * range * over * ratio);",
+         "theta_a[2] = mu_a * range * over * ratio;"),
+        ("missing term", "laws/mu_of_i.h", "return I_dmu * (rest - ratio); }",
+         "return I_dmu * rest; }"),
+        ("sign", "forms/mixed.h", "p.p_y - stress_y - c.g_y;", "p.p_y + stress_y - c.g_y;"),
+        ("missing term", "forms/mixed.h", "v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY]",
+         "v[kT] + u[kValue] * v[kX]"),
+        ("factor", "forms/mixed.h", "select(above_floor, T(0.5) * I_I_a / p.p, R(T(0)))",
+         "select(above_floor, I_I_a / p.p, R(T(0)))"),
+        ("wrong constant", "forms/mixed.h", "two_D2 * two_D2 + T(1e-12)",
+         "two_D2 * two_D2 + T(1e-6)"),
+        ("factor", "viscosity.h", "(T(0.25) * ID - T(0.5) * D) / p",
+         "(T(0.5) * ID - T(0.5) * D) / p"),
+        ("index", "viscosity.h", "select(less(R(c.eta_max), eta), high, inside)",
+         "select(less(R(c.eta_max), eta), low, inside)"),
+        ("wrong constant", "swish.h", "q * (r * (R(T(3)) + z * r) - (z + z) * q)",
+         "q * (r * (R(T(2)) + z * r) - (z + z) * q)"),
+        ("wrong constant", "philox.h", "key1 += 0xBB67AE85u;", "key1 += 0xBB67AE87u;"),
+        ("missing term", "adam.h", "static_cast<T>(sqrt(1 - power_2)),", "static_cast<T>(1),"),
+        ("sign", "law_variables.h", "theta * (T(1) - theta) * theta_a[k]",
+         "theta * (T(1) + theta) * theta_a[k]"),
+    ]),
+    *_rows("kernels", "csrc", [
+        ("index", "batch.h", "weights.values[kVelocity] *=", "weights.values[kSurface] *="),
+        ("index", "batch.h", "a.places + 4 * e + 2, a.M", "a.places + 4 * e, a.M"),
+        ("sign", "step.h", "const T moved = *param - rate * U;",
+         "const T moved = *param + rate * U;"),
+        ("index", "ops/step_arguments.h", "begin >= end && size >= 0", "size >= 0"),
+        ("factor", "cpu/residual_loss.cpp", "square / (2.0 * static_cast<double>(points))",
+         "square / static_cast<double>(points)"),
+        ("index", "cpu/kernels.cpp",
+         "for (int p = 0; p < kTile; ++p) w[p] = p < count ? T(1) : T(0);",
+         "for (int p = 0; p < kTile; ++p) w[p] = T(1);"),
+        ("missing term", "cpu/mlp_tile.h", "gW[out * ld + i] += sum.sum();",
+         "gW[out * ld + i] = sum.sum();"),
+        ("wrong constant", "cpu/orthogonalize.h", "b = T(-4.7750)", "b = T(-4.6750)"),
+    ]),
+    *_rows("solver", "csrc/collapse", [
+        ("wrong constant", "advection.h", "from_a = (2 * b + 5 * a - before) / 6",
+         "from_a = (2 * b + 4 * a - before) / 6"),
+        ("factor", "time_step.cpp", "viscous_.cell(i, j) = 2 * eta_center_(i, j);",
+         "viscous_.cell(i, j) = eta_center_(i, j);"),
+        ("missing term", "time_step.cpp", "- pushed_[k](i, j) - advected_[k](i, j);",
+         "- pushed_[k](i, j);"),
+        ("factor", "friction.h", "return 1 / (c / eta_grains + (1 - c) / eta_air);",
+         "return c * eta_grains + (1 - c) * eta_air;"),
+        ("missing term", "friction.h", "s.cohesion + friction.mu(", "friction.mu("),
+        ("factor", "poisson.h", "coarse.by_x(I, J) = S(0.5) * (by_x",
+         "coarse.by_x(I, J) = S(0.1) * (by_x"),
+    ]),
+    *_rows("physics", "granpinn/physics", [
+        ("unit", "scales.py", "return cls(length, velocity, length / velocity, density * g",
+         "return cls(length, velocity, length / velocity, density / g"),
+        ("unit", "scales.py", '"viscosity": self.pressure * self.time,',
+         '"viscosity": self.pressure / self.time,'),
+        ("missing term", "rheology.py", "torch.clamp(torch.abs(p), min=p_floor)",
+         "torch.clamp(p, min=p_floor)"),
+    ]),
+    *_rows("data", "granpinn/data", [
+        ("factor", "scaling.py", "math.sqrt(grain_density / flow.density)",
+         "(grain_density / flow.density)"),
+        ("missing term", "scaling.py", "return float(h.max() - h.min()) + cell",
+         "return float(h.max() - h.min())"),
+        ("factor", "points.py", "torch.stack([velocity * ((N + B) / N), physics], 1)",
+         "torch.stack([velocity, physics], 1)"),
+        ("factor", "noise.py", "return math.sqrt(sum(squares) / 2)",
+         "return math.sqrt(sum(squares))"),
+        ("index", "particles.py", "frame = np.searchsorted((t[1:] + t[:-1]) / 2, particles.t)",
+         "frame = np.searchsorted(t[1:], particles.t)"),
+    ]),
+    *_rows("units", "granpinn/importers", [
+        ("unit", "units.py", "found = found * (known * base) ** power",
+         "found = found * (known * base)"),
+        ("unit", "units.py", "return float(candidate.to(registry.m / registry.px).magnitude)",
+         "return float(candidate.magnitude)"),
+        ("wrong constant", "units.py", "gravity_of_earth = 9.80665 m/s^2",
+         "gravity_of_earth = 9.8665 m/s^2"),
+    ]),
+    *_rows("training", "granpinn/training", [
+        ("factor", "schedule.py", "(1 + math.cos(math.pi * decayed)) / 2",
+         "(1 + math.cos(math.pi * decayed)) / 3"),
+        ("sign", "schedule.py", "self.progress(step) >= 1 - self.settings.average",
+         "self.progress(step) >= self.settings.average"),
+        ("index", "objective.py", "point, surface = point + len(s.points), surface + len(",
+         "point, surface = point, surface + len("),
+        ("factor", "optimise.py", "math.sqrt(max(1.0, g.m / g.n))", "max(1.0, g.m / g.n)"),
+    ]),
+    *_rows("uncertainty", "granpinn/uncertainty", [
+        ("factor", "error_bars.py", "return math.pi / 2 / (K - 1 + math.pi / 2)",
+         "return 1 / (K - 1 + math.pi / 2)"),
+        ("sign", "error_bars.py", "intervals = [(m * math.exp(-r), m * math.exp(r))",
+         "intervals = [(m * math.exp(-r), m * math.exp(-r / 2))"),
+        ("missing term", "error_bars.py", "return resolved * trained * excess(residuals",
+         "return resolved * excess(residuals"),
+        ("missing term", "of_law.py", "residuals.velocity**2 - NOISE_ERROR * residuals.noise**2",
+         "residuals.velocity**2"),
+    ]),
+    *_rows("identification", "granpinn/identification", [
+        ("factor", "prediction.py", "D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2",
+         "D_xy = U * (z_y[:, 0] + z_x[:, 1])"),
+        ("factor", "scoring.py", "0.5 * (u_y + v_x) ** 2", "(u_y + v_x) ** 2"),
+        ("unit", "scoring.py", "d2 * fields.time >= D2_STAGNANT",
+         "d2 / fields.time >= D2_STAGNANT"),
+    ]),
+    *_rows("results", "granpinn/results", [
+        ("factor", "summary.py", "slope = (mu_2 - mu_s) / I0", "slope = (mu_2 - mu_s) * I0"),
+        ("index", "fields.py", "np.searchsorted(self.index, (k * size, (k + 1) * size))",
+         "np.searchsorted(self.index, (k * size, (k + 2) * size))"),
+    ]),
+    *_rows("simulation", "granpinn/simulation", [
+        ("index", "engine.py", "0.5 * (self.v[1:] + self.v[:-1])",
+         "0.5 * (self.v[1:] + self.v[1:])"),
+        ("index", "engine.py", '"gravity_y": collapse.gravity[1],',
+         '"gravity_y": collapse.gravity[0],'),
+    ]),
+    *_rows("cuda", "csrc/cuda", [
+        ("missing term", "step.cu", "rates = adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e]",
+         "rates = adam_rates<T>(a.adam, row[0]"),
+        ("index", "step.cu", "e * a.P + a.offset + i / a.size * a.apart",
+         "e * a.P + a.offset + i / a.size * a.size"),
+        ("index", "pointwise.cu", "z[k][c] = a.jets[(c * a.n + i) * a.fields + k];",
+         "z[k][c] = a.jets[(c * a.n + i) * a.fields + (k ^ 1) % a.fields];"),
+        ("wrong constant", "orthogonalize.cpp", "c = 2.0315", "c = 2.1315"),
+    ]),
+]  # fmt: skip

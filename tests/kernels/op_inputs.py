@@ -1,0 +1,164 @@
+"""Valid inputs of every operator: the table that opcheck and the hostile calls run through.
+
+`INPUTS[operator]` holds functions that make the arguments, by name. A test requires a row for every
+operator of the namespace `granpinn`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from . import step_inputs
+from .configurations import SHARED, Form, Problem, problem, small
+
+LAW = (0.02, 1e-3, 1e3, 1e-4)
+OWN = {"mu_of_i": [0.4, 0.65, 0.3], "coulomb": [0.5]}
+CHANNELS = {0: 1, 1: 4, 2: 7}
+
+Arguments = tuple[Any, ...]
+Make = Callable[[], Arguments]
+FLOATS = (torch.float64, torch.float32)
+
+
+def tiny(form: Form = "mixed", **changes: Any) -> Problem:
+    return problem(small(form, **({"points": 5, "hidden": (6, 4)} | changes)))
+
+
+def learning(case: Problem) -> Problem:
+    return replace(case, params=case.params.requires_grad_(), theta=case.theta.requires_grad_())
+
+
+def strided(tensor: Tensor) -> Tensor:
+    """The same values with gaps between them, last axis not contiguous."""
+    wide = tensor.new_zeros(*tensor.shape[:-1], 2 * tensor.shape[-1])
+    wide[..., ::2] = tensor
+    return wide[..., ::2]
+
+
+def with_gaps(case: Problem) -> Problem:
+    gaps: dict[str, Any] = {k: strided(v) for k, v in vars(case).items() if isinstance(v, Tensor)}
+    return replace(case, **gaps)
+
+
+# Changes of `tiny` that make each kind of problem.
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "no points": {"points": 0},
+    "one point": {"points": 1},
+    "more points than a tile": {"points": 33},
+    "no hidden layer": {"hidden": ()},
+    "ensemble": {"members": 3},
+    "shared points": {"members": 2, "index": SHARED},
+}
+
+
+def jets(kind: str, order: int) -> Arguments:
+    """Odd orders in float32; every other kind learns; plain ones have gaps in order 1."""
+    case = tiny(**KINDS[kind])
+    case = case.to(torch.float32) if order == 1 else learning(case)
+    case = with_gaps(case) if kind == "plain" and order == 1 else case
+    return (*case.network, order)
+
+
+def jet_adjoints(kind: str, order: int) -> Arguments:
+    points, params, *rest = jets(kind, order)
+    points, params = points.detach(), params.detach()
+    shape = (*params.shape[:-1], CHANNELS[order], points.shape[-2], rest[0][-1])
+    grad = torch.ones(*shape, dtype=params.dtype)
+    return (strided(grad) if kind == "one point" else grad, points, params, *rest)
+
+
+def as_tensors(loss: Arguments, precision: str = "fp32") -> Arguments:
+    """The arguments of the operator itself: the input map and the physics as tensors."""
+    constants = (loss[0].new_tensor(values) for values in loss[9:12])
+    return (*loss[:9], *constants, *loss[12:], precision)
+
+
+def losses(kind: str, form: str) -> Arguments:
+    case = tiny("strong" if form == "strong" else "mixed", **KINDS[kind])
+    case = case.to(torch.float32) if kind == "one point" else learning(case)
+    if kind == "plain" and form == "mixed":
+        case = with_gaps(tiny())
+    if kind == "no points" and form != "mixed":
+        case = case.part(0, 0)  # nothing at all
+    loss = as_tensors(case.loss, "fast" if kind == "shared points" else "fp32")
+    return (*loss[:12], form, *loss[13:])
+
+
+def flow(
+    n: int, dtype: torch.dtype = torch.float64, law: str = "mu_of_i", learn: bool = False
+) -> Arguments:
+    gamma_dot, p = (torch.linspace(a, 2, n, dtype=dtype) for a in (0.5, 0.25))
+    theta = torch.tensor(OWN[law], dtype=dtype)
+    return (*(x.requires_grad_(learn) for x in (gamma_dot, p, theta)), law, *LAW)
+
+
+def viscosities(n: int, dtype: torch.dtype, law: str, learn: bool) -> Arguments:
+    case = flow(n, dtype, law, learn)
+    return case if learn or n != 7 else (*(strided(x) for x in case[:3]), *case[3:])
+
+
+def raw_jets(form: Form, N: int, K: int, dtype: torch.dtype = torch.float64) -> Arguments:
+    case = tiny(form)
+    C = 7 if form == "strong" else 4
+    values = torch.linspace(-1, 1, C * N * K, dtype=dtype).reshape(C, N, K)
+    theta = case.theta.to(dtype)
+    return (strided(values) if N == 3 else values, theta, case.physics, form, case.law)
+
+
+def matrices(shape: tuple[int, ...], dtype: torch.dtype, precision: str) -> Arguments:
+    G = torch.linspace(-1, 1, torch.Size(shape).numel(), dtype=dtype).reshape(shape)
+    return (G.mT if shape[0] == 3 else G, precision)
+
+
+def rows(make: Callable[..., Arguments], *axes: Any) -> dict[str, Make]:
+    """One input for every combination of the axes, named after it."""
+
+    def bound(values: tuple[Any, ...]) -> Make:
+        return lambda: make(*values)
+
+    return {
+        ", ".join(str(value).removeprefix("torch.") for value in values): bound(values)
+        for values in product(*axes)
+    }
+
+
+SIZES = [(0, 4), (4, 4), (1, 1), (5, 7), (33, 31)]
+STEPS = [torch.tensor(3), torch.tensor([2**63 - 1]), torch.tensor([[-(2**63)]])]
+
+INPUTS: dict[str, dict[str, Make]] = {
+    "network_jet": rows(jets, KINDS, CHANNELS),
+    "network_jet_backward": rows(jet_adjoints, KINDS, CHANNELS),
+    "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data")),
+    "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True)),
+    "viscosity_backward": {
+        name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))
+        for name, make in rows(viscosities, (0, 1, 7, 33), FLOATS, OWN, (False, True)).items()
+    },
+    "pointwise_residuals": rows(raw_jets, ("strong",), (0, 1, 3, 4, 33), (3, 5), FLOATS)
+    | rows(raw_jets, ("mixed",), (0, 1, 3, 33), (5,), FLOATS),
+    "sample_indices": rows(
+        lambda step, seed, count, population: (step, seed, 1, count, population),
+        STEPS,
+        (-(2**63), 2**63 - 1),
+        (0, 9),
+        (1, 2**32 - 1),
+    ),
+    "orthogonalize": rows(
+        matrices, [(0, 4), (4, 4), (3, 5, 2), (2, 1, 33, 4), (0, 2, 3)], FLOATS, ("fp32", "fast")
+    ),
+    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2)),
+    "batch_loss": rows(step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data")),
+    "update": rows(step_inputs.update, (0, 1, 3), (10, 33), FLOATS, (False, True)),
+    "descend": rows(step_inputs.descend, (0, 1, 3), (0, 2), FLOATS, ("fp32", "fast")),
+}
+
+
+def _detached(x: Any) -> Any:
+    return x.detach() if isinstance(x, Tensor) else x

@@ -1,0 +1,130 @@
+"""Hostile arguments of the operators are refused or answered, and never end the process."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from .op_inputs import INPUTS
+from .step_inputs import batch_arguments, descend_arguments, update_arguments
+
+CALLS = 60  # of every operator
+
+
+def test_hostile_calls_do_not_end_the_process(seed: int) -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "tests.kernels.hostile_calls", str(seed), str(CALLS)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        cwd=Path(__file__).parents[2],
+    )
+    assert run.returncode == 0, run.stderr[-3000:]
+    outcomes = json.loads(run.stdout)
+    assert sum(outcomes.values()) == CALLS * len(INPUTS)
+    assert outcomes["ValueError"] > CALLS
+    assert outcomes["answered"] > CALLS
+
+
+@pytest.mark.parametrize("matrices", [[2**62, 2**62], [2**63 - 1, 1], [2, 2**63 - 1], [-1, 3]])
+def test_matrices_beyond_the_parameters(matrices: list[int]) -> None:
+    arguments = update_arguments(3, 10, torch.float32)
+    arguments[12] = matrices
+    with pytest.raises(ValueError, match="matrices must"):
+        torch.ops.granpinn.update(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("offset", "apart"), [(2**63 - 1, 6), (-(2**63), 6), (3, 2**63 - 1), (3, 2**62)]
+)
+def test_an_offset_beyond_the_parameters(offset: int, apart: int) -> None:
+    arguments = descend_arguments(3, 10, torch.float32)
+    arguments[8:10] = offset, apart
+    with pytest.raises(ValueError, match=r"must lie apart within 24|below 2\^63"):
+        torch.ops.granpinn.descend(*arguments)
+
+
+PLACES = [[-1, 5], [2**40, 20], [60, 11], [0, 0], [0, -(2**63)], [2**63 - 1, 2**63 - 1], [0, 71]]
+
+
+@pytest.mark.parametrize("place", PLACES, ids=str)
+def test_places_beyond_the_points(place: list[int], device: torch.device) -> None:
+    """A CPU refuses them. A GPU draws NaN, without waiting: a fault of the same step."""
+    arguments = batch_arguments(torch.float32, device)
+    arguments[3][1, :2] = torch.tensor(place)
+    if device.type == "cpu":
+        with pytest.raises(ValueError, match="within the 70 points, got .* for member 1"):
+            torch.ops.granpinn.draw_batch(*arguments, 13, 6, 0)
+        return
+    points, velocity, weights, *rest = torch.ops.granpinn.draw_batch(*arguments, 13, 6, 0)
+    for drawn in (points, velocity, weights):
+        assert drawn[1].isnan().all()
+        assert drawn[[0, 2]].isfinite().all()
+    assert all(drawn.isfinite().all() for drawn in rest)
+
+
+def test_a_batch_of_more_points_than_the_generator_has() -> None:
+    for share, interior in ((2**62, 4), (2**20, 2**13), (0, 2**33)):
+        with pytest.raises(ValueError, match=r"below 2\^63|at most 2\^32 points"):
+            torch.ops.granpinn.draw_batch(*batch_arguments(torch.float32), interior, 0, share)
+
+
+@pytest.mark.parametrize("at", [7, 9, 16, 20])
+def test_tensors_that_share_memory(at: int) -> None:
+    """The parameters with a moment of them, with the averages, and the same of the law."""
+    arguments = update_arguments(3, 10, torch.float32)
+    same = 8 if at < 15 else 19
+    arguments[at] = arguments[same]
+    with pytest.raises(ValueError, match="must not share memory with .*: pass a clone"):
+        torch.ops.granpinn.update(*arguments)
+
+
+@pytest.mark.parametrize("operator", ["update", "descend"])
+def test_negated_views_are_refused(operator: str) -> None:
+    arguments = list(INPUTS[operator][next(iter(INPUTS[operator]))]())
+    arguments[3] = torch._neg_view(arguments[3])
+    with pytest.raises(ValueError, match="fault must not be a negated view"):
+        getattr(torch.ops.granpinn, operator)(*arguments)
+
+
+@pytest.mark.parametrize("step", [-1, 2**60 - 1, 2**63 - 1])
+def test_steps_beyond_the_fault_codes(step: int) -> None:
+    arguments = update_arguments(3, 10, torch.float32)
+    arguments[0][0] = step
+    with pytest.raises(ValueError, match=rf"step must be in 0\.\.2\^60 - 2, got {step}"):
+        torch.ops.granpinn.update(*arguments)
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [(13, [NAN, 0.9, 0.99, 0]), (13, [1e-3, 1.0, 0.99, 0]), (21, [1e-3, 0.9, 0.99, -1]),
+     (14, INF), (23, [-4.0, NAN, -4, 1, 0, 0]), (23, [2.0, 1, -4, 1, 0, 0])],
+)  # fmt: skip
+def test_settings_that_are_no_numbers(at: int, value: float | list[float]) -> None:
+    arguments = update_arguments(3, 10, torch.float32)
+    arguments[at] = value
+    with pytest.raises(ValueError, match="must"):
+        torch.ops.granpinn.update(*arguments)
+
+
+@pytest.mark.parametrize(("at", "value"), [(5, NAN), (6, NAN), (6, 1e-4), (7, NAN), (7, -1.0)])
+def test_a_viscosity_without_limits(at: int, value: float) -> None:
+    arguments = list(INPUTS["viscosity"]["7, float64, mu_of_i, True"]())
+    arguments[at] = value
+    with pytest.raises(ValueError, match="eta_min must be at most|floor of the pressure must not"):
+        torch.ops.granpinn.viscosity(*arguments)
+
+
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_viscosity_of_nan_is_nan(at: int) -> None:
+    arguments = list(INPUTS["viscosity"]["7, float64, mu_of_i, False"]())
+    arguments[at] = arguments[at].clone().fill_(torch.nan)
+    assert torch.ops.granpinn.viscosity(*arguments).isnan().all()
