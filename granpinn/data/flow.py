@@ -116,8 +116,11 @@ class Flow:
 
     @property
     def material(self) -> Bool:
-        """Cells that hold nothing but grains, c = 1: [T, Y, X]."""
-        material: Bool = self.c == 1
+        """Cells that hold nothing but grains, c = 1: [T, Y, X].
+
+        A fraction above 1 is the rounding error of a solver; `check_flow` bounds it.
+        """
+        material: Bool = self.c >= 1
         return material
 
     @property

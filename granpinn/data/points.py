@@ -100,6 +100,7 @@ def training_set(
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
+    _require_distinct(flow, scales, dtype)
     samples = _samples(flow)
     axes = Axes.of(flow.gravity)
     points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
@@ -144,6 +145,22 @@ def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
     """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
     turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
+
+
+def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
+    """Raises FlowFileError if two times, rows or columns are one number in the training."""
+    level = Axes(1.0, 0.0, (0.0, -1.0))  # each coordinate for itself
+    for k, (name, values) in enumerate((("x", flow.x), ("y", flow.y), ("t", flow.t))):
+        place = list(scales.origin)
+        place[k] = values  # type: ignore[call-overload]
+        points = turned_and_rounded(scales.points_to_dimensionless(*place), level)
+        found = np.unique(torch.as_tensor(points[:, k]).to(dtype).numpy()).size
+        if found < values.size:
+            raise FlowFileError(
+                f"{name} must have steps that {str(dtype).removeprefix('torch.')} resolves, got "
+                f"{values.size} values of which {found} differ after rounding: leave out values "
+                "that are too close, or correct the unit of the coordinates"
+            )
 
 
 def _indices(mask: Bool) -> Indices:

@@ -22,9 +22,10 @@ from granpinn.data.format import (
     TRUTH,
 )
 from granpinn.data.hdf5 import SafeFile
+from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
 from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
-from granpinn.data.rules import WRITE_HINT, check_layout, check_values, warn_of_zeros
+from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.physics.laws import DEFAULT
 
 DEFAULT_MAX_BYTES = 2**30
@@ -51,6 +52,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
     except (FlowFileError, UnsafeFileError) as error:
         raise FlowFileError(f"{path}: {error}") from None
     warn_of_zeros(flow)
+    warn_of_rounding(flow)
     return flow
 
 

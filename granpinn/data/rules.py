@@ -1,38 +1,29 @@
-"""The rules of a flow file, each with one error that names the dataset and the remedy.
+"""The rules for the numbers of a flow, each with one error that names the dataset and the remedy.
 
-`check_layout` needs only shapes and types, so that it can run before the data is read.
-`check_values` needs the numbers.
+The rules for shapes and types are in `layout.py`.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface, Truth
-from granpinn.data.format import (
-    GRID_DATASETS,
-    PARTICLE_DATASETS,
-    SURFACE_DATASETS,
-    TRUTH,
-    DatasetRule,
-    Layout,
-    arrays_of,
-    grid_arrays_of,
-)
+from granpinn.data.format import TRUTH, Layout, arrays_of, grid_arrays_of
+from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
 
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
 # If the share of exact zeros among the vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
+# Largest rounding of a coordinate, in units of its smallest step.
+LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the grid, in units of the grid's extent.
 SURFACE_MARGIN = 0.1
-WRITE_HINT = "write it with granpinn.data.write_flow"
 
 
 def check_flow(flow: Flow) -> None:
@@ -40,76 +31,6 @@ def check_flow(flow: Flow) -> None:
     for arrays in (arrays_of(flow), grid_arrays_of(flow)):
         check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
     check_values(flow)
-
-
-def check_layout(found: Mapping[str, Layout]) -> None:
-    """Checks the presence, types and shapes of the datasets.
-
-    Args:
-        found: shape and type of every dataset of the format that the file has.
-    """
-    sizes: dict[str, int] = {}
-    scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
-    gridded = [rule.name for rule in GRID_DATASETS if rule.name in found]
-    if scattered and gridded:
-        raise FlowFileError(
-            f"a flow must be on a grid or at particles, got both {gridded[0]} and "
-            f"{scattered[0]}: leave one of them out"
-        )
-    own = PARTICLE_DATASETS if scattered else GRID_DATASETS
-    for rule in (*own, *SURFACE_DATASETS):
-        if rule.name in found:
-            _check_one_layout(rule, found[rule.name], sizes)
-        elif rule.required:
-            names = ", ".join(found) or "none of the format"
-            raise FlowFileError(
-                f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found {names}; "
-                "add it" + ("" if scattered else ", NaN where nothing is known")
-            )
-    surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
-    if len(surface) in (1, 2) or ("surface_p" in found and not surface):
-        raise FlowFileError(
-            "surface_t, surface_x and surface_y must come together, got "
-            f"{' and '.join(surface) or 'surface_p'} alone: add the others or leave all out"
-        )
-
-
-def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) -> None:
-    """Checks one dataset against its rule; `sizes` collects the length of every axis."""
-    name, shape = rule.name, layout.shape
-    axes = f"[{', '.join(rule.axes)}]"
-    if layout.dtype not in rule.dtypes:
-        raise FlowFileError(
-            f"{name} must be {rule}, got {layout.dtype} {list(shape)}: convert it or {WRITE_HINT}"
-        )
-    if len(shape) != len(rule.axes):
-        raise FlowFileError(
-            f"{name} must be {rule}, got {len(shape)} dimensions {list(shape)}: reshape it"
-        )
-    if rule.axes == ("n",) and shape[0] == 0:
-        raise FlowFileError(
-            f"{name} must hold at least one point, got none: leave the surface out instead"
-        )
-    if len(shape) == 1 and rule.axes != ("n",) and shape[0] < 2:
-        raise FlowFileError(
-            f"{name} must hold at least two values, got {shape[0]}: give more of the flow"
-        )
-    for axis, size in zip(rule.axes, shape, strict=True):
-        sizes.setdefault(axis, size)
-    expected = tuple(sizes[axis] for axis in rule.axes)
-    if shape == expected:
-        return
-    if rule.axes == ("n",):
-        raise FlowFileError(
-            f"{name} must have as many points as surface_t, {expected[0]}, got {shape[0]}: "
-            "give every surface point a time, a position and, if at all, a pressure"
-        )
-    advice = (
-        "transpose it"
-        if sorted(shape) == sorted(expected)
-        else "give it a value at every point of the grid t, y, x"
-    )
-    raise FlowFileError(f"{name} must be {axes} = {list(expected)}, got {list(shape)}: {advice}")
 
 
 def check_values(flow: Flow) -> None:
@@ -185,6 +106,14 @@ def _check_coordinate(name: str, values: Float64) -> None:
         raise FlowFileError(
             f"{name} must increase strictly, got {values[i]:g} then {values[i + 1]:g} at index "
             f"{i}: sort the data along {name}"
+        )
+
+    rounding = float(np.spacing(np.abs(values).max()))
+    if rounding > LARGEST_ROUNDING * steps.min():
+        raise FlowFileError(
+            f"{name} must be far more precise than its steps, got steps down to {steps.min():g} "
+            f"around {values[int(np.argmin(steps))]:g}, where float64 has a spacing of "
+            f"{rounding:g}: subtract the first value before the file is written"
         )
 
 
@@ -270,6 +199,12 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
             )
         if name == "p":
             continue
+        step, far = float(np.diff(grid[name]).min()), float(np.abs(values).max())
+        if far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32)):
+            raise FlowFileError(
+                f"surface_{name} must be as precise as {name}, got numbers of float32 around "
+                f"{far:g} for steps of {step:g}: store surface_{name} as float64"
+            )
         low, high = grid[name][0], grid[name][-1]
         margin = SURFACE_MARGIN * (high - low)
         if values.min() < low - margin or values.max() > high + margin:
@@ -289,6 +224,18 @@ def warn_of_zeros(flow: Flow) -> None:
         warnings.warn(
             f"{n_zero} of {n_valid} vectors among the grains are exactly zero: if there was no "
             "valid vector, write NaN, because a zero looks like static grains",
+            FlowFileWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_rounding(flow: Flow) -> None:
+    """Warns of volume fractions that are outside of 0 to 1 by rounding errors."""
+    below, above = int((flow.c < 0).sum()), int((flow.c > 1).sum())
+    if below or above:
+        warnings.warn(
+            f"{above} values of c exceed 1 and {below} are negative, by rounding errors of at most "
+            f"{FRACTION_TOLERANCE:g}: they count as 1 and 0",
             FlowFileWarning,
             stacklevel=3,
         )

@@ -1,4 +1,8 @@
-"""The scales of a flow, and the constants of its material for the equations."""
+"""The scales and the origin of a flow, and the constants of its material for the equations.
+
+The network has coordinates of float32. Unix time or the coordinates of a map would all be rounded
+to a few values there, so such coordinates are counted from their first value, still in float64.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +10,46 @@ import math
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.data.flow import Flow, FlowFileError
 from granpinn.physics.scales import Material, Scales
+
+FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
+SMALL_PART = 2.0**-10  # of a step, by which float32 may round a coordinate
 
 
 def scales_of(flow: Flow) -> Scales:
     """The scales of a flow of grains under gravity, from its height in the first frame.
 
+    The origin is that of the file for each coordinate that float32 resolves there.
+
     Raises:
         FlowFileError: the flow has no grains in its first frame, or a scale is not positive.
     """
     try:
-        return Scales.of(initial_height(flow), flow.gravity, flow.density)
+        origin = (origin_of(flow.x), origin_of(flow.y), origin_of(flow.t))
+        return Scales.of(initial_height(flow), flow.gravity, flow.density, origin)
     except FlowFileError:
         raise
     except ValueError as error:
         raise FlowFileError(str(error)) from None
+
+
+def origin_of(values: Float64) -> float:
+    """The origin of a coordinate for the training, in its unit: 0, or its first value.
+
+    It is the first value if 0 is farther away than the whole extent of the coordinate, and if
+    float32 rounds the farthest value by more than a small part of the smallest step.
+
+    Args:
+        values: the coordinate [n], increasing.
+    """
+    low, high = float(values[0]), float(values[-1])
+    extent = high - low
+    if low - extent <= 0 <= high + extent:
+        return 0.0
+    rounding = FLOAT32 * max(abs(low), abs(high))
+    return low if rounding > SMALL_PART * float(np.diff(values).min()) else 0.0
 
 
 def material_of(flow: Flow, scales: Scales) -> Material:

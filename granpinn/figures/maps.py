@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from granpinn.arrays import Floats
+from granpinn.data.scaling import origin_of
 from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
@@ -55,7 +56,8 @@ class Quantity(NamedTuple):
 
 def frame_at(fields: Fields, time: float | None) -> int:
     """The frame nearest to a time, by default to 0.7 of the last one."""
-    wanted = TIME_SHARE * fields.t[-1] if time is None else time
+    start = origin_of(fields.t)
+    wanted = start + TIME_SHARE * (fields.t[-1] - start) if time is None else time
     return int(np.argmin(np.abs(fields.t - wanted)))
 
 

@@ -51,6 +51,7 @@ class View:
 def view_of(flow: Flow, scales: Scales) -> View:
     """The flow as a View; a cell has the mean of the particles in it."""
     material = material_of(flow, scales)
+    x_0, y_0, t_0 = scales.origin
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0
 
@@ -59,9 +60,9 @@ def view_of(flow: Flow, scales: Scales) -> View:
         return np.where(there, scaled, 0.0)
 
     return View(
-        t=flow.t / scales.time,
-        y=flow.y / scales.length,
-        x=flow.x / scales.length,
+        t=scales.points_to_dimensionless(x_0, y_0, flow.t)[:, 2],
+        y=scales.points_to_dimensionless(x_0, flow.y, t_0)[:, 1],
+        x=scales.points_to_dimensionless(flow.x, y_0, t_0)[:, 0],
         u=velocity(flow.u),
         v=velocity(flow.v),
         count=count,

@@ -38,15 +38,21 @@ class Material:
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of length, velocity, time and pressure, each in the units of the flow file."""
+    """Units of length, velocity, time and pressure, each in the units of the flow file.
+
+    Attributes:
+        origin: (x, y, t) of the dimensionless (0, 0, 0), in the units of the flow file.
+    """
 
     length: float
     velocity: float
     time: float
     pressure: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        for name in ("length", "velocity", "time", "pressure"):
+            value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(
                     f"the scale of {name} must be positive and finite, got {value}: check the "
@@ -54,11 +60,17 @@ class Scales:
                 )
 
     @classmethod
-    def of(cls, length: float, gravity: tuple[float, float], density: float) -> Scales:
+    def of(
+        cls,
+        length: float,
+        gravity: tuple[float, float],
+        density: float,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Scales:
         """The units of grains of this bulk density that stand `length` high under `gravity`."""
         g = math.hypot(*gravity)
         velocity = math.sqrt(g * length)
-        return cls(length, velocity, length / velocity, density * g * length)
+        return cls(length, velocity, length / velocity, density * g * length, origin)
 
     def unit(self, quantity: Quantity) -> float:
         """The size of one dimensionless unit of a quantity, in the units of the flow file."""
@@ -87,12 +99,12 @@ class Scales:
     def points_to_dimensionless(self, x: Any, y: Any, t: Any) -> Float64:
         """Points [..., 3] = (x, y, t), dimensionless, of positions and times in file units."""
         points = np.stack(np.broadcast_arrays(x, y, t), axis=-1, dtype=np.float64)
+        points -= np.array(self.origin)
         points /= np.array([self.length, self.length, self.time])
         return points
 
     def points_to_physical(self, points: Any) -> Float64:
         """The inverse of points_to_dimensionless: [..., 3] = (x, y, t) in file units."""
-        physical: Float64 = np.asarray(points, dtype=np.float64) * np.array(
-            [self.length, self.length, self.time]
-        )
+        units = np.array([self.length, self.length, self.time])
+        physical: Float64 = np.asarray(points, dtype=np.float64) * units + np.array(self.origin)
         return physical

@@ -46,7 +46,7 @@ class Recorder:
         ny, nx = np.concatenate([occupied, beyond]).max(axis=0) + 1
         arrays = {name: self._stack(name, int(ny), int(nx)) for name in ("c", "u", "v", "p")}
         for name in ("u", "v", "p"):
-            arrays[name][arrays["c"] != 1] = np.nan
+            arrays[name][arrays["c"] < 1] = np.nan
         spacing, first = s.stride * s.spacing, 0.5 * s.spacing
         t, x, y, p = points.T.copy()
         return Flow(

@@ -1,0 +1,185 @@
+"""Coordinates far from 0: Unix time and the coordinates of a map give the same training."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn.data import (
+    Flow,
+    FlowFileError,
+    FlowFileWarning,
+    check_flow,
+    particle_flow,
+    read_flow,
+    training_set,
+    with_collocation,
+    write_flow,
+)
+from granpinn.data.flow import Particles
+from granpinn.data.scaling import origin_of, scales_of
+from granpinn.figures.maps import frame_at
+from granpinn.identification.case import Model
+from granpinn.identification.prediction import predict, velocity_at_particles
+from granpinn.inspection import inspect
+from granpinn.results.fields import read_fields, write_fields
+from granpinn.training.problem import Problem
+from tests.examples import make_model
+from tests.flows import make_flow
+
+# Offsets of x, y and t. They are multiples of the spacing of the moved coordinates, so that the
+# moved flow has the same steps but for the rounding of float64.
+OFFSETS = {
+    "unix time": (0.0, 0.0, 1.7e9),
+    "kilometers": (1e6, 0.0, 0.0),
+    "map": (4.5e5, 5.4e6, 0.0),
+    "below": (-1e8, -1e8, 0.0),
+    "all": (1e7, -1e7, 1.7e9),
+}
+FLOW = make_flow()
+
+
+def moved(flow: Flow, offset: tuple[float, float, float]) -> Flow:
+    x, y, t = offset
+    places = {"x": flow.x + x, "y": flow.y + y, "t": flow.t + t}
+    s, p = flow.surface, flow.particles
+    if s is not None:
+        places["surface"] = replace(s, x=s.x + x, y=s.y + y, t=s.t + t)
+    if p is not None:
+        places["particles"] = replace(p, x=p.x + x, y=p.y + y, t=p.t + t)
+    return replace(flow, **places)
+
+
+def trained(flow: Flow, form: str = "mixed") -> Model:
+    """A random network with the scales of a flow."""
+    spec, params, law, theta, physics = make_model(form)
+    return Model(Problem(spec, list(physics), [], 0.0), params, theta, scales_of(flow), law)
+
+
+def scattered() -> Flow:
+    frame, row, column = np.nonzero(FLOW.valid)
+    at = (frame, row, column)
+    particles = Particles(FLOW.t[frame], FLOW.x[column], FLOW.y[row], FLOW.u[at], FLOW.v[at])
+    names = ("gravity", "density", "grain_diameter", "surface")
+    return particle_flow(particles, **{name: getattr(FLOW, name) for name in names})
+
+
+@pytest.mark.parametrize("kind", ["grid", "particles"])
+@pytest.mark.parametrize("level", ["V0", "V1"])
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_a_moved_flow_is_the_same_training(offset: str, level: str, kind: str) -> None:
+    flow = FLOW if kind == "grid" else scattered()
+    there = moved(flow, OFFSETS[offset])
+    check_flow(there)
+    before, after = (
+        with_collocation(training_set(f, s, level), f, s, 0.5)
+        for f, s in ((flow, scales_of(flow)), (there, scales_of(there)))
+    )
+    # The origin is the first value, not 0, and float64 rounds around the offset.
+    shift = before.lower - after.lower
+    tolerance = 1e-6 + 4 * float(np.spacing(max(map(abs, OFFSETS[offset])))) / 0.05
+    for name in ("points", "surface_points", "between", "lower", "upper"):
+        a, b = getattr(before, name), getattr(after, name)
+        torch.testing.assert_close(b + shift, a, rtol=0, atol=tolerance)
+    torch.testing.assert_close(after.velocity, before.velocity, rtol=0, atol=1e-6)
+    for column in range(3):  # as many places and times as before
+        counts = [len(torch.unique(part.points[:, column])) for part in (before, after)]
+        assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_results_are_in_the_coordinates_of_the_file(offset: str, tmp_path: Path) -> None:
+    there = moved(FLOW, OFFSETS[offset])
+    for values, own in zip((there.x, there.y, there.t), scales_of(there).origin, strict=True):
+        assert own in (0.0, values[0])
+    fields = predict(there, trained(there))
+    write_fields(fields, tmp_path / "fields.h5")
+    again = read_fields(tmp_path / "fields.h5")
+    for name in "xyt":
+        np.testing.assert_array_equal(getattr(again, name), getattr(there, name))
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+def test_predictions_do_not_depend_on_the_origin(form: str) -> None:
+    """The same network at the same places: once around 0, once around 1e7 m and 1.7e9 s."""
+    at_zero = moved(FLOW, (-FLOW.x[0], -FLOW.y[0], -FLOW.t[0]))
+    there = moved(at_zero, OFFSETS["all"])
+    assert scales_of(at_zero).origin == (0, 0, 0)
+    assert scales_of(there).origin == OFFSETS["all"]
+    found = [predict(f, trained(f, form)) for f in (at_zero, there)]
+    for name in ("u", "v", "p"):
+        scale = np.abs(found[0].values[name]).max()
+        error = np.abs(found[0].values[name] - found[1].values[name]).max()
+        assert error <= 1e-4 * scale  # 1e-9 m and 2e-7 s of rounding, on steps of 0.05
+
+
+def test_a_flow_near_zero_keeps_its_origin() -> None:
+    assert scales_of(FLOW).origin == (0, 0, 0)
+    assert origin_of(np.linspace(10.0, 10.5, 100)) == 0  # float32 resolves 2e-4 of a step
+    assert origin_of(np.linspace(-0.5, 1e6, 100)) == 0
+    assert origin_of(np.linspace(1e6, 1e6 + 1, 100)) == 1e6
+
+
+def test_the_inspection_does_not_depend_on_the_origin() -> None:
+    before, after = (inspect(moved(FLOW, o)).numbers() for o in ((0, 0, 0), (2.0**20, 0, 2.0**20)))
+    assert before.keys() == after.keys()
+    for name in ("vectors", "frames", "initial_height"):
+        if name in before:
+            assert after[name] == pytest.approx(before[name], rel=1e-6)
+
+
+def test_maps_take_the_time_after_the_first_one() -> None:
+    there = moved(FLOW, OFFSETS["unix time"])
+    frames = [frame_at(predict(f, trained(f)), None) for f in (FLOW, there)]
+    assert abs(frames[0] - frames[1]) <= 1
+    assert frames[1] > 0
+
+
+def test_velocities_at_particles_use_the_same_origin() -> None:
+    flow = scattered()
+    there = moved(flow, OFFSETS["all"])
+    found = velocity_at_particles(there, trained(there))
+    assert found is not None
+    assert len(np.unique(found[0])) > 100
+
+
+@pytest.mark.parametrize("name", ["t", "x", "y"])
+def test_values_that_float32_does_not_tell_apart_are_refused(name: str) -> None:
+    values = getattr(FLOW, name).copy()
+    values[3] = values[2] + 1e-10
+    flow = replace(FLOW, **{name: values})
+    check_flow(flow)
+    with pytest.raises(FlowFileError, match=f"^{name} must have steps that float32 resolves, got"):
+        training_set(flow, scales_of(flow))
+
+
+@pytest.mark.parametrize("name", ["t", "x", "y"])
+def test_values_that_float64_has_rounded_are_refused(name: str) -> None:
+    values = getattr(FLOW, name) + 1e14
+    with pytest.raises(FlowFileError, match=f"^{name} must be far more precise than its steps"):
+        check_flow(replace(FLOW, **{name: values}))
+
+
+def test_surface_times_that_float32_has_rounded_are_refused(tmp_path: Path) -> None:
+    there = moved(FLOW, OFFSETS["unix time"])
+    assert there.surface is not None
+    rounded = there.surface.t.astype(np.float32).astype(np.float64)
+    with pytest.raises(FlowFileError, match="surface_t must be as precise as t, got numbers of fl"):
+        check_flow(replace(there, surface=replace(there.surface, t=rounded)))
+
+
+def test_fractions_above_one_by_rounding_count_as_grains(tmp_path: Path) -> None:
+    c = FLOW.c.copy()
+    inside = np.flatnonzero(c == 1)[::2]
+    c.ravel()[inside] = np.float32(1 + 2**-23)
+    flow = replace(FLOW, c=c)
+    expected, found = (training_set(f, scales_of(f)) for f in (FLOW, flow))
+    assert torch.equal(expected.points, found.points)
+    np.testing.assert_array_equal(predict(flow, trained(flow)).c, FLOW.c)
+    write_flow(flow, tmp_path / "flow.h5")
+    with pytest.warns(FlowFileWarning, match=f"{inside.size} values of c exceed 1 and 0 are neg"):
+        read_flow(tmp_path / "flow.h5")
