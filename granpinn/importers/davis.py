@@ -17,7 +17,10 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
+from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.isolated import installed, read_isolated
+from granpinn.importers.mesh_files import check_folder, file_bytes
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import to_grid, y_points_down
 from granpinn.importers.textfile import TextFile
@@ -45,27 +48,17 @@ def sniff_text(path: Path, head: bytes) -> bool:
 
 def read_vc7(path: Path) -> VectorFields:
     """All frames of one buffer, or of a .set; needs lvpyio."""
-    try:
-        import lvpyio
-    except ImportError:
+    if not installed("lvpyio"):
         raise DataFileError(
             f"{path} is a DaVis file, which needs LaVision's package lvpyio: pip install "
             "'granpinn[lavision]', or export it from DaVis as text"
-        ) from None
+        )
     try:
-        if path.suffix.lower() == ".set":
-            with lvpyio.read_set(str(path)) as buffers:
-                frames = [buffer[0] for buffer in buffers]
-        else:
-            frames = [lvpyio.read_buffer(str(path))[0]]
-        parts = [_frame(path, frame) for frame in frames]
-    except (RuntimeError, ValueError, OSError, KeyError, AttributeError) as error:
-        if isinstance(error, DataFileError):
-            raise
-        reason = " ".join(str(error).split())[:200]
-        raise DataFileError(
-            f"{path} cannot be read by lvpyio ({reason}): check the file or export it again"
-        ) from None
+        n_bytes = check_folder(path.with_suffix("")) if path.suffix.lower() == ".set" else 0
+        n_bytes += file_bytes(path)
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+    parts = [_frame(path, frame) for frame in read_isolated("lvpyio", path, n_bytes)]
     if not parts:
         raise DataFileError(f"{path} has no frames: choose another set")
     first = parts[0]
@@ -92,55 +85,48 @@ def read_vc7(path: Path) -> VectorFields:
     )
 
 
-def _frame(path: Path, frame: Any) -> dict[str, Any]:
+def _frame(path: Path, frame: dict[str, Any]) -> dict[str, Any]:
     """Arrays [Y, X] of one frame, and its attributes."""
-    if not hasattr(frame, "as_masked_array") or "U0" not in frame.components:
+    if "image" in frame:
         raise DataFileError(f"{path} must hold vectors, got an image: convert the .vc7 of it")
-    vectors = frame.as_masked_array()
-    x, y = frame.scales.x, frame.scales.y
-    rows, columns = vectors.shape
+    rows, columns = frame["u"].shape
     found = {
-        "x": x.slope * (np.arange(columns) + 0.5) * frame.grid.x + x.offset,
-        "y": y.slope * (np.arange(rows) + 0.5) * frame.grid.y + y.offset,
-        "u": vectors["u"].filled(np.nan),
-        "v": vectors["v"].filled(np.nan),
+        "x": frame["x_slope"] * (np.arange(columns) + 0.5) * frame["x_step"] + frame["x_offset"],
+        "y": frame["y_slope"] * (np.arange(rows) + 0.5) * frame["y_step"] + frame["y_offset"],
+        "u": frame["u"],
+        "v": frame["v"],
     }
     codes, smoothed = _codes(frame)
-    unit = frame.scales.i.unit
-    names = [f"TS:Uncertainty V{axis}" for axis in "xy"]
-    if all(name in frame.components for name in names):
-        for name, target in zip(names, ("sigma_u", "sigma_v"), strict=True):
-            component = frame.components[name]
-            sigma = np.asarray(component[0], np.float64) * component.scale.slope
-            found[target] = np.where(sigma > 0, sigma, np.nan)
+    unit = frame["velocity_unit"]
+    for name in ("sigma_u", "sigma_v"):
+        if name in frame:
+            found[name] = np.where(frame[name] > 0, frame[name], np.nan)
     return {
         **found,
         "validity": codes,
-        "t": _acquired(frame.attributes),
-        "length_unit": x.unit,
+        "t": _acquired(frame["acquired"]),
+        "length_unit": frame["length_unit"],
         "velocity_unit": "px/frame" if unit in ("pixel", "px") else unit,
         # Both the slope of y and the sign of v follow the frame of the scales.
-        "y_down": bool(y.slope > 0),
-        "facts": {"frame_dt": str(frame.attributes.get("FrameDt", "")), "smoothed": smoothed},
+        "y_down": bool(frame["y_slope"] > 0),
+        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed},
     }
 
 
-def _codes(frame: Any) -> tuple[Int8, str]:
+def _codes(frame: dict[str, Any]) -> tuple[Int8, str]:
     """Validity of the vectors [Y, X], and "yes" if all of them are smoothed."""
-    enabled = np.asarray(frame.enabled[0], bool)
-    choice = np.asarray(frame.active_choice[0])
+    enabled = frame["enabled"]
     codes = np.where(enabled, Validity.VALID, Validity.INVALID).astype(np.int8)
-    processed = enabled & (choice == POST_PROCESSED)
+    processed = enabled & (frame["choice"] == POST_PROCESSED)
     smoothed = processed.sum() > ALL_SMOOTHED * enabled.sum()
     if not smoothed:
         codes[processed] = Validity.INTERPOLATED
-    codes[~np.asarray(frame.masks[0], bool)] = Validity.MASKED
+    codes[~frame["mask"]] = Validity.MASKED
     return codes, "yes" if smoothed else "no"
 
 
-def _acquired(attributes: Any) -> float | None:
+def _acquired(text: str) -> float | None:
     """Time of acquisition in seconds since the start of the recording, if the file has it."""
-    text = str(attributes.get("AcqTimeSeries", ""))
     if not text or len(text) > _MAX_TEXT_UNIT:
         return None
     try:

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.gaps import split_gaps
+from granpinn.importers.isolated import installed, read_isolated
+from granpinn.importers.mesh_files import check_files
 from granpinn.importers.tables import to_grid
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
-VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
 PRESSURE = ("p", "pressure")
 _XML = (b"<?xml", b"<VTKFile")
@@ -42,17 +44,17 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
     Args:
         names: of the fields u (a vector), c and p, if they are not the usual ones.
     """
-    try:
-        import pyvista
-    except ImportError:
+    if not installed("pyvista"):
         raise DataFileError(
             f"{path} is VTK or OpenFOAM, which needs pyvista: pip install 'granpinn[mesh]'"
-        ) from None
+        )
+    named = names or {}
     try:
-        frames = [(t, _frame(path, mesh, names or {})) for t, mesh in _meshes(pyvista, path)]
-    except (OSError, RuntimeError, KeyError, AttributeError, TypeError, IndexError) as error:
-        reason = " ".join(str(error).split())[:160]
-        raise DataFileError(f"{path} cannot be read by pyvista ({reason}): check it") from None
+        n_bytes = check_files(path)
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+    meshes = read_isolated("pyvista", path, n_bytes, velocity=named.get("u"))
+    frames = [(mesh["time"], _frame(path, mesh, named)) for mesh in meshes]
     if not frames:
         raise DataFileError(f"{path} holds no time with a velocity: check the case")
     timed = all(t is not None for t, _ in frames)
@@ -73,69 +75,32 @@ def _title(path: Path) -> str:
         return stream.readline(300).decode("utf-8", "replace")
 
 
-def _meshes(pyvista: Any, path: Path) -> Any:
-    """Pairs of time (or None) and mesh."""
-    if path.is_dir() or path.suffix.lower() in (".foam", ".pvd"):
-        if path.is_dir():
-            decomposed = any(path.glob("processor*")) and not (path / "constant/polyMesh").exists()
-            kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
-            reader = kind(str(path / "system" / "controlDict"))
-        else:
-            reader = pyvista.get_reader(str(path))
-        for t in reader.time_values:
-            reader.set_active_time_value(t)
-            yield t, reader.read()
-        return
-    mesh = pyvista.read(str(path))
-    value = mesh.field_data.get("TimeValue") if hasattr(mesh, "field_data") else None
-    yield (None if value is None or len(value) == 0 else float(value[0])), mesh
-
-
-def _frame(path: Path, mesh: Any, names: dict[str, str]) -> dict[str, Any]:
+def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:
     """x, y, u, v of one mesh [n], and c and p if it has them."""
-    if hasattr(mesh, "keys") and hasattr(mesh, "combine"):  # blocks
-        inner = next((name for name in mesh.keys() if name == "internalMesh"), None)  # noqa: SIM118
-        mesh = mesh[inner] if inner else mesh.combine()
-    data, centers = mesh.cell_data, None
-    found = _velocity(data, names)
-    if found is not None:
-        centers = mesh.cell_centers().points
-    else:
-        data = mesh.point_data
-        found = _velocity(data, names)
-        centers = mesh.points
-    if found is None:
+    if "velocity" not in frame:
         raise DataFileError(
-            f"{path} must hold a velocity, got {', '.join([*mesh.cell_data, *mesh.point_data])}: "
-            "name it with --fields u=NAME"
+            f"{path} must hold a velocity, got {', '.join(frame['names'])}: name it with "
+            "--fields u=NAME"
         )
-    centers = np.asarray(centers, np.float64)
+    centers, velocity = frame["points"], frame["velocity"]
     layers = np.unique(np.round((centers[:, 2] - centers[0, 2]) / (np.ptp(centers) or 1), 6))
     if layers.size > 2:
         raise DataFileError(
             f"{path} must be flat, got {layers.size} layers in z: cut a plane out of it first"
         )
     kept = centers[:, 2] <= centers[:, 2].min() + 1e-6 * (np.ptp(centers) or 1)
-    velocity = np.asarray(found, np.float64)
     columns = {"x": centers[:, 0], "y": centers[:, 1], "u": velocity[:, 0], "v": velocity[:, 1]}
+    data = {name: frame[f"data/{k}"] for k, name in enumerate(frame["names"])}
     fraction = next((name for name in data if _is(name, names.get("c"), FRACTION)), None)
     pressure = next((n for n in (names.get("p"), *PRESSURE) if n is not None and n in data), None)
     for role, name in (("c", fraction), ("p", pressure)):
-        if name is not None and np.ndim(data[name]) == 1:
+        if name is not None:
             columns[role] = np.asarray(data[name], np.float64)
     return {name: values[kept] for name, values in columns.items()}
 
 
 def _is(name: str, wanted: str | None, pattern: re.Pattern[str]) -> bool:
     return name == wanted if wanted is not None else bool(pattern.fullmatch(name))
-
-
-def _velocity(data: Any, names: dict[str, str]) -> Any:
-    """The velocity [n, 2 or 3] among the data, or None."""
-    for name in (names["u"],) if "u" in names else VELOCITY:
-        if name in data and np.ndim(data[name]) == 2 and np.shape(data[name])[1] >= 2:
-            return data[name]
-    return None
 
 
 def _gridded(path: Path, columns: dict[str, Any]) -> dict[str, Any] | None:

@@ -13,6 +13,8 @@ import pytest
 from granpinn.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
+from granpinn.importers import davis as davis_reader
+from granpinn.importers.foreign_process import read_davis
 from granpinn.importers.vectors import warn_of_zeros
 from tests.importers import scene
 
@@ -214,7 +216,11 @@ def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "B1.vc7"
     path.write_bytes(bytes(64))
     frames = iter([frame(filled, **given), frame(np.full((2, 3), 4))])
-    monkeypatch.setitem(sys.modules, "lvpyio", Space(read_buffer=lambda name: [next(frames)]))
+    library = Space(read_buffer=lambda name: [next(frames)])
+    monkeypatch.setattr(davis_reader, "installed", lambda name: True)
+    monkeypatch.setattr(
+        davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
+    )
     fields = read_vectors(path)
     V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED  # noqa: E741
     np.testing.assert_array_equal(fields.validity[0], [[V, V, M], [V, I, N]])

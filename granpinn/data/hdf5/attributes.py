@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from h5py import h5a, h5s, h5t
 
+from granpinn.data.hdf5.content import Content
 from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, is_number, stored_dtype
 from granpinn.data.hdf5.messages import raw_attribute
 from granpinn.data.hdf5.variable import sequences
 from granpinn.data.regular import UnsafeFileError
-
-if TYPE_CHECKING:
-    from granpinn.data.hdf5.file import SafeFile
 
 MAX_ATTRIBUTES = 256
 MAX_BYTES = 65536
@@ -25,7 +23,7 @@ MAX_AXES = 32
 class Attributes:
     """The attributes of one group or dataset."""
 
-    def __init__(self, group: Any, file: SafeFile) -> None:
+    def __init__(self, group: Any, file: Content) -> None:
         self._group, self._file = group, file
 
     def text(self, name: str) -> str | None:
@@ -130,8 +128,19 @@ class Attributes:
     def _raw(self, name: str) -> bytes:
         return raw_attribute(self._file, self._file.address(self._group), name)
 
-    def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
-        """All scalar numbers and fixed-length strings except the known ones."""
+    def check_all(self) -> None:
+        """Raises an error unless all attributes are numbers or fixed-length strings."""
+        for name in self._names():
+            with damage(f"the attribute {name}"):
+                attribute = self._open(name)
+                kind = None if attribute is None else attribute.get_type()
+                if kind is not None and not (is_number(kind) or is_fixed_string(kind)):
+                    raise UnsafeFileError(
+                        f"the attribute {name} must be a number or a fixed-length string, got "
+                        f"{describe(kind)}: write it again"
+                    )
+
+    def _names(self) -> list[str]:
         names: list[str] = []
         with damage("the list of attributes"):
             count = h5a.get_num_attrs(self._group)
@@ -141,8 +150,12 @@ class Attributes:
                     "remove those that are not needed"
                 )
             h5a.iterate(self._group, lambda name: names.append(name.decode("ascii", "replace")))
+        return names
+
+    def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
+        """All scalar numbers and fixed-length strings except the known ones."""
         found: dict[str, str | float] = {}
-        for name in sorted(set(names) - known):
+        for name in sorted(set(self._names()) - known):
             # Attributes with odd names are left out, as they would only clutter reports and tables.
             value = self._scalar(name) if name.isidentifier() else None
             if value is not None:

@@ -7,7 +7,7 @@ converts nothing, so it neither follows variable-length data nor leaves memory u
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
@@ -17,12 +17,9 @@ from h5py import h5d, h5s, h5t
 from granpinn.data.format import Layout
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.chunks import Chunks
-from granpinn.data.hdf5.kinds import damage, describe, row_dtype, stored_dtype
+from granpinn.data.hdf5.content import Content
+from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, row_dtype, stored_dtype
 from granpinn.data.regular import UnsafeFileError
-
-if TYPE_CHECKING:
-    from granpinn.data.hdf5.file import SafeFile
-
 
 _REFERENCE_BYTES = 100  # of one reference as an object of h5py
 
@@ -30,7 +27,7 @@ _REFERENCE_BYTES = 100  # of one reference as an object of h5py
 class Dataset:
     """A dataset whose layout is known; `read` reads its data."""
 
-    def __init__(self, name: str, dataset: Any, file: SafeFile) -> None:
+    def __init__(self, name: str, dataset: Any, file: Content) -> None:
         self.name = name
         self._dataset, self._file = dataset, file
         self._plan = dataset.get_create_plist()
@@ -69,6 +66,11 @@ class Dataset:
     def dtype(self) -> np.dtype[Any] | None:
         """The NumPy type of stored numbers; None if it holds something else."""
         return stored_dtype(self._kind)
+
+    @property
+    def holds_text(self) -> bool:
+        """Whether it holds fixed-length strings."""
+        return is_fixed_string(self._kind)
 
     @property
     def is_table(self) -> bool:

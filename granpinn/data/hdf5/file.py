@@ -137,16 +137,56 @@ class SafeFile:
                     return None
                 kind = place.links.get_info(encoded).type
                 if kind != h5l.TYPE_HARD:
-                    raise UnsafeFileError(
-                        f"{name} must be stored in the file itself, got "
-                        f"{_LINKS.get(kind, 'a user-defined link')}: copy the data into the file"
-                    )
+                    raise self._elsewhere(name, kind)
                 place = h5o.open(place, encoded)
                 if depth < len(groups) and not isinstance(place, h5g.GroupID):
                     raise UnsafeFileError(
                         f"{part} must be a group that holds {name}, got no group: rename it"
                     )
             return self._dataset(name, place)
+
+    def check_all(self) -> None:
+        """Raises an error unless another HDF5 library could read the whole file safely.
+
+        Every group and dataset must lie in the file, and hold numbers and fixed-length text that
+        the file holds in full.
+        """
+        waiting, seen = [("", self._root)], set[int]()
+        while waiting:
+            name, group = waiting.pop()
+            with damage(name or "/"):
+                Attributes(group, self).check_all()
+                for i in range(group.get_num_objs()):
+                    part = group.get_objname_by_idx(i)
+                    path = f"{name}/{part.decode('utf-8', 'replace')}"
+                    kind = group.links.get_info(part).type
+                    if kind == h5l.TYPE_SOFT:
+                        continue  # to another name in the file
+                    if kind != h5l.TYPE_HARD:
+                        raise self._elsewhere(path, kind)
+                    item = h5o.open(group, part)
+                    address = self.address(item)
+                    if address in seen:
+                        continue
+                    seen.add(address)
+                    if len(seen) > MAX_NAMES:
+                        raise UnsafeFileError(
+                            f"the file must have at most {MAX_NAMES} datasets, got more: split it"
+                        )
+                    if isinstance(item, h5g.GroupID):
+                        waiting.append((path, item))
+                    else:
+                        dataset = self._dataset(path, item)
+                        dataset.attributes.check_all()
+                        if dataset.holds_text:
+                            continue
+                        dataset.read()
+
+    def _elsewhere(self, name: str, kind: int) -> UnsafeFileError:
+        return UnsafeFileError(
+            f"{name} must be stored in the file itself, got "
+            f"{_LINKS.get(kind, 'a user-defined link')}: copy the data into the file"
+        )
 
     def _dataset(self, name: str, item: Any) -> Dataset:
         if not isinstance(item, h5d.DatasetID):

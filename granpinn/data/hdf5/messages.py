@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from struct import unpack_from
-from typing import Protocol
 
+from granpinn.data.hdf5.content import Content
 from granpinn.data.regular import UnsafeFileError
 
 MAX_MESSAGES = 10_000
@@ -21,13 +21,6 @@ _ATTRIBUTE, _CONTINUATION, _ATTRIBUTE_INFO = 0x0C, 0x10, 0x15
 _SHARED = 0x02
 _BY_NAME = 8  # the type of a B-tree of attribute names
 _LEAF_OVERHEAD = 10  # bytes of signature, version, type and checksum
-
-
-class Content(Protocol):
-    """The bytes of a file."""
-
-    def at(self, address: int, length: int) -> bytes:
-        """Bytes at an address of the file; struct.error beyond its end."""
 
 
 def raw_attribute(file: Content, header: int, name: str) -> bytes:

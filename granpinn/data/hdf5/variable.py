@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 from struct import unpack_from
 
-from granpinn.data.hdf5.messages import UNDEFINED, Content
+from granpinn.data.hdf5.content import Content
+from granpinn.data.hdf5.messages import UNDEFINED
 from granpinn.data.regular import UnsafeFileError
 
 _DESCRIPTOR = 16  # bytes: length, address of the heap, index in it
