@@ -1,0 +1,111 @@
+"""The record of a gate: what was tried and how it ended, as JSON.
+
+Every file of results/ is one record. The page "How it is tested" is made from these files alone.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from bench.machine import describe
+from granpinn.results import plain
+
+RESULTS = Path(__file__).parent / "results"
+LIBRARIES = ("numpy", "h5py", "safetensors", "scipy", "pillow", "xarray", "zarr", "pyvista")
+KEPT = 200  # failures that a record lists; all of them are counted
+
+
+@dataclass
+class Record:
+    """What a gate has shown.
+
+    Attributes:
+        gate: its name, such as "F-2".
+        tried: number of inputs.
+        outcomes: outcome -> number of inputs that ended so; they add up to `tried`.
+        failures: inputs that ended as they must not, each with what is needed to repeat it.
+        seconds: time of the whole run.
+        command: repeats the run.
+        details: further numbers of this gate, such as the outcomes for each format.
+    """
+
+    gate: str
+    command: str = ""
+    seconds: float = 0.0
+    tried: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, outcome: str, failure: Mapping[str, Any] | None = None) -> None:
+        """Count one input; `failure` says how to repeat it, if it ended as it must not."""
+        self.tried += 1
+        self.outcomes[outcome] += 1
+        if failure is not None:
+            self.failures.append(dict(failure))
+
+    def as_json(self, device: str | None = None) -> dict[str, Any]:
+        """The record with the date, the versions and the device.
+
+        Args:
+            device: where the inputs ran; the processor unless stated.
+        """
+        machine = describe()
+        versions = {name: machine[name] for name in ("granpinn", "python", "torch", "compiler")}
+        whole: dict[str, Any] = plain(
+            {
+                "gate": self.gate,
+                "date": time.strftime("%Y-%m-%d"),
+                "versions": versions | _installed(),
+                "device": device or f"{machine['processor']}, {machine['cores']} cores",
+                "command": self.command,
+                "seconds": round(self.seconds, 1),
+                "tried": self.tried,
+                "outcomes": dict(sorted(self.outcomes.items())),
+                "failed": len(self.failures),
+                "failures": self.failures[:KEPT],
+                "details": self.details,
+            }
+        )
+        return whole
+
+    def write(self, path: Path, device: str | None = None) -> None:
+        """Write the record as JSON."""
+        text = json.dumps(self.as_json(device), indent=1, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A record from its file.
+
+    Raises:
+        ValueError: the outcomes do not add up to the number of inputs.
+    """
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    if sum(found["outcomes"].values()) != found["tried"]:
+        raise ValueError(f"{path}: the outcomes must add up to {found['tried']} inputs")
+    return found
+
+
+def command_of(module: str, argv: Sequence[str] | None = None) -> str:
+    """The command line that repeats a run of a module."""
+    return shlex.join(["python", "-m", module, *(sys.argv[1:] if argv is None else argv)])
+
+
+def _installed() -> dict[str, str]:
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
