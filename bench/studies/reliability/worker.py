@@ -1,0 +1,173 @@
+"""A process that makes mutants and runs commands on them; prints one line of JSON for each."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import granpinn.convert
+import granpinn.figures.album
+import granpinn.inspect
+import granpinn.train
+from bench.studies.reliability import damage, hdf5_edits, sandbox
+from bench.studies.reliability.judge import ALLOWED, BAIT, described, fingerprint, judged
+from bench.studies.reliability.samples import FORMATS, Files, Format
+from granpinn.report.__main__ import main as report
+
+MAINS: dict[str, Callable[[Sequence[str]], int]] = {
+    "inspect": granpinn.inspect.main,
+    "convert": granpinn.convert.main,
+    "train": granpinn.train.main,
+    "report": report,
+}
+TRACED = 4  # one mutant of so many is traced for new places
+PARENTS = 500  # mutants that are kept as parents
+
+
+@dataclass
+class Target:
+    """A command on a format, with the run on its valid files."""
+
+    name: str
+    command: str
+    format: Format
+    files: Files
+    bait: bytes
+    valid: sandbox.Outcome | None = None
+    reached: set[int] = field(default_factory=set)
+    parents: list[str] = field(default_factory=list)
+
+    def run(self) -> int:
+        """The command, in the working directory."""
+        with warnings.catch_warnings():
+            return MAINS[self.command.split("-")[0]](self.format.commands[self.command])
+
+
+def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.Namespace) -> None:
+    """Run the mutants of these seeds, format by format."""
+    _import_late_modules()
+    written: dict[str, Files] = {}
+    for name, command in pairs:
+        chosen = FORMATS[name]
+        if missing := chosen.missing():
+            _print({"format": name, "command": command, "not run": missing})
+            continue
+        if name not in written:
+            written[name] = chosen.files()
+        target = Target(name, command, chosen, written[name], _bait())
+        target.valid = _one(target, "", False)[0]
+        if options.only:
+            _print(_row(target, options.only, False, options.keep))
+            continue
+        draw = Random(f"{name} {command} guide")
+        for seed in seeds:
+            guided = bool(target.parents) and draw.random() < options.guided
+            mutant = f"{draw.choice(target.parents)}/{seed}" if guided else str(seed)
+            _print(_row(target, mutant, seed % TRACED == 0, None))
+
+
+def _row(target: Target, mutant: str, trace: bool, keep: Path | None) -> dict[str, Any]:
+    """Run one mutant, once more if it took too long, since the machine may be busy."""
+    assert target.valid is not None
+    found, outcome = _one(target, mutant, trace, keep)
+    if outcome == "hang":
+        found, outcome = _one(target, mutant, False, keep)
+    if found.places - target.reached and len(target.parents) < PARENTS and found.code is not None:
+        target.reached |= found.places
+        target.parents.append(mutant)
+    row = {
+        "format": target.name,
+        "command": target.command,
+        "mutant": mutant,
+        "outcome": outcome,
+        "failed": outcome not in ALLOWED,
+        "warnings": found.errors.count("Warning: "),
+        "watched": "LD_PRELOAD" in os.environ,
+        **described(found, target.valid),
+    }
+    if row["failed"]:
+        row["class"] = fingerprint(found)
+        row["repeat"] = f"--format {target.name} --command {target.command} --only {mutant}"
+    else:
+        del row["message"]
+    return row
+
+
+def _one(
+    target: Target, mutant: str, trace: bool, keep: Path | None = None
+) -> tuple[sandbox.Outcome, str]:
+    """Run the command on a mutant; the empty name is the valid file."""
+    with tempfile.TemporaryDirectory(prefix="mutant") as made:
+        folder = Path(made).resolve() / "work"
+        folder.mkdir()
+
+        def prepare() -> None:
+            files = mutated(target, mutant, folder)
+            for name, content in files.items():
+                path = folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            (folder / BAIT).write_bytes(target.bait)
+
+        found = sandbox.run(target.run, prepare, folder, trace=trace)
+        outcome = judged(found, target.command, folder, target.valid)
+        if keep is not None:
+            shutil.copytree(folder, keep, dirs_exist_ok=True)
+            print(found.errors, file=sys.stderr)
+        return found, outcome
+
+
+def mutated(target: Target, mutant: str, folder: Path) -> Files:
+    """The files of a mutant: every seed of its name damages those of the seeds before."""
+    files = dict(target.files)
+    names = target.format.only or tuple(sorted(files))
+    for seed in mutant.split("/") if mutant else ():
+        # The same damage for all commands of a format, so that they can be compared.
+        draw = Random(f"{target.name} {seed}")
+        for name in damage.pick(names, draw):
+            content, other = files[name], files[draw.choice(names)]
+            if hdf5_edits.is_hdf5(content) and draw.random() < 0.6:
+                try:
+                    files[name] = hdf5_edits.edited(content, draw, folder)
+                except OSError:  # damaged by the seeds before, so that it cannot be edited
+                    files[name] = damage.damaged(content, draw, False, other)
+            else:
+                files[name] = damage.damaged(content, draw, target.format.text, other)
+    return files
+
+
+def _bait() -> bytes:
+    """A valid flow file that no command is told to read."""
+    return FORMATS["flow"].files()["flow.h5"]
+
+
+def _import_late_modules() -> None:
+    """Modules that commands import when they need them: imported once, before all forks."""
+    for name in (
+        "h5netcdf",
+        "xarray",
+        "zarr",
+        "pyvista",
+        "lvpyio",
+        "pandas",
+        "tables",
+        "PIL.Image",
+    ):
+        try:
+            __import__(name)
+        except ImportError:
+            continue
+
+
+def _print(row: dict[str, Any]) -> None:
+    print(json.dumps(row), flush=True)
