@@ -39,19 +39,19 @@ def main(argv: list[str] | None = None) -> int:
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         workers = started(options, Path(folder))
-        rows = [
-            json.loads(line) for worker in workers for line in worker.communicate()[0].splitlines()
-        ]
+        ended = [worker.wait() for worker in workers]
+        lines = [line for path in Path(folder).glob("*.rows") for line in path.open()]
+    rows = [json.loads(line) for line in lines]
     record = gathered(rows, options)
     record.seconds = time.monotonic() - begin
     record.command = command_of(MODULE, argv)
-    if any(worker.returncode for worker in workers):
+    if any(ended):
         print("a worker ended early: its mutants are missing", file=sys.stderr)
-        record.details["workers that ended early"] = sum(bool(w.returncode) for w in workers)
+        record.details["workers that ended early"] = sum(map(bool, ended))
     if options.out is not None:
         record.write(options.out)
     show(record)
-    return int(bool(record.failures) or any(worker.returncode for worker in workers))
+    return int(bool(record.failures) or any(ended))
 
 
 def parse(argv: list[str]) -> argparse.Namespace:
@@ -80,7 +80,7 @@ def chosen(options: argparse.Namespace) -> list[tuple[str, str]]:
     return [pair for pair in pairs if not options.command or pair[1] in options.command]
 
 
-def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[str]]:
+def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[bytes]]:
     """One process for each job; a library in front of it reports the files that it opens."""
     library = folder / "opens.so"
     environment = os.environ | {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
@@ -99,8 +99,7 @@ def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[
         subprocess.Popen(
             [sys.executable, "-m", MODULE, *words, "--worker", str(k), str(jobs)],
             env=environment,
-            stdout=subprocess.PIPE,
-            text=True,
+            stdout=(folder / f"{k}.rows").open("w"),
         )
         for k in range(jobs)
     ]
@@ -141,7 +140,9 @@ def show(record: Record) -> None:
         print(f"{count:6} {name}")
     for pair, names in record.details.get("not run", {}).items():
         print(f"{pair}: not run, needs {names}")
+    each = 1000 * record.seconds / max(1, record.tried)
     print(f"{record.tried} mutants, {len(record.failures)} failures, {record.seconds:.0f} s")
+    print(f"{each:.0f} s for 1,000 mutants")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import importlib.util
+import io
 import os
 import tempfile
 from collections.abc import Callable, Sequence
@@ -52,7 +55,8 @@ class Format:
             before = Path.cwd()
             os.chdir(folder)
             try:
-                self.write(Path(folder))
+                with contextlib.redirect_stderr(io.StringIO()):
+                    self.write(Path(folder))
             finally:
                 os.chdir(before)
             return read_all(Path(folder))
@@ -77,6 +81,8 @@ def _flow(folder: Path, **changes: Any) -> None:
 
 
 def _particles(folder: Path) -> None:
+    import numpy as np
+
     from granpinn.data import Particles, Surface, particle_flow, write_flow
     from tests.flows import make_flow
 
@@ -88,8 +94,12 @@ def _particles(folder: Path) -> None:
     others = {name: getattr(flow, name) for name in kept}
     line = flow.surface
     assert line is not None
-    inside = (line.y > points.y.min()) & (line.y < points.y.max()) & (line.x < points.x.max())
-    inside &= (line.x > points.x.min()) & (line.t >= points.t.min())
+    low, high = ({n: f(getattr(points, n)) for n in "yx"} for f in (np.min, np.max))
+    margin = {n: 0.2 * (high[n] - low[n]) for n in "yx"}  # the grid of a report is smaller
+    inside = np.ones(line.t.size, bool)
+    for n in "yx":
+        at = getattr(line, n)
+        inside &= (at > low[n] + margin[n]) & (at < high[n] - margin[n])
     surface = Surface(t=line.t[inside], x=line.x[inside], y=line.y[inside])
     write_flow(particle_flow(points, surface=surface, **others), folder / "flow.h5")
 

@@ -24,6 +24,7 @@ ADDRESS_SPACE = 3 * 2**30  # bytes above what is in use at the start
 OUTPUT = 200_000  # characters that are kept
 STARTED = ("subprocess.Popen", "os.exec", "os.fork", "os.posix_spawn", "os.system", "socket.")
 TRACED = ("granpinn/data", "granpinn/importers", "granpinn/inspection", "granpinn/results")
+LOG = 199  # descriptor of the report, which nothing else uses
 ESCAPED = 70  # exit code of an exception that no command caught
 PREPARATION = 71  # exit code if the input could not be made
 
@@ -126,7 +127,7 @@ def _redirect(files: dict[str, Path]) -> None:
         handle = os.open(files[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         os.dup2(handle, number)
     log = os.open(files["log"], os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-    os.dup2(log, 9)
+    os.dup2(log, LOG)
     # The interpreter's own streams may have been replaced, for example by a test.
     sys.stdout = os.fdopen(1, "w", encoding="utf-8", errors="replace", closefd=False)
     sys.stderr = os.fdopen(2, "w", encoding="utf-8", errors="replace", closefd=False)
@@ -134,16 +135,16 @@ def _redirect(files: dict[str, Path]) -> None:
 
 @contextlib.contextmanager
 def _watched(trace: bool) -> Iterator[None]:
-    """Limits, a hook that reports to descriptor 9, and the memory from here on."""
+    """Limits, a hook that reports to descriptor LOG, and the memory from here on."""
     Path("/proc/self/clear_refs").write_text("5")  # the peak of the memory starts again
     status = Path("/proc/self/status").read_text()
     sizes = {line.split(":")[0]: line.split()[1] for line in status.splitlines() if "kB" in line}
-    os.write(9, f"memory {1024 * int(sizes['VmRSS'])}\n".encode())
+    os.write(LOG, f"memory {1024 * int(sizes['VmRSS'])}\n".encode())
     most = 1024 * int(sizes["VmSize"]) + ADDRESS_SPACE
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     resource.setrlimit(resource.RLIMIT_CPU, (int(2 * SECONDS), int(2 * SECONDS) + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    os.environ["GRANPINN_OPENS"] = "9"
+    os.environ["GRANPINN_OPENS"] = str(LOG)
     sys.addaudithook(_report)
     reached: set[int] = set()
     if trace:
@@ -153,15 +154,17 @@ def _watched(trace: bool) -> Iterator[None]:
     finally:
         sys.settrace(None)
         text = "".join(f"place {place}\n" for place in reached)
-        os.write(9, text.encode())
+        os.write(LOG, text.encode())
 
 
 def _report(event: str, arguments: tuple[Any, ...]) -> None:
     if event == "open":
         if isinstance(arguments[0], str | bytes):
-            os.write(9, b"opened " + os.fsencode(arguments[0])[:4000].replace(b"\n", b"?") + b"\n")
+            os.write(
+                LOG, b"opened " + os.fsencode(arguments[0])[:4000].replace(b"\n", b"?") + b"\n"
+            )
     elif event.startswith(STARTED):
-        os.write(9, f"started {event} {str(arguments)[:200]!r}\n".encode("utf-8", "replace"))
+        os.write(LOG, f"started {event} {str(arguments)[:200]!r}\n".encode("utf-8", "replace"))
 
 
 def _tracer(reached: set[int]) -> Callable[[FrameType, str, Any], Any]:
