@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from bench.studies.reliability import preload
 from bench.studies.reliability.record import RESULTS, Record, command_of
 from bench.studies.reliability.samples import FORMATS
 
@@ -82,13 +82,7 @@ def chosen(options: argparse.Namespace) -> list[tuple[str, str]]:
 
 def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[bytes]]:
     """One process for each job; a library in front of it reports the files that it opens."""
-    library = folder / "opens.so"
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
-    built = subprocess.run(
-        ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(SOURCE), "-ldl"], check=False
-    )
-    if built.returncode == 0:
-        environment["LD_PRELOAD"] = str(library)
+    library = preload.built(SOURCE, folder)
     words = ["--format", *options.format, "--seeds", "{}:{}".format(*options.seeds)]
     words += ["--guided", str(options.guided)]
     words += ["--command", *options.command] if options.command else []
@@ -96,10 +90,11 @@ def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[
     words += ["--keep", str(options.keep.resolve())] if options.keep else []
     jobs = 1 if options.only else options.jobs
     return [
-        subprocess.Popen(
-            [sys.executable, "-m", MODULE, *words, "--worker", str(k), str(jobs)],
-            env=environment,
-            stdout=(folder / f"{k}.rows").open("w"),
+        preload.start(
+            MODULE,
+            [*words, "--worker", str(k), str(jobs)],
+            library,
+            (folder / f"{k}.rows").open("w"),
         )
         for k in range(jobs)
     ]

@@ -40,6 +40,7 @@ class Outcome:
         started: processes and connections that it started, as the interpreter names them.
         memory: largest resident memory above that at the start, in bytes.
         places: hashes of the places in the code that were reached; empty unless traced.
+        calls: what faults.c reports, a name and a path each.
     """
 
     code: int | None
@@ -50,6 +51,7 @@ class Outcome:
     started: set[str] = field(default_factory=set)
     memory: int = 0
     places: set[int] = field(default_factory=set)
+    calls: list[tuple[str, str]] = field(default_factory=list)
 
 
 def run(
@@ -82,6 +84,9 @@ def run(
             found.started.add(rest)
         elif kind == "memory":
             start = int(rest)
+        elif kind == "call":
+            name, _, path = rest.partition(" ")
+            found.calls.append((name, path))
         elif kind == "place":
             found.places.add(int(rest))
         elif kind == "opened":

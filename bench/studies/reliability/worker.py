@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import base64
 import contextlib
 import json
 import os
@@ -11,33 +10,18 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from typing import Any
-from unittest import mock
 
-import granpinn.convert
-import granpinn.figures.album
-import granpinn.inspect
-import granpinn.train
-from bench.studies.reliability import damage, hdf5_edits, sandbox
+from bench.studies.reliability import commands, damage, hdf5_edits, sandbox
 from bench.studies.reliability.judge import ALLOWED, BAIT, described, fingerprint, judged
 from bench.studies.reliability.samples import FORMATS, Files, Format
-from granpinn.report.__main__ import main as report
 
-MAINS: dict[str, Callable[[Sequence[str]], int]] = {
-    "inspect": granpinn.inspect.main,
-    "convert": granpinn.convert.main,
-    "train": granpinn.train.main,
-    "report": report,
-}
 DRAWN = 10  # one mutant of so many has its figures drawn, which takes most of the time
 TRACED = 4  # one mutant of so many is traced for new places
-EMPTY_IMAGE = base64.b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
-)
 PARENTS = 500  # mutants that are kept as parents
 rows = sys.stdout
 
@@ -58,8 +42,11 @@ class Target:
     def run(self, mutant: str) -> int:
         """The command, in the working directory; one mutant of ten has its figures drawn."""
         drawn = int(mutant.rpartition("/")[2] or 0) % DRAWN == 0
-        with warnings.catch_warnings(), contextlib.nullcontext() if drawn else _without_drawing():
-            return MAINS[self.command.split("-")[0]](self.format.commands[self.command])
+        with (
+            warnings.catch_warnings(),
+            contextlib.nullcontext() if drawn else commands.without_drawing(),
+        ):
+            return commands.MAINS[self.command.split("-")[0]](self.format.commands[self.command])
 
 
 def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.Namespace) -> None:
@@ -67,7 +54,7 @@ def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.N
     global rows
     rows = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what writers of valid files print
-    _import_late_modules()
+    commands.import_late_modules()
     written: dict[str, Files] = {}
     for name, command in pairs:
         chosen = FORMATS[name]
@@ -163,38 +150,6 @@ def mutated(target: Target, mutant: str, folder: Path) -> Files:
 def _bait() -> bytes:
     """A valid flow file that no command is told to read."""
     return FORMATS["flow"].files()["flow.h5"]
-
-
-@contextlib.contextmanager
-def _without_drawing() -> Iterator[None]:
-    """Figures are composed, but an empty image is saved."""
-
-    def save(figure: Any, path: Any, **_: Any) -> None:
-        if hasattr(path, "write"):
-            path.write(EMPTY_IMAGE)
-        else:
-            Path(path).write_bytes(EMPTY_IMAGE)
-
-    with mock.patch("matplotlib.figure.Figure.savefig", save):
-        yield
-
-
-def _import_late_modules() -> None:
-    """Modules that commands import when they need them: imported once, before all forks."""
-    for name in (
-        "h5netcdf",
-        "xarray",
-        "zarr",
-        "pyvista",
-        "lvpyio",
-        "pandas",
-        "tables",
-        "PIL.Image",
-    ):
-        try:
-            __import__(name)
-        except ImportError:
-            continue
 
 
 def _print(row: dict[str, Any]) -> None:
