@@ -15,9 +15,9 @@ import granpinn.figures.animation
 import granpinn.figures.inspection
 import granpinn.figures.simulation
 import granpinn.inspect
-import granpinn.simulate
 import granpinn.train
 from granpinn.report.__main__ import main as report
+from granpinn.simulate import main as simulate
 from granpinn.tables.__main__ import main as tables
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -25,7 +25,7 @@ MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "convert": granpinn.convert.main,
     "train": granpinn.train.main,
     "report": report,
-    "simulate": granpinn.simulate.main,
+    "simulate": simulate,
     "tables": tables,
 }
 LATE = ("h5netcdf", "xarray", "zarr", "pyvista", "lvpyio", "pandas", "tables", "PIL.Image")

@@ -24,6 +24,7 @@ from bench.studies.reliability.outputs import CASES, Case
 from bench.studies.reliability.record import Record, command_of
 from bench.studies.reliability.samples import Files, read_all
 
+MODULE = "bench.studies.reliability.hostile_targets"
 NOBODY = 65534
 ALLOWED = {"refused", "could not go on", "written, target as before"}
 VICTIM = b"kept\n"
@@ -91,10 +92,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="the record")
     options = parser.parse_args(argv)
     record, begin = Record("F-5", command=command_of(MODULE, argv)), time.monotonic()
-    cache: dict[str, Files] = {}
+    cache: dict[str | None, Files] = {}
     for name, place, kind in combinations():
         case = CASES[name]
-        files = cache.setdefault(case.inputs or "", case.files())
+        if case.inputs not in cache:
+            cache[case.inputs] = case.files()
+        files = cache[case.inputs]
         outcome, found = tried(case, place, kind, files)
         what = f"{name}: {place} is a {kind}"
         failed = outcome not in ALLOWED
@@ -177,7 +180,7 @@ def state(path: Path) -> object:
     entry = path.lstat()
     kind = stat.S_IFMT(entry.st_mode)
     if path.is_symlink():
-        return kind, os.readlink(path)
+        return kind, str(path.readlink())
     if path.is_dir():
         theirs = read_all(path)
         return kind, theirs.get("thesis.txt"), theirs.get("results.json")
@@ -201,8 +204,6 @@ def judged(found: sandbox.Outcome, case: Case) -> str:
         return "no single sentence"
     return "refused" if found.code == 2 else "could not go on"
 
-
-MODULE = "bench.studies.reliability.hostile_targets"
 
 if __name__ == "__main__":
     sys.exit(main())

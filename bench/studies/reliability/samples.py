@@ -55,7 +55,8 @@ class Format:
             before = Path.cwd()
             os.chdir(folder)
             try:
-                with contextlib.redirect_stderr(io.StringIO()):
+                printed = io.StringIO()
+                with contextlib.redirect_stderr(printed), contextlib.redirect_stdout(printed):
                     self.write(Path(folder))
             finally:
                 os.chdir(before)

@@ -95,8 +95,8 @@ def run(
             found.opened.add(line)
     if start:
         found.memory = max(0, 1024 * usage.ru_maxrss - start)
-    for path in files.values():
-        path.unlink(missing_ok=True)
+    for file in files.values():
+        file.unlink(missing_ok=True)
     return found
 
 
