@@ -1,0 +1,55 @@
+"""The commands as functions, with all that they import."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import granpinn.convert
+import granpinn.figures.album
+import granpinn.figures.animation
+import granpinn.figures.inspection
+import granpinn.figures.simulation
+import granpinn.inspect
+import granpinn.train
+from granpinn.report.__main__ import main as report
+from granpinn.simulate import main as simulate
+from granpinn.tables.__main__ import main as tables
+
+MAINS: dict[str, Callable[[Sequence[str]], int]] = {
+    "inspect": granpinn.inspect.main,
+    "convert": granpinn.convert.main,
+    "train": granpinn.train.main,
+    "report": report,
+    "simulate": simulate,
+    "tables": tables,
+}
+LATE = ("h5netcdf", "xarray", "zarr", "pyvista", "lvpyio", "pandas", "tables", "PIL.Image")
+EMPTY_IMAGE = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
+)
+
+
+@contextlib.contextmanager
+def without_drawing() -> Iterator[None]:
+    """Figures are composed, but an empty image is saved: drawing takes most of the time."""
+
+    def save(figure: Any, path: Any, **_: Any) -> None:
+        if hasattr(path, "write"):
+            path.write(EMPTY_IMAGE)
+        else:
+            Path(path).write_bytes(EMPTY_IMAGE)
+
+    with mock.patch("matplotlib.figure.Figure.savefig", save):
+        yield
+
+
+def import_late_modules() -> None:
+    """Import what commands import when they need it: once, before all forks."""
+    for name in LATE:
+        with contextlib.suppress(ImportError):
+            __import__(name)

@@ -1,0 +1,151 @@
+"""A process that runs the commands of outputs.py under faults; one line of JSON for each fault."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.studies.reliability import commands, sandbox
+from bench.studies.reliability.output_faults import MODES, STEP
+from bench.studies.reliability.outputs import CASES, Case, damaged
+from bench.studies.reliability.samples import Files, read_all
+
+FINE = "one sentence, all whole"
+HARMLESS = "harmless"  # the command does not need the call, and its files are right
+TEMPORARY = re.compile(r"^\.(.+)\.[0-9a-f]+\.tmp$")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault: the call that fails, or the bytes that fit on the disk."""
+
+    mode: str
+    at: int
+
+    def environment(self) -> dict[str, str]:
+        """What faults.c reads."""
+        if self.mode == "full disk":
+            return {"BUDGET": str(self.at)}
+        return MODES[self.mode] | {"AT": str(self.at)}
+
+
+def work(names: Sequence[str], every: int) -> None:
+    """Try every fault, or every so many, of these cases."""
+    rows = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    commands.import_late_modules()
+    for name in names:
+        case = CASES[name]
+        before = case.files()
+        if case.repeated:
+            before = _run(case, case.arguments, before, None)[1]
+        clean, after = _run(case, case.arguments, before, None)
+        if clean.code != 0:
+            raise RuntimeError(f"{name} without a fault: {clean.code}: {clean.errors}")
+        again = _run(case, case.arguments, before, None)[1]
+        same = {path: content for path, content in after.items() if again.get(path) == content}
+        for fault in list(_faults(clean, after, before))[::every]:
+            row = _tried(case, fault, before, same, clean)
+            print(json.dumps({"case": name, "mode": fault.mode, "at": fault.at} | row), file=rows)
+            rows.flush()
+
+
+def _faults(clean: sandbox.Outcome, after: Files, before: Files) -> Iterator[Fault]:
+    for mode in MODES:
+        yield from (Fault(mode, at + 1) for at in range(len(clean.calls)))
+    size = sum(len(content) for path, content in after.items() if before.get(path) != content)
+    yield from (Fault("full disk", at) for at in range(0, size, STEP))
+
+
+def _run(
+    case: Case, arguments: Sequence[str], files: Files, fault: Fault | None
+) -> tuple[sandbox.Outcome, Files]:
+    """Run a command in a folder with these files; its outcome and the files afterwards."""
+    with tempfile.TemporaryDirectory(prefix="fault") as made:
+        folder = Path(made).resolve() / "work"
+        folder.mkdir()
+        for name, content in files.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+
+        def prepare() -> None:
+            settings: dict[str, str] = {} if fault is None else fault.environment()
+            for key, value in ({"FOLDER": str(folder), "LOG": str(sandbox.LOG)} | settings).items():
+                os.environ[f"GRANPINN_FAULT_{key}"] = value
+
+        def command() -> int:
+            with commands.without_drawing():
+                return commands.MAINS[case.command](arguments)
+
+        found = sandbox.run(command, prepare, folder, seconds=60)
+        return found, read_all(folder)
+
+
+def _tried(
+    case: Case, fault: Fault, before: Files, same: Files, clean: sandbox.Outcome
+) -> dict[str, Any]:
+    found, after = _run(case, case.arguments, before, fault)
+    call = clean.calls[fault.at - 1] if fault.mode != "full disk" else ("", "")
+    outcome = _outcome(case, fault, found, before, after, same, call[1])
+    row: dict[str, Any] = {"outcome": outcome, "failed": outcome not in (FINE, HARMLESS)}
+    if row["failed"]:
+        row |= {"call": " ".join((call[0], Path(call[1]).name)), "code": found.code}
+        row["message"] = found.errors.strip()[-300:]
+    return row
+
+
+def _outcome(
+    case: Case,
+    fault: Fault,
+    found: sandbox.Outcome,
+    before: Files,
+    after: Files,
+    same: Files,
+    target: str,
+) -> str:
+    if found.code is None:
+        return "hang"
+    if found.code < 0:
+        return f"crash (signal {-found.code})"
+    if found.code == sandbox.ESCAPED or "Traceback (most recent call last)" in found.errors:
+        return "traceback"
+    with tempfile.TemporaryDirectory() as folder:
+        for path, content in after.items():
+            if path.endswith(".tmp"):
+                return "temporary file left"
+            if before.get(path) != content and damaged(path, content, Path(folder)):
+                return "damaged file left"
+    if any(path not in after for path in before):
+        return "earlier file lost"
+    if found.code == 0:
+        wrong = [path for path in same if after.get(path) != same[path]]
+        return "fault not noticed" if wrong else HARMLESS
+    if found.code != 1:
+        return f"exit code {found.code}"
+    if problem := _sentence(found.errors, case, target):
+        return problem
+    again = _run(case, case.resume or case.arguments, after, None)
+    if again[0].code != 0:
+        return "cannot be continued"
+    if any(again[1].get(path) != content for path, content in same.items()):
+        return "other bytes after continuing"
+    return FINE
+
+
+def _sentence(errors: str, case: Case, target: str) -> str:
+    """What is wrong with the sentence; empty if nothing is."""
+    lines = [line for line in errors.splitlines() if line.startswith(f"granpinn.{case.command}: ")]
+    if len(lines) != 1:
+        return "no single sentence"
+    name = Path(target).name
+    match = TEMPORARY.match(name)
+    name = match[1] if match else name
+    if name == "work":
+        name = ""  # the folder of the test itself: any path will do
+    return "" if name in lines[0] and "/" in lines[0] + "/" * bool(name) else "path not named"

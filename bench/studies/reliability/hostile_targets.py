@@ -1,0 +1,209 @@
+"""Outputs that must not be written to: devices, FIFOs, sockets, links, other files: gate F-5.
+
+    python -m bench.studies.reliability.hostile_targets --out targets.json
+
+Each command gets each kind of target. It must refuse in one sentence that names the target, or
+write beside it; the target, and what it points to, must be as before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import socket
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from bench.studies.reliability import commands, sandbox
+from bench.studies.reliability.outputs import CASES, Case
+from bench.studies.reliability.record import Record, command_of
+from bench.studies.reliability.samples import Files, read_all
+
+MODULE = "bench.studies.reliability.hostile_targets"
+NOBODY = 65534
+ALLOWED = {"refused", "could not go on", "written, target as before"}
+VICTIM = b"kept\n"
+
+# What a command writes: its target, and whether that is a folder.
+TARGETS: dict[str, tuple[str, bool]] = {
+    "train": ("run", True),
+    "convert": ("out.h5", False),
+    "simulate": ("out.h5", False),
+    "simulate, figures": ("figures", True),
+    "inspect": ("inspection", True),
+    "tables": ("tables", True),
+}
+# Files that a command writes into its folder.
+INSIDE = {
+    "train": ("run", "results.json"),
+    "inspect": ("inspection", "inspect.json"),
+    "report": ("run", "report.html"),
+    "report, ParaView": ("run", "fields.vtkhdf"),
+    "simulate, figures": (".", "out.gif"),
+}
+
+
+def _device(path: Path) -> None:
+    os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, 3))
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path.name)
+
+
+def _folder_of_files(path: Path) -> None:
+    path.mkdir()
+    (path / "thesis.txt").write_bytes(VICTIM)
+
+
+def _read_only(path: Path) -> None:
+    path.parent.chmod(0o555)
+
+
+def _other_run(path: Path) -> None:
+    (path / "checkpoint").mkdir(parents=True)
+    (path / "results.json").write_text('{"format_name": "granpinn-results"}\n')
+    (path / "config.toml").write_text("steps = 7\n")
+
+
+KINDS: dict[str, Callable[[Path], object]] = {
+    "device": _device,
+    "FIFO": os.mkfifo,
+    "socket": _socket,
+    "link to a file": lambda path: path.symlink_to("victim"),
+    "link to a folder": lambda path: path.symlink_to("victims"),
+    "dangling link": lambda path: path.symlink_to("nothing"),
+    "folder of other files": _folder_of_files,
+    "file": lambda path: path.write_bytes(VICTIM),
+    "read-only folder": _read_only,
+    "run of somebody else": _other_run,
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Try all targets and write the record; exit code 1 if one is not as before."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--out", type=Path, help="the record")
+    options = parser.parse_args(argv)
+    record, begin = Record("F-5", command=command_of(MODULE, argv)), time.monotonic()
+    cache: dict[str | None, Files] = {}
+    for name, place, kind in combinations():
+        case = CASES[name]
+        if case.inputs not in cache:
+            cache[case.inputs] = case.files()
+        files = cache[case.inputs]
+        outcome, found = tried(case, place, kind, files)
+        what = f"{name}: {place} is a {kind}"
+        failed = outcome not in ALLOWED
+        failure = {"input": what, "outcome": outcome, "message": found.errors.strip()[-300:]}
+        record.add(outcome, failure if failed else None)
+        print(f"{outcome:<28}{what}", flush=True)
+    record.seconds = time.monotonic() - begin
+    if options.out is not None:
+        record.write(options.out)
+    return int(bool(record.failures))
+
+
+def combinations() -> list[tuple[str, str, str]]:
+    """Case, place and kind of target."""
+    found = []
+    for name, (place, folder) in TARGETS.items():
+        for kind in KINDS:
+            # A file is what a command may replace; a folder is what it may write into.
+            if not (kind == "file" and not folder) and not (
+                kind == "run of somebody else" and name != "train"
+            ):
+                found.append((name, place, kind))
+    for name, (folder_name, file) in INSIDE.items():
+        for kind in ("device", "FIFO", "link to a file", "folder of other files"):
+            found.append((name, str(Path(folder_name) / file), kind))
+    return found
+
+
+def tried(case: Case, place: str, kind: str, files: Files) -> tuple[str, sandbox.Outcome]:
+    """Run a command whose target is of that kind."""
+    with tempfile.TemporaryDirectory(prefix="target") as made:
+        work = Path(made).resolve() / "work"
+        (work / "victims").mkdir(parents=True)
+        for name, content in files.items():
+            (work / name).parent.mkdir(parents=True, exist_ok=True)
+            (work / name).write_bytes(content)
+        (work / "victim").write_bytes(VICTIM)
+        (work / "victims" / "thesis.txt").write_bytes(VICTIM)
+        target = work / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.is_file():
+            target.unlink()
+        before = Path.cwd()
+        os.chdir(target.parent)
+        try:
+            KINDS[kind](target)
+        except PermissionError:
+            return "written, target as before", sandbox.Outcome(None, 0.0)  # devices need root
+        finally:
+            os.chdir(before)
+        states = {path: state(path) for path in (target, work / "victim", work / "victims")}
+
+        def prepare() -> None:
+            if kind == "read-only folder" and os.getuid() == 0:
+                os.setgid(NOBODY)
+                os.setuid(NOBODY)
+
+        def command() -> int:
+            with commands.without_drawing():
+                return commands.MAINS[case.command](case.arguments)
+
+        for folder in (Path(made), work):
+            folder.chmod(folder.stat().st_mode | 0o055)
+        found = sandbox.run(command, prepare, work, seconds=30)
+        outcome = judged(found, case)
+        if any(state(path) != kept for path, kept in states.items()) and kind != "read-only folder":
+            outcome = "target changed"
+        elif found.code not in (0, None) and Path(place).name not in found.errors:
+            outcome = "target not named"
+        if kind == "read-only folder":
+            work.chmod(0o755)
+        shutil.rmtree(work, ignore_errors=True)
+        return outcome, found
+
+
+def state(path: Path) -> object:
+    """What a path is, with the content of a file or of the other files in a folder."""
+    if not os.path.lexists(path):
+        return None
+    entry = path.lstat()
+    kind = stat.S_IFMT(entry.st_mode)
+    if path.is_symlink():
+        return kind, str(path.readlink())
+    if path.is_dir():
+        theirs = read_all(path)
+        return kind, theirs.get("thesis.txt"), theirs.get("results.json")
+    return kind, entry.st_rdev, path.read_bytes() if path.is_file() else None
+
+
+def judged(found: sandbox.Outcome, case: Case) -> str:
+    """The name of an outcome, before the target is looked at."""
+    if found.code is None:
+        return "hang"
+    if found.code < 0:
+        return f"crash (signal {-found.code})"
+    if found.code == sandbox.ESCAPED or "Traceback (most recent call last)" in found.errors:
+        return "traceback"
+    if found.code == 0:
+        return "written, target as before"
+    if found.code not in (1, 2):
+        return f"exit code {found.code}"
+    prefix = f"granpinn.{case.command}: "
+    if sum(line.startswith(prefix) for line in found.errors.splitlines()) != 1:
+        return "no single sentence"
+    return "refused" if found.code == 2 else "could not go on"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

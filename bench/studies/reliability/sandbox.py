@@ -1,0 +1,218 @@
+"""One command in a process of its own: limits, captured output, files that it opens.
+
+The process is a fork of one that has imported everything, so that it starts in milliseconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import select
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+SECONDS = 15.0  # wall time of one command
+ADDRESS_SPACE = 3 * 2**30  # bytes above what is in use at the start
+OUTPUT = 200_000  # characters that are kept
+STARTED = ("subprocess.Popen", "os.exec", "os.fork", "os.posix_spawn", "os.system", "socket.")
+TRACED = ("granpinn/data", "granpinn/importers", "granpinn/inspection", "granpinn/results")
+LOG = 199  # descriptor of the report, which nothing else uses
+ESCAPED = 70  # exit code of an exception that no command caught
+PREPARATION = 71  # exit code if the input could not be made
+
+
+@dataclass
+class Outcome:
+    """How a command ended.
+
+    Attributes:
+        code: its exit code; negative: the signal that ended it; None: it took too long.
+        output, errors: what it printed.
+        opened: paths that it opened, in its own words.
+        started: processes and connections that it started, as the interpreter names them.
+        memory: largest resident memory above that at the start, in bytes.
+        places: hashes of the places in the code that were reached; empty unless traced.
+        calls: what faults.c reports, a name and a path each.
+    """
+
+    code: int | None
+    seconds: float
+    output: str = ""
+    errors: str = ""
+    opened: set[str] = field(default_factory=set)
+    started: set[str] = field(default_factory=set)
+    memory: int = 0
+    places: set[int] = field(default_factory=set)
+    calls: list[tuple[str, str]] = field(default_factory=list)
+
+
+def run(
+    command: Callable[[], int | None],
+    prepare: Callable[[], None],
+    folder: Path,
+    *,
+    trace: bool = False,
+    seconds: float = SECONDS,
+) -> Outcome:
+    """Run a command in a fork whose working directory is `folder`.
+
+    Args:
+        command: gives the exit code.
+        prepare: makes the input, before the limits and the watch begin.
+        trace: whether to report which places of the readers are reached.
+    """
+    files = {name: folder.with_name(f"{folder.name}.{name}") for name in ("out", "err", "log")}
+    begin = time.monotonic()
+    pid = os.fork()
+    if pid == 0:
+        _child(command, prepare, folder, files, trace)
+    status, usage = _wait(pid, begin + seconds)
+    found = Outcome(None if status is None else _code(status), time.monotonic() - begin)
+    found.output, found.errors = (_text(files[name]) for name in ("out", "err"))
+    start = 0
+    for line in _text(files["log"], 2**24).splitlines():
+        kind, _, rest = line.partition(" ")
+        if kind == "started":
+            found.started.add(rest)
+        elif kind == "memory":
+            start = int(rest)
+        elif kind == "call":
+            name, _, path = rest.partition(" ")
+            found.calls.append((name, path))
+        elif kind == "place":
+            found.places.add(int(rest))
+        elif kind == "opened":
+            found.opened.add(rest)
+        elif line:
+            found.opened.add(line)
+    if start:
+        found.memory = max(0, 1024 * usage.ru_maxrss - start)
+    for file in files.values():
+        file.unlink(missing_ok=True)
+    return found
+
+
+def _child(
+    command: Callable[[], int | None],
+    prepare: Callable[[], None],
+    folder: Path,
+    files: dict[str, Path],
+    trace: bool,
+) -> None:
+    code = PREPARATION
+    try:
+        os.chdir(folder)
+        os.setpgid(0, 0)
+        _redirect(files)
+        prepare()
+        code = ESCAPED
+        with _watched(trace):
+            code = command() or 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(BaseException):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+
+
+def _redirect(files: dict[str, Path]) -> None:
+    for number, name in ((1, "out"), (2, "err")):
+        handle = os.open(files[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        os.dup2(handle, number)
+    log = os.open(files["log"], os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    os.dup2(log, LOG)
+    # The interpreter's own streams may have been replaced, for example by a test.
+    sys.stdout = os.fdopen(1, "w", encoding="utf-8", errors="replace", closefd=False)
+    sys.stderr = os.fdopen(2, "w", encoding="utf-8", errors="replace", closefd=False)
+
+
+@contextlib.contextmanager
+def _watched(trace: bool) -> Iterator[None]:
+    """Limits, a hook that reports to descriptor LOG, and the memory from here on."""
+    Path("/proc/self/clear_refs").write_text("5")  # the peak of the memory starts again
+    status = Path("/proc/self/status").read_text()
+    sizes = {line.split(":")[0]: line.split()[1] for line in status.splitlines() if "kB" in line}
+    os.write(LOG, f"memory {1024 * int(sizes['VmRSS'])}\n".encode())
+    most = 1024 * int(sizes["VmSize"]) + ADDRESS_SPACE
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(2 * SECONDS), int(2 * SECONDS) + 1))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.environ["GRANPINN_OPENS"] = str(LOG)
+    sys.addaudithook(_report)
+    reached: set[int] = set()
+    if trace:
+        sys.settrace(_tracer(reached))
+    try:
+        yield
+    finally:
+        sys.settrace(None)
+        text = "".join(f"place {place}\n" for place in reached)
+        os.write(LOG, text.encode())
+
+
+def _report(event: str, arguments: tuple[Any, ...]) -> None:
+    if event == "open":
+        if isinstance(arguments[0], str | bytes):
+            os.write(
+                LOG, b"opened " + os.fsencode(arguments[0])[:4000].replace(b"\n", b"?") + b"\n"
+            )
+    elif event.startswith(STARTED):
+        os.write(LOG, f"started {event} {str(arguments)[:200]!r}\n".encode("utf-8", "replace"))
+
+
+def _tracer(reached: set[int]) -> Callable[[FrameType, str, Any], Any]:
+    """Collects a hash of every line that is reached in the readers."""
+    kept: dict[str, int | None] = {}
+
+    def local(frame: FrameType, event: str, argument: Any) -> Any:
+        reached.add(kept[frame.f_code.co_filename] * 10_000 + frame.f_lineno)  # type: ignore[operator]
+        return local
+
+    def every(frame: FrameType, event: str, argument: Any) -> Any:
+        name = frame.f_code.co_filename
+        if name not in kept:
+            chosen = any(part in name for part in TRACED)
+            kept[name] = sum(name.encode()) * 1000 + len(name) if chosen else None
+        return None if kept[name] is None else local
+
+    return every
+
+
+def _wait(pid: int, deadline: float) -> tuple[int | None, Any]:
+    """Status and usage of a process; it is ended with its group at the deadline."""
+    handle = os.pidfd_open(pid)
+    try:
+        ready = select.select([handle], [], [], max(0.0, deadline - time.monotonic()))[0]
+    finally:
+        os.close(handle)
+    if not ready:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    _, status, usage = os.wait4(pid, 0)
+    return (status if ready else None), usage
+
+
+def _code(status: int) -> int:
+    return -os.WTERMSIG(status) if os.WIFSIGNALED(status) else os.WEXITSTATUS(status)
+
+
+def _text(path: Path, most: int = OUTPUT) -> str:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(most).decode("utf-8", "replace")
+    except FileNotFoundError:
+        return ""
