@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn import results
-from granpinn.atomic import atomic_path
 from granpinn.identification import conclusion, prediction, simulated_fields
 from granpinn.identification.case import Case, Model
-from granpinn.output import OutputError
+from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
 from granpinn.results import Fields, NotDone, Result, write_csv, write_fields
 from granpinn.results.attempt import (
@@ -84,7 +83,7 @@ def conclude(
             write_fields(maps, folder / "fields.h5")
         if len(cases) > 1:
             shown = parts_of(folder, len(cases))[place]
-            with atomic_path(folder / "history.csv") as temporary:
+            with replacing(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
     return Concluded(result, case, model, maps, folder, keep_fields)
 

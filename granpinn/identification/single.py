@@ -8,13 +8,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.atomic import atomic_path
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
+from granpinn.output import make_folder, write_text
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
@@ -108,7 +108,12 @@ def start(
 
 
 def prepare(folder: Path, config: Config, members: int = 1) -> Path:
-    """Make the folders of a run and write config.toml; ConfigError if they hold another run."""
+    """Make the folders of a run and write config.toml.
+
+    Raises:
+        ConfigError: the folder holds another run.
+        OutputError: the folders cannot be made or written to.
+    """
     taken = [
         name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
     ]
@@ -117,14 +122,9 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
             f"another --out"
         )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for part in parts_of(folder, members):
-            part.mkdir(parents=True, exist_ok=True)
-        if not (config.resume and (folder / "config.toml").exists()):
-            settings = dataclasses.replace(config, resume=False)
-            with atomic_path(folder / "config.toml") as temporary:
-                temporary.write_text(to_toml(settings), encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--out {folder} cannot be written to: {error.strerror}") from None
+    for part in parts_of(folder, members):
+        make_folder(part)
+    if not (config.resume and (folder / "config.toml").exists()):
+        settings = dataclasses.replace(config, resume=False)
+        write_text(folder / "config.toml", to_toml(settings))
     return folder

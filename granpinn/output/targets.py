@@ -31,7 +31,15 @@ _ADVICE = {
 
 
 class OutputError(CannotGoOn, OSError):
-    """A file or folder cannot be written; the message is one sentence with its path."""
+    """A file or folder cannot be written; the message is one sentence with its path.
+
+    Attributes:
+        reason: the words of the system, such as "No space left on device".
+    """
+
+    def __init__(self, sentence: str, reason: str = "") -> None:
+        super().__init__(sentence)
+        self.reason = reason or sentence
 
 
 def failure(path: str | os.PathLike[str], error: OSError) -> OutputError:
@@ -40,7 +48,7 @@ def failure(path: str | os.PathLike[str], error: OSError) -> OutputError:
         return error
     advice = _ADVICE.get(error.errno or 0, "check the disk")
     reason = error.strerror or str(error)
-    return OutputError(f"{os.fspath(path)} could not be written ({reason}): {advice}")
+    return OutputError(f"{os.fspath(path)} could not be written ({reason}): {advice}", reason)
 
 
 def objection_to_file(path: str | os.PathLike[str]) -> str | None:

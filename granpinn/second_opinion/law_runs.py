@@ -56,7 +56,8 @@ class AtPoints:
         empty = state.c[::s, ::s] < 1
         ny, nx = empty.shape
         first = 0.5 * h
-        grid = Nodes(first + s * h * np.arange(ny), first + s * h * np.arange(nx))
+        y, x = (first + s * h * np.arange(n, dtype=np.float64) for n in (ny, nx))
+        grid = Nodes(y, x)
         at = interpolation(grid, self._flow)
         fields = (np.where(empty, np.nan, f[::s, ::s]) for f in (state.u_center, state.v_center))
         here = self._of_frame[len(self._taken)]

@@ -28,8 +28,8 @@ from safetensors import SafetensorError
 from safetensors import torch as safetensors
 from torch import Tensor
 
-from granpinn.atomic import atomic_path
 from granpinn.errors import CannotGoOn
+from granpinn.output import OutputError, make_folder, naming, write_bytes
 from granpinn.results.decoding import decode, encode
 from granpinn.training.identity import difference
 from granpinn.training.state import RunState
@@ -77,15 +77,15 @@ def save(folder: Path, tensors: Mapping[str, Tensor], state: RunState) -> Path:
             raise CheckpointError(
                 f"{folder.parent} was removed during the run: start again with an --out that stays"
             )
-        folder.mkdir(exist_ok=True)
-        _write(path, binary)
+        make_folder(folder)
+        write_bytes(path, binary)
         path = path.with_suffix(".json")
-        _write(path, _text(content))
-        _prune(folder)
-    except OSError as error:
+        write_bytes(path, _text(content))
+        with naming(folder):
+            _prune(folder)
+    except OutputError as error:
         raise CheckpointError(
-            f"checkpoint {path} could not be written ({error.strerror or error}): make room or "
-            f"choose another --out; the checkpoints before it are intact, --resume continues there"
+            f"{error}; the checkpoints before it are intact, and --resume continues there"
         ) from error
     return path
 
@@ -99,11 +99,6 @@ def _checksum(content: Mapping[str, Any], binary: bytes) -> str:
     """SHA-256 of the JSON without its checksum, and of the tensors."""
     named = {name: value for name, value in content.items() if name != "sha256"}
     return hashlib.sha256(_text(named) + b"\0" + binary).hexdigest()
-
-
-def _write(path: Path, content: bytes) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
 
 
 def _prune(folder: Path) -> None:

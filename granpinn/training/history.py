@@ -11,12 +11,13 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from granpinn.output import OutputError, naming, objection_to_file
 from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES
 
@@ -84,8 +85,11 @@ class History:
             return
         if offset and self.path.stat().st_size < offset:
             raise ValueError(f"it should have at least {offset} bytes")
-        self._file = self.path.open("r+b" if offset else "w+b")
-        self._file.truncate(offset)
+        if objection := objection_to_file(self.path):
+            raise OutputError(objection)
+        with naming(self.path):
+            self._file = self.path.open("r+b" if offset else "w+b")
+            self._file.truncate(offset)
         if offset:
             self._file.seek(0)
             self.rows = _rows(self._file.read(), self.law)
@@ -112,7 +116,7 @@ class History:
         """Force all rows to the disk; length of the file in bytes."""
         if self._file is None:
             return 0
-        with self._naming_the_file():
+        with naming(self.path or ""):
             os.fsync(self._file.fileno())
         return self._file.tell()
 
@@ -127,17 +131,9 @@ class History:
         assert self._file is not None
         text = io.StringIO(newline="")
         csv.writer(text, lineterminator="\n").writerow(values)  # type: ignore[arg-type]
-        with self._naming_the_file():
+        with naming(self.path or ""):
             self._file.write(text.getvalue().encode())
             self._file.flush()
-
-    @contextlib.contextmanager
-    def _naming_the_file(self) -> Iterator[None]:
-        """Add the path to OSErrors: an error on an open file does not name it."""
-        try:
-            yield
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(self.path)) from error
 
 
 def _rows(content: bytes, law: Law) -> list[Row]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from granpinn.config import ConfigError
+from granpinn.output import naming
 from granpinn.physics.terms import TERMS
 from granpinn.training.history import Row
 
@@ -123,16 +124,18 @@ class TensorBoard(Silent):
         self.inner = inner
 
     def start(self, total: int, done: int) -> None:
-        self.writer = self.make_writer(str(self.folder))
+        with naming(self.folder):
+            self.writer = self.make_writer(str(self.folder))
         self.inner.start(total, done)
 
     def total(self, steps: int) -> None:
         self.inner.total(steps)
 
     def show(self, row: Row) -> None:
-        for name, value in row.values().items():
-            if name != "step" and math.isfinite(value):
-                self.writer.add_scalar(name, value, row.step)
+        with naming(self.folder):
+            for name, value in row.values().items():
+                if name != "step" and math.isfinite(value):
+                    self.writer.add_scalar(name, value, row.step)
         self.inner.show(row)
 
     def message(self, text: str) -> None:
@@ -140,7 +143,8 @@ class TensorBoard(Silent):
 
     def stop(self) -> None:
         if self.writer is not None:
-            self.writer.close()
+            with naming(self.folder):
+                self.writer.close()
         self.inner.stop()
 
 
