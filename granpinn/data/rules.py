@@ -199,12 +199,12 @@ def warn_of_zeros(flow: Flow) -> None:
 
 
 def warn_of_rounding(flow: Flow) -> None:
-    """Warns of volume fractions that are outside of 0 to 1 by rounding errors."""
-    below, above = int((flow.c < 0).sum()), int((flow.c > 1).sum())
-    if below or above:
+    """Warns of volume fractions above 1 by rounding errors, since they count as grains."""
+    above = int((flow.c > 1).sum())
+    if above:
         warnings.warn(
-            f"{above} values of c exceed 1 and {below} are negative, by rounding errors of at most "
-            f"{FRACTION_TOLERANCE:g}: they count as 1 and 0",
+            f"{above} values of c exceed 1 by rounding errors of at most {FRACTION_TOLERANCE:g}: "
+            "they count as 1",
             FlowFileWarning,
             stacklevel=3,
         )
