@@ -61,9 +61,23 @@ void set_theta(Parameters& s, const std::vector<double>& values) {
   std::copy(values.begin(), values.end(), s.theta);
 }
 
+// The number of cells of a field, with its ghosts, is an int.
+constexpr int kMostCells = 1 << 15;
+
+const Parameters& checked(const Parameters& s) {
+  for (const int cells : {s.cells_x, s.cells_y}) {
+    if (cells < 1 || cells > kMostCells) {
+      throw py::value_error("cells must be from 1 to " + std::to_string(kMostCells) + ", got " +
+                            std::to_string(cells));
+    }
+  }
+  if (s.chunk < 1) throw py::value_error("chunk must be positive, got " + std::to_string(s.chunk));
+  return s;
+}
+
 class PySolver {
  public:
-  explicit PySolver(const Parameters& s) : s_(s), solver_(make_solver(s)) {}
+  explicit PySolver(const Parameters& s) : s_(checked(s)), solver_(make_solver(s)) {}
 
   void set_state(const Array& c, const Array& u, const Array& v) {
     check_shape(c, "c", s_.cells_y, s_.cells_x);

@@ -1,11 +1,16 @@
 #include "team.h"
 
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
 namespace granpinn::collapse {
 namespace {
 
 constexpr int kSmallestLoop = 8192;  // cells; below, waking a thread costs more than it saves
 constexpr int kBlocksPerThread = 2;
-constexpr int kSpins = 2000;  // looks at the ticket before a thread goes to sleep
+constexpr int kMostThreads = 256;  // far below the 16 bits for the number of blocks
+constexpr int kSpins = 2000;       // looks at the ticket before a thread goes to sleep
 
 void pause() {
 #if defined(__x86_64__) || defined(__i386__)
@@ -16,10 +21,24 @@ void pause() {
 }  // namespace
 
 Team::Team(int threads) {
-  for (int index = 1; index < threads; ++index) workers_.emplace_back([this] { serve(); });
+  if (threads < 1 || threads > kMostThreads) {
+    throw std::invalid_argument("threads must be from 1 to " + std::to_string(kMostThreads) +
+                                ", got " + std::to_string(threads));
+  }
+  workers_.reserve(threads - 1);
+  try {
+    for (int index = 1; index < threads; ++index) workers_.emplace_back([this] { serve(); });
+  } catch (const std::system_error&) {
+    const auto started = workers_.size() + 1;
+    stop();  // a thread that is not joined would end the process
+    throw std::runtime_error("the machine starts only " + std::to_string(started) + " of " +
+                             std::to_string(threads) + " threads: ask for fewer");
+  }
 }
 
-Team::~Team() {
+Team::~Team() { stop(); }
+
+void Team::stop() {
   stop_ = true;
   ticket_.fetch_add(std::uint64_t{1} << 32);
   ticket_.notify_all();

@@ -28,6 +28,7 @@ class Team {
 
  private:
   void serve();
+  void stop();
   bool take_block();
 
   // Number of the loop << 32 | number of blocks << 16 | next block.

@@ -51,8 +51,7 @@ class Setting:
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
             raise ConfigError(
-                f"{name} must be {self.range_text}, got {_text(value)}: python -m granpinn.train "
-                "--help explains it"
+                f"{name} must be {self.range_text}, got {_text(value)}: --help explains it"
             )
 
     def _holds(self, x: float) -> bool:

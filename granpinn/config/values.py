@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from granpinn.config.fields import ConfigError, without_none
 
+LARGEST = 10**300  # of a whole number; a float can hold it
 NONE = "none"  # "no value" in text, and in TOML, which has no word for it
 
 
@@ -27,7 +28,8 @@ def typed(value: Any, kind: Any, name: str) -> Any:
         fits = value in get_args(kind)
     elif kind in (int, float):
         number = isinstance(value, Integral if kind is int else Real)
-        fits = number and not isinstance(value, bool) and not math.isnan(value)
+        huge = isinstance(value, Integral) and abs(int(value)) > LARGEST
+        fits = number and not isinstance(value, bool) and not huge and not math.isnan(value)
         value = kind(value) if fits else value
     else:
         fits = isinstance(value, kind)

@@ -137,6 +137,6 @@ class Flow:
     def stated(self, name: str) -> float | None:
         """A positive number among `attributes`; None if there is none of that name."""
         value = self.attributes.get(name)
-        if isinstance(value, (int, float, np.number)) and math.isfinite(value) and value > 0:
+        if isinstance(value, (int, float, np.number)) and 1e-30 <= value <= 1e30:
             return float(value)
         return None

@@ -5,16 +5,17 @@ The rules for shapes and types are in `layout.py`.
 
 from __future__ import annotations
 
-import math
 import warnings
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface, Truth
-from granpinn.data.format import TRUTH, Layout, arrays_of, grid_arrays_of
+from granpinn.data.constants import check_constants_of
+from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface
+from granpinn.data.format import Layout, arrays_of, grid_arrays_of
 from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
+from granpinn.data.scaling import initial_height
 
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
@@ -35,11 +36,11 @@ def check_flow(flow: Flow) -> None:
 
 def check_values(flow: Flow) -> None:
     """Checks the numbers of a flow that has passed `check_layout`."""
-    _check_attributes(flow)
-    _check_material_constants(flow)
+    check_constants_of(flow)
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
         _check_coordinate(name, values)
     _check_fraction(flow)
+    _check_grain_size(flow)
     _check_velocity(flow)
     if flow.p is not None and not np.isfinite(flow.p[flow.material]).all():
         raise FlowFileError(
@@ -51,47 +52,6 @@ def check_values(flow: Flow) -> None:
         check_particles(flow.particles)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
-
-
-def _check_attributes(flow: Flow) -> None:
-    for name, value in flow.attributes.items():
-        if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
-            raise FlowFileError(
-                f"the attribute {name!r} must be one number or text under a plain name, got "
-                f"{type(value).__name__}: change it or leave it out"
-            )
-
-
-def _check_material_constants(flow: Flow) -> None:
-    truth = flow.truth or Truth()
-    positive = {
-        "density": flow.density,
-        "grain_diameter": flow.grain_diameter,
-        "grain_density": flow.grain_density,
-        "eta_max": flow.eta_max,
-        **{name: getattr(truth, field) for name, field in TRUTH.items()},
-    }
-    for name, value in positive.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise FlowFileError(
-                f"{name} must be a positive number, got {value:g}: correct this attribute"
-            )
-    if flow.grain_density is not None and flow.grain_density < flow.density:
-        raise FlowFileError(
-            f"grain_density must be at least density, the bulk density {flow.density:g}, got "
-            f"{flow.grain_density:g}: density is grain_density times the solid fraction"
-        )
-    if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
-        raise FlowFileError(
-            f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "
-            "attribute or leave it out"
-        )
-    gravity = flow.gravity
-    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or math.hypot(*gravity) == 0:
-        raise FlowFileError(
-            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
-            f"{[float(g) for g in gravity]}: correct this attribute"
-        )
 
 
 def _check_coordinate(name: str, values: Float64) -> None:
@@ -135,6 +95,15 @@ def _check_fraction(flow: Flow) -> None:
         raise FlowFileError(
             "c must be 1 at some point of the first frame, whose height of grains sets the "
             "length scale, got none: leave out the frames before the grains are seen"
+        )
+
+
+def _check_grain_size(flow: Flow) -> None:
+    height = initial_height(flow)
+    if flow.grain_diameter > height:
+        raise FlowFileError(
+            f"grain_diameter must be smaller than the height of the grains in the first frame, "
+            f"{height:g}, got {flow.grain_diameter:g}: give both in the unit of length of the file"
         )
 
 
@@ -230,12 +199,12 @@ def warn_of_zeros(flow: Flow) -> None:
 
 
 def warn_of_rounding(flow: Flow) -> None:
-    """Warns of volume fractions that are outside of 0 to 1 by rounding errors."""
-    below, above = int((flow.c < 0).sum()), int((flow.c > 1).sum())
-    if below or above:
+    """Warns of volume fractions above 1 by rounding errors, since they count as grains."""
+    above = int((flow.c > 1).sum())
+    if above:
         warnings.warn(
-            f"{above} values of c exceed 1 and {below} are negative, by rounding errors of at most "
-            f"{FRACTION_TOLERANCE:g}: they count as 1 and 0",
+            f"{above} values of c exceed 1 by rounding errors of at most {FRACTION_TOLERANCE:g}: "
+            "they count as 1",
             FlowFileWarning,
             stacklevel=3,
         )

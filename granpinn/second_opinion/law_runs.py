@@ -53,7 +53,7 @@ class AtPoints:
     def add(self, time: float, state: State) -> None:
         """Keep the velocity of the next frame; NaN where there are no grains."""
         s, h = self.collapse.stride, self.collapse.spacing
-        empty = state.c[::s, ::s] < 1
+        empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
         first = 0.5 * h
         y, x = (first + s * h * np.arange(n, dtype=np.float64) for n in (ny, nx))

@@ -101,7 +101,8 @@ class Engine:
         parameters = solver_parameters(self.collapse)
         for name, value in overrides.items():
             setattr(parameters, name, value)
-        self._solver = _collapse.Solver(parameters)
+        with _named_errors():
+            self._solver = _collapse.Solver(parameters)
         nx, ny = parameters.cells_x, parameters.cells_y
         if start is None:
             column = column_fraction(self.collapse, nx, ny)

@@ -7,6 +7,8 @@ as in the paper.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 import granpinn
@@ -58,16 +60,23 @@ class Recorder:
             c=arrays["c"],
             p=arrays["p"],
             surface=Surface(t, x, y, p.astype(np.float32)) if len(points) else None,
-            gravity=s.gravity,
-            density=s.density,
-            grain_diameter=s.d,
-            length_unit=s.length_unit,
-            time_unit=s.time_unit,
-            eta_max=s.eta_max,
-            eta_min=s.eta_min,
-            truth=Truth(law=s.law, **dict(zip(s.friction_law.names, s.theta, strict=True))),
-            attributes=self._settings(),
+            **self.constants(),
         )
+
+    def constants(self) -> dict[str, Any]:
+        """The fields of the flow that are known before the first frame."""
+        s = self.collapse
+        return {
+            "gravity": s.gravity,
+            "density": s.density,
+            "grain_diameter": s.d,
+            "length_unit": s.length_unit,
+            "time_unit": s.time_unit,
+            "eta_max": s.eta_max,
+            "eta_min": s.eta_min,
+            "truth": Truth(law=s.law, **dict(zip(s.friction_law.names, s.theta, strict=True))),
+            "attributes": self._settings(),
+        }
 
     def _stack(self, name: str, ny: int, nx: int) -> Float32:
         """One quantity of all frames [T, ny, nx]; 0 beyond the window of a frame."""

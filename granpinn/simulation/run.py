@@ -9,7 +9,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol
 
-from granpinn.data.flow import Flow
+from granpinn.config import ConfigError
+from granpinn.data.constants import check_constants
+from granpinn.data.flow import Flow, FlowFileError
 from granpinn.data.writer import write_flow
 from granpinn.errors import Interrupted
 from granpinn.simulation.engine import Engine, SimulationError, State
@@ -54,6 +56,11 @@ def simulate(
     if collapse is not None and settings:
         raise TypeError("give either a Collapse or its fields as keywords, not both")
     recorder = Recorder(collapse or Collapse(**settings))
+    if out is not None:
+        try:
+            check_constants(**recorder.constants())
+        except FlowFileError as error:
+            raise ConfigError(f"the flow file cannot hold this collapse: {error}") from None
     try:
         record(recorder, listener or Silent())
     except (KeyboardInterrupt, SimulationError) as error:

@@ -43,6 +43,16 @@ NEGATIVE_SIGMA = np.full(FLOW.u.shape, 0.1, dtype=np.float32)
 NEGATIVE_SIGMA[FLOW.valid] = -0.1
 
 RULES: dict[str, tuple[dict[str, Any], str]] = {
+    "subnormal density": ({"density": 5e-324}, "density must be a positive number, got"),
+    "huge density": ({"density": 1e308}, "density must be a positive number, got"),
+    "huge gravity": ({"gravity": (0.0, -1e308)}, "gravity must be two finite numbers"),
+    "huge box": ({"attributes": {"box_height": 1e308}}, "attribute 'box_height' must be from 0 to"),
+    "grain larger than its column": (
+        {"grain_diameter": 2.5},
+        "grain_diameter must be smaller than the height of the grains in the first frame",
+    ),
+    "long unit": ({"length_unit": "m" * 65}, "length_unit must be the name of a unit, 1 to 64"),
+    "empty unit": ({"time_unit": ""}, "time_unit must be the name of a unit, 1 to 64"),
     "u as integers": (
         {"u": np.zeros(FLOW.u.shape, int)},
         "u must be float32 or float64 [T, Y, X], got int64 [12",
@@ -95,13 +105,25 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "surface pressure of NaN": (surface("p", with_value(np.inf)), "surface_p must be finite"),
     "surface elsewhere": (surface("x", lambda x: x * 1000), "surface_x must lie within x"),
     "surface at another time": (surface("t", lambda t: t + 9), "surface_t must lie within t"),
-    "negative density": ({"density": -1.0}, "density must be a positive number, got -1"),
-    "no grain size": ({"grain_diameter": 0.0}, "grain_diameter must be a positive number, got 0"),
-    "density NaN": ({"density": np.nan}, "density must be a positive number, got nan"),
+    "negative density": (
+        {"density": -1.0},
+        "density must be a positive number, got -1",
+    ),
+    "no grain size": (
+        {"grain_diameter": 0.0},
+        "grain_diameter must be a positive number, got 0",
+    ),
+    "density NaN": (
+        {"density": np.nan},
+        "density must be a positive number, got nan",
+    ),
     "no gravity": ({"gravity": (0.0, 0.0)}, "gravity must be two finite numbers"),
     "gravity in 3D": ({"gravity": (0.0, 0.0, -1.0)}, "gravity must be two finite numbers"),
     "gravity NaN": ({"gravity": (0.0, np.nan)}, "gravity must be two finite numbers"),
-    "eta_max": ({"eta_max": np.inf}, "eta_max must be a positive number, got inf"),
+    "eta_max": (
+        {"eta_max": np.inf},
+        "eta_max must be a positive number, got inf",
+    ),
     "eta_min": ({"eta_min": 2e4}, "eta_min must be at least 0 and below eta_max"),
     "true friction": ({"truth": Truth(mu_s=-0.1)}, "true_mu_s must be a positive number"),
     "attribute": ({"attributes": {"list": [1, 2]}}, "attribute 'list' must be one number or text"),

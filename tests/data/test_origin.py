@@ -181,5 +181,5 @@ def test_fractions_above_one_by_rounding_count_as_grains(tmp_path: Path) -> None
     assert torch.equal(expected.points, found.points)
     np.testing.assert_array_equal(predict(flow, trained(flow)).c, FLOW.c)
     write_flow(flow, tmp_path / "flow.h5")
-    with pytest.warns(FlowFileWarning, match=f"{inside.size} values of c exceed 1 and 0 are neg"):
+    with pytest.warns(FlowFileWarning, match=f"{inside.size} values of c exceed 1 by rounding"):
         read_flow(tmp_path / "flow.h5")

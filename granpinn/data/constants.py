@@ -1,0 +1,101 @@
+"""The rules for the attributes of a flow: material, units, and whatever else the file states."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from granpinn.data.flow import Flow, FlowFileError, Truth
+from granpinn.data.format import TRUTH
+
+# Numbers of the material in any units; float32 holds all of them.
+LEAST, LARGEST = 1e-30, 1e30
+LONGEST_UNIT = 64  # characters
+# Attributes without a meaning for the training, which second opinions take as sizes.
+STATED = frozenset(
+    (
+        *("box_width", "box_height", "domain_size", "column_width", "column_height"),
+        *("grid_spacing_of_solver", "air_density", "air_viscosity", "cohesion"),
+    )
+)
+
+
+def check_constants(**constants: Any) -> None:
+    """Checks the fields of a Flow that are no arrays, before there are any arrays.
+
+    Raises:
+        FlowFileError: one breaks a rule.
+    """
+    nothing = np.empty(0)
+    arrays: dict[str, Any] = dict.fromkeys(("t", "y", "x", "u", "v", "c"), nothing)
+    check_constants_of(Flow(**arrays, **constants))
+
+
+def check_constants_of(flow: Flow) -> None:
+    """Raises FlowFileError if a number or text of a flow breaks a rule; its arrays do not count."""
+    _check_attributes(flow)
+    _check_units(flow)
+    _check_material_constants(flow)
+
+
+def _check_units(flow: Flow) -> None:
+    for name in ("length_unit", "time_unit", "density_unit"):
+        unit = getattr(flow, name)
+        if unit is not None and not (
+            isinstance(unit, str) and unit.isprintable() and 0 < len(unit) <= LONGEST_UNIT
+        ):
+            raise FlowFileError(
+                f"{name} must be the name of a unit, 1 to {LONGEST_UNIT} printable characters, "
+                f"got {str(unit)[:LONGEST_UNIT]!r} of {len(str(unit))}: write '1' for a "
+                "dimensionless flow"
+            )
+
+
+def _check_attributes(flow: Flow) -> None:
+    for name, value in flow.attributes.items():
+        if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
+            raise FlowFileError(
+                f"the attribute {name!r} must be one number or text under a plain name, got "
+                f"{type(value).__name__}: change it or leave it out"
+            )
+        if name in STATED and not isinstance(value, str) and not 0 <= value <= LARGEST:
+            raise FlowFileError(
+                f"the attribute {name!r} must be from 0 to {LARGEST:g}, got {value:g}: correct it "
+                "or leave it out"
+            )
+
+
+def _check_material_constants(flow: Flow) -> None:
+    truth = flow.truth or Truth()
+    positive = {
+        "density": flow.density,
+        "grain_diameter": flow.grain_diameter,
+        "grain_density": flow.grain_density,
+        "eta_max": flow.eta_max,
+        **{name: getattr(truth, field) for name, field in TRUTH.items()},
+    }
+    for name, value in positive.items():
+        if value is not None and not LEAST <= value <= LARGEST:
+            raise FlowFileError(
+                f"{name} must be a positive number, got {value:g}: correct this attribute, "
+                f"{LEAST:g} to {LARGEST:g} is possible"
+            )
+    if flow.grain_density is not None and flow.grain_density < flow.density:
+        raise FlowFileError(
+            f"grain_density must be at least density, the bulk density {flow.density:g}, got "
+            f"{flow.grain_density:g}: density is grain_density times the solid fraction"
+        )
+    if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
+        raise FlowFileError(
+            f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "
+            "attribute or leave it out"
+        )
+    gravity = flow.gravity
+    size = max(map(abs, gravity), default=0.0)
+    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
+        raise FlowFileError(
+            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
+            f"{[float(g) for g in gravity]}: correct this attribute"
+        )

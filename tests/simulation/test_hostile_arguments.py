@@ -1,0 +1,143 @@
+"""Hostile arguments of `simulate`: one sentence before anything is computed, or a valid flow."""
+
+from __future__ import annotations
+
+import dataclasses
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import granpinn
+import granpinn.simulate as command
+from granpinn import _collapse
+from granpinn.config import ConfigError
+from granpinn.simulation import Collapse, run
+
+VALUES = ["0", "-1", "nan", "inf", "1e308", "5e-324", str(2**31), str(2**63), "", "text", "1,2"]
+NAMES = [field.name for field in dataclasses.fields(Collapse)]
+# Small enough to run where a value is accepted.
+BASE = {"cells": "32", "frames": "2", "t_end": "0.02", "stride": "1", "threads": "1",
+        "box_width": "10", "height": "5", "aspect": "2"}  # fmt: skip
+ACCEPTED = {  # whatever else is accepted, is wrong
+    "cohesion": {"0", "5e-324", str(2**31), str(2**63)},
+    "air_density": {str(2**31)},
+    "mu_s": set(),
+    "density": {str(2**31)},
+    "eta_max": {str(2**31), str(2**63)},
+    "length_unit": set(VALUES) - {""},
+    "time_unit": set(VALUES) - {""},
+    "mu_2": {str(2**31), str(2**63)},
+    "I0": {str(2**31), str(2**63)},
+}
+
+
+def flags(**values: str) -> list[str]:
+    return [f"--{name.replace('_', '-')}={value}" for name, value in (BASE | values).items()]
+
+
+class Computed(Exception):
+    """The simulation began."""
+
+
+@pytest.mark.parametrize("value", VALUES)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_option_refuses_or_accepts_before_the_simulation(
+    name: str,
+    value: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def record(*arguments: object, **keywords: object) -> None:
+        raise Computed
+
+    monkeypatch.setattr(run, "record", record)
+    code = command.main([*flags(**{name: value}), "--out", str(tmp_path / "flow.h5")])
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    if "Computed" in err:
+        assert value in ACCEPTED.get(name, set()), f"--{name} {value} is accepted"
+        return
+    assert code == 2
+    assert "this is a bug" not in err
+    also = {"air_viscosity": "eta_min"}  # its default
+    assert any(
+        word in err for word in (name, name.replace("_", "-"), also.get(name, name), "column")
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"threads": "10000"}, "threads must be in [1, 256], got 10000"),
+        ({"cells": "2147483648"}, "cells must be in [32, 16384], got 2147483648"),
+        ({"frames": "1e308"}, "frames must be"),
+        ({"mu_s": "0"}, "true_mu_s must be a positive number"),
+        ({"eta_min": "2e4"}, "eta_min must be below eta_max"),
+        ({"eta_min": "1", "eta_max": "1"}, "eta_min must be below eta_max = 1, got 1"),
+        ({"d": "3"}, "d, the grain diameter, must be smaller than the column"),
+        ({"cells": "16384", "frames": "100000"}, "must fit into memory, got"),
+        ({"box_height": "1e9"}, "at most 16384 cells high"),
+        ({"t_end": "1e9"}, "t_end must be at most"),
+        ({"length_unit": "m" * 65}, "length_unit must be the name of a unit"),
+        ({"time_unit": "s\x1b[2J"}, "time_unit must be the name of a unit"),
+        ({"gravity": "0,-1,0"}, "gravity must be two numbers"),
+        ({"gravity": "0,-1e-300"}, "gravity must be two numbers and point down"),
+        ({"gravity": "1e300,-1"}, "gravity must be in"),
+    ],
+)
+def test_what_the_attack_found_is_refused_in_one_sentence(
+    values: dict[str, str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main([*flags(**values), "--out", str(tmp_path / "flow.h5")]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_base_of_this_table_is_valid(tmp_path: Path) -> None:
+    assert command.main([*flags(), "--out", str(tmp_path / "flow.h5")]) == 0
+    assert len(granpinn.read_flow(tmp_path / "flow.h5").t) == 2
+
+
+@pytest.mark.parametrize(
+    "settings", [{"cells": 64.5}, {"d": "0.1"}, {"gravity": 3}, {"threads": True}, {"d": 10**400}]
+)
+def test_other_types_are_refused_in_python(settings: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match="must be"):
+        Collapse(**settings)  # type: ignore[arg-type]
+
+
+def test_the_solver_itself_refuses_what_it_cannot_count() -> None:
+    for name, value in (("cells_x", 2**20), ("cells_y", 0), ("threads", 10000), ("chunk", 0)):
+        parameters = _collapse.Parameters()
+        parameters.cells_x = parameters.cells_y = 64
+        setattr(parameters, name, value)
+        with pytest.raises(ValueError, match=f"{name.partition('_')[0]} must be"):
+            _collapse.Solver(parameters)
+    with pytest.raises(TypeError):
+        parameters.cells_x = 2**31
+
+
+def test_threads_that_do_not_start_are_one_sentence(tmp_path: Path) -> None:
+    """Address space for a few stacks of threads only."""
+    code = (
+        "import resource, sys, threading\n"
+        "import granpinn.simulate as command\n"
+        "from granpinn.simulation.engine import Engine\n"
+        "pages = int(open('/proc/self/statm').read().split()[0])\n"
+        "limit = pages * resource.getpagesize() + 2**26\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (limit, limit))\n"
+        "sys.exit(command.main(sys.argv[1:]))\n"
+    )
+    argv = [*flags(threads="256"), "--out", str(tmp_path / "flow.h5")]
+    done = subprocess.run([sys.executable, "-c", code, *argv], capture_output=True, text=True)
+    assert done.returncode == 1, done.stderr
+    assert "threads: ask for fewer" in done.stderr or "not enough memory" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
