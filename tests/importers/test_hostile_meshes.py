@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn.importers import DataFileError, isolated, read_vectors
+from granpinn.importers import DataFileError, davis, isolated, meshes, read_vectors
 from tests.importers.test_meshes import foam_case
 from tests.opened import watched
 
@@ -106,14 +106,14 @@ def test_names_in_disguise(tmp_path: Path, text: str, encoding: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".vtk", ".vti", ".pvd", ".vtkhdf", ".vc7", ".set"])
 def test_devices_and_pipes(tmp_path: Path, suffix: str) -> None:
-    kind = "vc7" if suffix in (".vc7", ".set") else "mesh"
+    read = davis.read_vc7 if suffix in (".vc7", ".set") else meshes.read
     pipe, link = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
     os.mkfifo(pipe)
     link.symlink_to("/dev/zero")
     for path in (pipe, link):
         with pytest.raises(DataFileError, match="no regular file|needs LaVision's package"):
-            read_vectors(path, kind)
-        with pytest.raises(DataFileError, match="no regular file"):
+            read(path)
+        with pytest.raises(DataFileError, match="got a device or a pipe"):
             read_vectors(path)
 
 
