@@ -102,6 +102,12 @@ def _fields(
 ) -> VectorFields:
     if not frames:
         raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
+    for k, frame in enumerate(frames):
+        if any(part is None or part.ndim != 2 for part in frame[:4]):
+            raise DataFileError(
+                f"{path} must have matrices x, y, u and v in every frame, got something else in "
+                f"frame {k + 1}: export it again"
+            )
     x, y = frames[0][:2]
     for k, frame in enumerate(frames):
         if any(part is not None and part.shape != x.shape for part in frame):

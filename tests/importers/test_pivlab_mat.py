@@ -189,9 +189,14 @@ def _no_frames(variables: dict[str, Any]) -> None:
             variables[f"{name}_{kind}"] = cell([np.empty((0, 0))] * scene.FRAMES)
 
 
+def _no_x(variables: dict[str, Any]) -> None:
+    variables["x"][1, 0] = np.empty((0, 0))
+
+
 WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "transposed": (_transposed, "matrices of one size in every frame, got another in frame 2"),
     "another grid": (_other_grid, "must have one grid, got another in frame 3"),
+    "no x": (_no_x, "must have matrices x, y, u and v in every frame, got something else"),
     "no frames": (_no_frames, "holds no analyzed frame"),
 }
 

@@ -1,0 +1,187 @@
+"""Damaged and hostile meshes: VTK crashes on some of them, alone; no other file is opened."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn.importers import DataFileError, davis, isolated, meshes, read_vectors
+from tests.importers.test_meshes import foam_case
+from tests.opened import watched
+
+pyvista = pytest.importorskip("pyvista")
+
+
+def grid() -> pyvista.ImageData:
+    made = pyvista.ImageData(dimensions=(5, 4, 2))
+    made.cell_data["U"] = np.random.default_rng(1).random((made.n_cells, 3))
+    return made
+
+
+def series(folder: Path, name: str = "a.vti") -> Path:
+    grid().save(folder / "a.vti")
+    path = folder / "a.pvd"
+    path.write_text(
+        '<?xml version="1.0"?><VTKFile type="Collection" version="0.1"><Collection>'
+        f'<DataSet timestep="0.5" part="0" file="{name}"/></Collection></VTKFile>'
+    )
+    return path
+
+
+def test_a_crash_of_vtk_is_one_sentence(tmp_path: Path) -> None:
+    """Connectivity beyond the points of a mesh: VTK reads memory that is not its own."""
+    path = tmp_path / "a.vtk"
+    grid().cast_to_unstructured_grid().save(path)
+    expected = read_vectors(path)
+    content = path.read_bytes()
+    at = content.index(b"CONNECTIVITY") + 40
+    path.write_bytes(content[:at] + b"\x7f" * 64 + content[at + 64 :])
+    with pytest.raises(DataFileError, match="cannot be read by pyvista") as caught:
+        read_vectors(path)
+    assert "\n" not in str(caught.value)
+    path.write_bytes(content)
+    np.testing.assert_array_equal(read_vectors(path).u, expected.u)
+
+
+def test_declared_terabytes(tmp_path: Path) -> None:
+    path = tmp_path / "a.vti"
+    grid().save(path)
+    content = path.read_bytes().replace(b"0 4 0 3 0 1", b"0 49999 0 39999 0 999")
+    path.write_bytes(content)
+    with pytest.raises(DataFileError, match=r"a.vti"):
+        read_vectors(path)
+
+
+def test_a_library_that_never_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.vti"
+    grid().save(path)
+    read_vectors(path)
+    monkeypatch.setattr(isolated, "SECONDS", 0.3)
+    os.kill(isolated._RUNNING["pyvista"]._process.pid, signal.SIGSTOP)
+    with pytest.raises(DataFileError, match="crashed or took too long"):
+        read_vectors(path)
+    monkeypatch.undo()
+    read_vectors(path)
+
+
+def test_a_series_in_its_folder(tmp_path: Path) -> None:
+    assert read_vectors(series(tmp_path)).t.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("name", ["../b.vti", "/etc/passwd", "sub/../../b.vti", "link.vti"])
+def test_a_series_that_names_other_files(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "series"
+    folder.mkdir()
+    outside = tmp_path / "b.vti"
+    path = series(folder, name)
+    shutil.copy(folder / "a.vti", outside)
+    (folder / "link.vti").symlink_to(outside)
+    with watched(outside) as opened:
+        with pytest.raises(DataFileError, match="must name files of its folder only, got"):
+            read_vectors(path)
+        assert not opened()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<!DOCTYPE a [<!ENTITY b "b.vti">]><VTKFile><DataSet file="&b;"/></VTKFile>',
+        '<VTKFile><DataSet file="&#46;&#46;/b.vti"/></VTKFile>',
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_names_in_disguise(tmp_path: Path, text: str, encoding: str) -> None:
+    path = tmp_path / "a.pvd"
+    path.write_bytes(text.encode(encoding))
+    with pytest.raises(DataFileError, match="must be plain XML in UTF-8 without entities"):
+        read_vectors(path, "mesh")
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vti", ".pvd", ".vtkhdf", ".vc7", ".set"])
+def test_devices_and_pipes(tmp_path: Path, suffix: str) -> None:
+    read = davis.read_vc7 if suffix in (".vc7", ".set") else meshes.read
+    pipe, link = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (pipe, link):
+        with pytest.raises(DataFileError, match="no regular file|needs LaVision's package"):
+            read(path)
+        with pytest.raises(DataFileError, match="got a device or a pipe"):
+            read_vectors(path)
+
+
+def _include(case: Path, outside: Path) -> None:
+    place = case / "system" / "controlDict"
+    place.write_text(place.read_text() + f'\n#include "{outside}"\n')
+
+
+def _include_above(case: Path, outside: Path) -> None:
+    place = case / "0.1" / "U"
+    place.write_text(place.read_text() + '\n# include "../../outside"\n')
+
+
+def _link(case: Path, outside: Path) -> None:
+    (case / "0.2" / "U").unlink()
+    (case / "0.2" / "U").symlink_to(outside)
+
+
+def _pipe(case: Path, outside: Path) -> None:
+    os.mkfifo(case / "0.2" / "p")
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (_include, "must include files of its folder only"),
+        (_include_above, "must include files of its folder only"),
+        (_link, "is a link out of the folder"),
+        (_pipe, "must be a regular file"),
+    ],
+)
+def test_a_case_that_leaves_its_folder(
+    tmp_path: Path, edit: Callable[[Path, Path], None], message: str
+) -> None:
+    case, outside = foam_case(tmp_path / "case"), tmp_path / "outside"
+    shutil.copy(case / "0.2" / "U", outside)
+    edit(case, outside)
+    with watched(outside) as opened:
+        with pytest.raises(DataFileError, match=message):
+            read_vectors(case)
+        assert not opened()
+
+
+def _vtkhdf(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 1])
+        root.attrs["Type"] = np.bytes_(b"ImageData")
+        root.attrs["WholeExtent"] = np.array([0, 4, 0, 3, 0, 1])
+        root.attrs["Origin"], root.attrs["Spacing"] = np.zeros(3), np.ones(3)
+        root.attrs["Direction"] = np.eye(3).ravel()
+        root["CellData/U"] = np.ones((1, 3, 4, 3))
+
+
+def test_vtkhdf_that_names_another_file(tmp_path: Path) -> None:
+    path, outside = tmp_path / "a.vtkhdf", tmp_path / "b.h5"
+    _vtkhdf(path)
+    assert (read_vectors(path).u == 1).all()
+    _vtkhdf(outside)
+    with h5py.File(path, "r+") as file:
+        del file["VTKHDF/CellData/U"]
+        file["VTKHDF/CellData/U"] = h5py.ExternalLink("b.h5", "VTKHDF/CellData/U")
+    with watched(outside) as opened:
+        with pytest.raises(DataFileError, match="/VTKHDF/CellData/U must be stored in the file"):
+            read_vectors(path)
+        assert not opened()
+    with h5py.File(path, "r+") as file:
+        del file["VTKHDF/CellData/U"]
+        file["VTKHDF"].attrs["Type"] = "ImageData"  # of variable length
+    with pytest.raises(DataFileError, match="must be a number or a fixed-length string"):
+        read_vectors(path)
