@@ -88,7 +88,7 @@ def read(path: Path, window: int = 5) -> VectorFields:
         if np.isinf(values).any() or largest(values) > LARGEST:
             raise DataFileError(
                 f"{path} must have a {name} of at most {LARGEST:g} in every row, got "
-                f"{values[np.abs(values) > LARGEST][0]:g}: leave this row out"
+                f"{np.nanmax(np.abs(values)):g}: leave this row out"
             )
     timed = "t" in found
     t = columns["t" if timed else "frame"]

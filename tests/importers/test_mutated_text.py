@@ -31,4 +31,4 @@ def test_mutants_are_a_function_of_seed_and_number() -> None:
     first = list(mutants(whole, 3, 2 * len(KINDS)))
     assert list(mutants(whole, 3, 5, start=4)) == first[4:9]
     assert list(mutants(whole, 4, 2 * len(KINDS))) != first
-    assert all(content != whole for _, content in first if content)
+    assert sum(content != whole for _, content in first) > len(KINDS)
