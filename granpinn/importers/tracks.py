@@ -106,7 +106,7 @@ def read(path: Path, window: int = 5) -> VectorFields:
             t, count, columns["x"], columns["y"], columns["particle"], columns.get("ep"), window
         )
         velocity_unit = None if length is None or time_unit is None else f"{length}/{time_unit}"
-    finite = np.asarray(np.isfinite(np.stack([motion.x, motion.y, t])).all(axis=0))
+    finite = np.asarray(np.isfinite([motion.x, motion.y, t]).all(axis=0))
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
     measured = np.isfinite(motion.u) & np.isfinite(motion.v)
