@@ -5,18 +5,24 @@ Its source is a fraction field, else a mask of files or images, else the cells w
 
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Bytes, Float64
 from granpinn.importers.gaps import grains_around
+from granpinn.importers.limits import open_file, require_room
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 FULL = 1e-6  # solvers fill cells up to rounding
 _BRIGHT = 0.5
+_IMAGES = ("PNG", "TIFF", "BMP", "JPEG", "GIF", "PPM", "WEBP")
+_MAX_IMAGE = 2**30  # bytes
+_MAX_PIXELS = 2**27
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +53,6 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
     Black (below half of the brightest) means no grains. The coordinates of the vectors must be
     pixels, and y as in the image.
     """
-    from PIL import Image, UnidentifiedImageError
-
     if fields.scattered:
         raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
     if length_unit is None or not length_unit.startswith(("px", "pix", "Pix")):
@@ -65,31 +69,47 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
         )
     masks = []
     for file in files:
-        try:
-            with Image.open(file) as image:
-                picture = np.asarray(image.convert("L"), np.float64)
-        except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
-            raise DataFileError(f"{file} cannot be read as an image: {error}") from None
-        masks.append(_at_vectors(file, picture, fields))
+        masks.append(_at_vectors(file, _picture(file), fields))
     outside = ~np.broadcast_to(np.stack(masks), fields.u.shape)
     codes = np.where(outside, np.int8(Validity.MASKED), fields.validity)
     u, v = (np.where(outside, np.nan, a) for a in (fields.u, fields.v))
     return replace(fields, validity=codes, u=u, v=v)
 
 
-def _at_vectors(file: Path, picture: Float64, fields: VectorFields) -> Bool:
-    rows, columns = (np.rint(axis).astype(int) for axis in (fields.y, fields.x))
-    if fields.y_down is False:
-        rows = picture.shape[0] - 1 - rows
-    for name, index, size in (("y", rows, picture.shape[0]), ("x", columns, picture.shape[1])):
+def _picture(file: Path) -> Bytes:
+    """The grey levels of an image of moderate size, in one of the formats of cameras and masks."""
+    from PIL import Image
+
+    try:
+        with open_file(file, _MAX_IMAGE) as stream, Image.open(stream, formats=_IMAGES) as image:
+            require_room(image.width * image.height, 1, file)
+            if image.width * image.height > _MAX_PIXELS:
+                raise ValueError(f"{image.width} x {image.height} pixels are too many")
+            return np.asarray(image.convert("L"))
+    except DataFileError:
+        raise
+    # Pillow raises all of these for damaged files, SyntaxError among them.
+    except (OSError, ValueError, TypeError, ArithmeticError, LookupError, EOFError) as error:
+        reason = str(error)
+    except (SyntaxError, RuntimeError, MemoryError, AttributeError, struct.error) as error:
+        reason = str(error)
+    except (zlib.error, Image.DecompressionBombError) as error:
+        reason = str(error)
+    raise DataFileError(f"{file} cannot be read as an image: {reason}")
+
+
+def _at_vectors(file: Path, picture: Bytes, fields: VectorFields) -> Bool:
+    found = []
+    axes = {"y": (np.rint(fields.y), picture.shape[0]), "x": (np.rint(fields.x), picture.shape[1])}
+    for name, (places, size) in axes.items():
+        index = size - 1 - places if name == "y" and fields.y_down is False else places
         if index.min() < 0 or index.max() > size:
             raise DataFileError(
                 f"{file} must cover the vectors, got {size} pixels along {name} and vectors at "
-                f"{index.min()} to {index.max()}: use the mask of the same camera"
+                f"{index.min():g} to {index.max():g}: use the mask of the same camera"
             )
-    rows, columns = (
-        np.minimum(i, n - 1) for i, n in zip((rows, columns), picture.shape, strict=True)
-    )
+        found.append(np.minimum(index.astype(int), size - 1))
+    rows, columns = found
     bright = picture > _BRIGHT * picture.max()
     return np.asarray(bright[np.ix_(rows, columns)])
 

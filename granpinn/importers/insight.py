@@ -70,10 +70,11 @@ def read(path: Path) -> VectorFields:
             velocity_unit = "px/s"
             for name in ("u", "v"):
                 columns[name] = columns[name] / (delay * _MICROSECONDS)
+    grids = to_grid(path, columns, codes)
     down, facts = y_points_down(columns)
     return vector_fields(
         t=[0],
-        **to_grid(path, columns, codes),
+        **grids,
         length_unit=units["X"],
         time_unit="frame",
         velocity_unit=velocity_unit,

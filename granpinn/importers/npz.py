@@ -117,6 +117,6 @@ def _values(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> int:
 
 
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
-    """The array of a member whose header was checked."""
+    """The array of a member whose header was checked; NumPy unpickles no objects by default."""
     with archive.open(member) as stream:
-        return np.lib.format.read_array(stream, allow_pickle=False, max_header_size=_MAX_HEADER)
+        return np.lib.format.read_array(stream, max_header_size=_MAX_HEADER)

@@ -20,7 +20,7 @@ from granpinn.importers import units
 from granpinn.importers.frame import Frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.tracks import column_names
-from granpinn.importers.vectors import DataFileError, VectorFields
+from granpinn.importers.vectors import LARGEST, DataFileError, VectorFields, largest
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
@@ -106,4 +106,12 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
     else:
         seconds = frame.times(t)
     x, y = frame.place(columns["x"], columns["y"])
-    return Surface(t=seconds, x=x, y=y)
+    for name, values in ((time, seconds), ("x", x), ("y", y)):
+        if not np.isfinite(values).all() or largest(values) > LARGEST:
+            raise DataFileError(
+                f"{path} must have a finite {name} of at most {LARGEST:g} in every row, got "
+                f"{values[~(np.abs(values) <= LARGEST)][0]:g}: leave this point out"
+            )
+    # The order of the rows in the file must not matter.
+    order = np.lexsort((y, x, seconds))
+    return Surface(t=seconds[order], x=x[order], y=y[order])

@@ -133,7 +133,7 @@ class Rows:
             except ValueError:
                 self.add(number, _cells(line))
                 continue
-            long = len(line) > MAX_CHARACTERS and max(map(len, cells)) > MAX_CHARACTERS
+            long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0) > MAX_CHARACTERS
             if len(row) != self._columns or long or not line.isascii() or "_" in line:
                 self.add(number, _cells(line))
             else:

@@ -14,9 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.importers.limits import COPIES, require_room
 from granpinn.importers.vectors import DataFileError
 
 ORDER = 2
+MAX_WINDOW = 501  # frames
+_PER_PLACE = 12  # numbers for each observation and frame of the window, at the peak
 _SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
 
 
@@ -49,8 +52,12 @@ def velocities(
         ep: standard deviation of the position, or None.
         window: frames of the fit, odd and at least 3.
     """
-    if window < ORDER + 1 or window % 2 == 0:
-        raise DataFileError(f"--track-window must be odd and at least 3, got {window}")
+    if window < ORDER + 1 or window % 2 == 0 or window > MAX_WINDOW:
+        raise DataFileError(
+            f"--track-window must be odd and at least 3, at most {MAX_WINDOW}, got {window}"
+        )
+    # These numbers exist once, and before the copies of the conversion.
+    require_room(t.size * window * _PER_PLACE, 8 / COPIES, "the table of tracks")
     order = np.lexsort((frame, particle))
     t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
     if ((np.diff(particle) == 0) & (np.diff(frame) == 0)).any():
@@ -73,7 +80,13 @@ def velocities(
     powers = np.where(inside[..., None], (tau / unit[:, None])[..., None] ** np.arange(3), 0.0)
     normal = np.einsum("nwi,nwj->nij", powers, powers)
     normal[~enough] = np.eye(3)
-    inverse = np.linalg.inv(normal)
+    try:
+        inverse = np.linalg.inv(normal)
+    except np.linalg.LinAlgError:
+        raise DataFileError(
+            "a track must have another time in every frame, got one time for several: correct the "
+            "columns t and frame"
+        ) from None
     b_variance = inverse[:, 1, 1] / unit**2
     result, scatter = [], []
     for values in (x, y):

@@ -28,7 +28,14 @@ from granpinn.data.hdf5.dataset import Dataset
 from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.textfile import MAX_BYTES, MAX_COLUMNS, Rows, TextFile
 from granpinn.importers.tracking import Motion, velocities
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import (
+    LARGEST,
+    DataFileError,
+    Validity,
+    VectorFields,
+    largest,
+    vector_fields,
+)
 
 NAMES = {
     "x": ("x", "x_position", "pos_x", "position_x"),
@@ -79,6 +86,12 @@ def read(path: Path, window: int = 5) -> VectorFields:
             "rename them" + (" or link the positions to tracks first" if trackpy else "")
         )
     columns = {name: table[:, i] for name, i in found.items()}
+    for name, values in columns.items():
+        if np.isinf(values).any() or largest(values) > LARGEST:
+            raise DataFileError(
+                f"{path} must have a {name} of at most {LARGEST:g} in every row, got "
+                f"{np.nanmax(np.abs(values)):g}: leave this row out"
+            )
     timed = "t" in found
     t = columns["t" if timed else "frame"]
     if trackpy:

@@ -1,0 +1,251 @@
+"""Numbers and sizes: what a file or an option says is checked before it is believed."""
+
+from __future__ import annotations
+
+import io
+import os
+import resource
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.importers import (
+    DataFileError,
+    limits,
+    numerals,
+    read,
+    read_vectors,
+)
+from granpinn.importers.textfile import MAX_COLUMNS, MAX_LINE, TextFile
+from tests.importers import scene
+from tests.importers.fuzz_text import MATERIAL
+from tests.importers.test_other_piv import davis, openpiv
+from tests.importers.test_pivlab_text import export
+from tests.importers.test_simulation_files import ARRAYS
+from tests.importers.test_surface import arrays
+
+DIGITS = "9" * 5000
+PLAIN: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1"}
+
+
+@pytest.mark.parametrize("text", ["1_0", "٣", "1e400", "-1e999", DIGITS, "", "0x10", "1" * 65])
+def test_one_parser_for_all_numbers(text: str) -> None:
+    with pytest.raises(ValueError, match="no plain number|too large|could not convert"):
+        numerals.parse(text)
+    with pytest.raises(DataFileError, match="the place must be a finite number"):
+        numerals.number(text, "the place")
+    with pytest.raises(DataFileError, match="the place must be an integer of at most 18 digits"):
+        numerals.whole(f"{text}.5", "the place")
+
+
+def test_numbers_are_read_exactly() -> None:
+    for value in np.random.default_rng(1).normal(size=100) * 10.0 ** np.arange(-50, 50):
+        assert numerals.number(repr(float(value)), "x") == value
+    assert np.isnan(numerals.parse("NaN"))
+    assert numerals.parse("-inf") == -np.inf
+    assert numerals.whole(" -12 ", "x") == -12
+
+
+def replaced(write: Callable[..., Any], old: str, new: str, name: str = "a.txt") -> Any:
+    def make(folder: Path) -> Path:
+        path = Path(write(folder / name))
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        return path
+
+    return make
+
+
+def lines(*content: str) -> Callable[[Path], Path]:
+    return lambda folder: scene.write_lines(folder / "a.csv", list(content))
+
+
+TRACKS = "frame,particle,x,y"
+WRONG: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "frame of 5,000 digits": (replaced(export, "FRAME: 1", f"FRAME: {DIGITS}"), "FRAME must be"),
+    "grid of 5,000 digits": (replaced(davis, " 32 9 7 ", f" 32 {DIGITS} 7 "), "must be an integer"),
+    "cell of 5,000 digits": (
+        replaced(openpiv, "1.6000000000e+01", DIGITS),
+        "line 2: expected numbers, got '9999.*' in column 1",
+    ),
+    "number beyond float64": (
+        replaced(openpiv, "2.4000000000e+01", "1e400"),
+        "line 2: expected numbers, got '1e400' in column 2",
+    ),
+    "underscore": (replaced(openpiv, "1.6000000000e+01", "1_6"), "got '1_6' in column 1"),
+    "place of 1e300": (replaced(openpiv, "1.6000000000e+01", "1e300"), "finite x of at most 1e"),
+    "long csv cell": (lines(TRACKS + ",note", '1,1,1,1,"' + "a" * 140_000 + '"'), "field larger"),
+    "long line": (lines(TRACKS, "1," * 2**20), "line 2|cells as in the header"),
+    "long header": (lines("x,y,frame," + "a" * MAX_LINE), f"at most {MAX_LINE} characters"),
+    "no line end": (lines("1" * 3_000_000), "more"),
+    "columns": (lines("x,y,frame," + "a," * 2000, "1"), f"at most {MAX_COLUMNS} columns"),
+    "zero byte": (lines(TRACKS, "1,1,1,1", "2,1,\0,1"), "must be text, got binary data"),
+    "utf-16": (
+        lambda folder: (
+            folder / "a.csv"
+            if (folder / "a.csv").write_text(TRACKS + "\n1,1,1,1\n", "utf-16")
+            else folder
+        ),
+        "must be text, got binary data or UTF-16",
+    ),
+    "huge place": (lines(TRACKS, "1,1,1,1e300", "2,1,1,1"), "a y of at most 1e"),
+    "one time in a track": (
+        lines(TRACKS + ",t", *(f"{k},1,{k},{k},5" for k in range(5))),
+        "another time in every frame",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), WRONG.values(), ids=WRONG.keys())
+def test_hostile_text_is_one_sentence(
+    tmp_path: Path, make: Callable[[Path], Path], message: str
+) -> None:
+    path = make(tmp_path)
+    kind = "tracks" if path.suffix == ".csv" else "auto"
+    with pytest.raises(DataFileError, match=message) as caught:
+        read_vectors(path, format=kind)
+    assert len(str(caught.value)) <= 600
+    assert str(caught.value).isprintable()
+
+
+def test_devices_and_pipes_are_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.txt")
+    for path in (tmp_path / "pipe.txt", Path("/dev/zero")):
+        with pytest.raises(DataFileError, match="got a device or a pipe"):
+            read_vectors(path)
+        with pytest.raises(DataFileError, match="got a folder, a device or a pipe"):
+            TextFile(path)
+
+
+def npz(path: Path, **changes: Any) -> Path:
+    np.savez(path, **(ARRAYS | changes))
+    return path
+
+
+def npz_with(path: Path, name: str, header: str, data: bytes) -> Path:
+    """An archive whose member `name` has a header of its own."""
+    npz(path)
+    content = io.BytesIO()
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as new:
+        for member in old.namelist():
+            body = old.read(member)
+            if member == f"{name}.npy":
+                text = header.encode().ljust(118) + b"\n"
+                body = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + data
+            new.writestr(member, body)
+    path.write_bytes(content.getvalue())
+    return path
+
+
+SHAPE = "{{'descr': '{}', 'fortran_order': False, 'shape': ({}), }}"
+ARCHIVES: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "no frames": (
+        lambda p: npz(p, t=[], **{n: np.ones((0, 7, 9)) for n in "uvcp"}),
+        "at least one vector|at least two",
+    ),
+    "declares more than it has": (
+        lambda p: npz_with(p, "u", SHAPE.format("<f8", "1000000000000,"), b"\0" * 8),
+        "declares 8000000000000 bytes and has 8",
+    ),
+    "int8 that grows": (
+        lambda p: npz_with(p, "u", SHAPE.format("|i1", "2000000000,"), b""),
+        "declares 2000000000 bytes and has 0",
+    ),
+    "negative": (lambda p: npz_with(p, "u", SHAPE.format("<f8", "-1,"), b""), "cannot be read"),
+    "objects": (lambda p: npz_with(p, "u", SHAPE.format("|O", "1,"), b"\0" * 8), "of type object"),
+    "deep header": (lambda p: npz_with(p, "u", "(" * 60_000, b""), "cannot be read as .npz"),
+    "minus signs": (lambda p: npz_with(p, "u", "-" * 4000 + "1", b""), "cannot be read as .npz"),
+    "text": (lambda p: npz(p, u=np.full((1, 2), "a")), "u must hold numbers"),
+    "complex": (lambda p: npz(p, u=1j * np.ones((3, 7, 9))), "cannot be read|u must hold numbers"),
+    "long unit": (lambda p: npz(p, length_unit="m" * 60_000), "cannot be read|must be a unit such"),
+    "formula": (lambda p: npz(p, length_unit="$\\frac{"), "must be a unit such as mm"),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), ARCHIVES.values(), ids=ARCHIVES.keys())
+def test_hostile_npz_is_one_sentence(
+    tmp_path: Path, make: Callable[[Path], Path], message: str
+) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(DataFileError, match=message):
+        read_vectors(make(tmp_path / "a.npz"))
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
+
+
+def test_a_zip_bomb_is_refused_by_its_sizes(tmp_path: Path) -> None:
+    """4 MB that unpack to 4 GB of int8, which would be 32 GB of float64."""
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in ("u", "v"):
+            header = io.BytesIO()
+            shape = (2, 1000, 1_000_000)
+            np.lib.format.write_array_header_1_0(
+                header, {"descr": "|i1", "fortran_order": False, "shape": shape}
+            )
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                stream.write(header.getvalue())
+                for _ in range(2000):
+                    stream.write(bytes(1_000_000))
+    with pytest.raises(DataFileError, match="at most 8 GiB of numbers, got 4000000000 numbers"):
+        read_vectors(path)
+
+
+def test_memory_is_checked_against_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits.require_room(1000, 8, "a")
+    monkeypatch.setattr(limits, "available", lambda: 40_000)
+    with pytest.raises(DataFileError, match="a holds 1000 numbers, whose conversion needs"):
+        limits.require_room(1000, 8, "a")
+
+
+def test_the_limit_of_the_address_space_counts() -> None:
+    code = (
+        "import resource; from granpinn.importers import limits; "
+        "n = limits._address_space() + 2**27; resource.setrlimit(resource.RLIMIT_AS, (n, n)); "
+        "assert 0 < limits.available() <= 2**27"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_infinite_standard_deviations_are_none() -> None:
+    shape = arrays()["u"].shape
+    flow = read(arrays(sigma_u=np.full(shape, np.inf), sigma_v=np.full(shape, np.inf)), **PLAIN)
+    assert flow.sigma_u is None
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("scale", "1e300 m/px"),
+        ("scale", "1e-310 mm/px"),
+        ("frame_rate", "1e-320 Hz"),
+        ("grain_diameter", "1e40 m"),
+        ("grain_diameter", "1e999**1e999 m"),
+        ("gravity", "1e60 m/s^2"),
+        ("sigma", "1e200 px/frame"),
+        ("origin", "1_0,3"),
+        ("frames", f"0:{DIGITS}"),
+        ("note", "fine"),
+    ],
+)
+def test_hostile_settings_are_one_sentence(tmp_path: Path, setting: str, value: str) -> None:
+    files = [export(tmp_path / f"a{k}.txt", k) for k in range(3)]
+    given = {"scale": "0.5 mm/px", "frame_rate": "500 Hz", **MATERIAL, setting: value}
+    if setting == "note":
+        read(files, **given)
+        return
+    with pytest.raises(DataFileError, match="--") as caught:
+        read(files, **given)
+    assert len(str(caught.value)) <= 600
+
+
+def test_a_rate_of_zero_is_refused(tmp_path: Path) -> None:
+    files = [export(tmp_path / f"a{k}.txt", k, header=False) for k in range(3)]
+    with pytest.raises(DataFileError, match="--frame-rate must be positive, got '0'"):
+        read(files, **PLAIN, frame_rate="0")
