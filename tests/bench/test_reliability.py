@@ -45,7 +45,7 @@ def test_edits_leave_hdf5(tmp_path: Path) -> None:
     for one in made:
         (tmp_path / "a.h5").write_bytes(one)
         with h5py.File(tmp_path / "a.h5") as file:
-            assert len(file) > 0
+            assert file.id.valid
 
 
 def outcome(tmp_path: Path, command: Callable[[], Any], seconds: float = 5) -> str:

@@ -94,7 +94,7 @@ def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[
             MODULE,
             [*words, "--worker", str(k), str(jobs)],
             library,
-            (folder / f"{k}.rows").open("w"),
+            folder / f"{k}.rows",
         )
         for k in range(jobs)
     ]
