@@ -40,7 +40,9 @@ def main(argv: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         workers = started(options, Path(folder))
         ended = [worker.wait() for worker in workers]
-        lines = [line for path in Path(folder).glob("*.rows") for line in path.open()]
+        lines = [
+            line for path in Path(folder).glob("*.rows") for line in path.read_text().splitlines()
+        ]
     rows = [json.loads(line) for line in lines]
     record = gathered(rows, options)
     record.seconds = time.monotonic() - begin
