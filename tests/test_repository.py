@@ -15,11 +15,20 @@ SOURCES = sorted(
     if path.suffix in {".py", ".h", ".cpp", ".cu", ".cuh"}
 )
 PACKAGE = sorted((ROOT / "granpinn").rglob("*.py"))
+NETWORK = {"socket", "ssl", "urllib", "http", "ftplib", "smtplib", "asyncio", "socketserver"}
+NETWORK |= {"requests", "httpx", "aiohttp", "urllib3", "fsspec", "webbrowser", "xmlrpc", "paramiko"}
 FORBIDDEN = {"eval", "exec", "torch.load", "torch.save", "os.system", "pickle.load", "pickle.loads"}
 
 
 def calls(tree: ast.AST) -> Iterator[ast.Call]:
     return (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+
+
+def modules_of(tree: ast.AST) -> set[str]:
+    """Modules that a file imports, and the names that it takes from them."""
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    modules = {alias.name for node in imports for alias in node.names}
+    return modules | {n.module for n in imports if isinstance(n, ast.ImportFrom) and n.module}
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -39,12 +48,18 @@ def test_nothing_reads_or_runs_foreign_code(path: Path) -> None:
     assert not {name for name in names if re.search(r"_object(_list)?$", name)}  # torch pickles
     keywords = [word for call in calls(tree) for word in call.keywords]
     assert not [word for word in keywords if word.arg in {"shell", "allow_pickle"}]
-    imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
-    modules = {alias.name for node in imports for alias in node.names}
-    modules |= {node.module for node in imports if isinstance(node, ast.ImportFrom) and node.module}
-    assert not modules & {"pickle", "cPickle", "dill", "joblib", "marshal"}
+    assert not modules_of(tree) & {"pickle", "cPickle", "dill", "joblib", "marshal", "shelve"}
+
+
+@pytest.mark.parametrize("path", PACKAGE, ids=lambda p: str(p.relative_to(ROOT)))
+def test_nothing_uses_the_network_or_starts_programs(path: Path) -> None:
+    """SECURITY.md: no module imports a network library, and none starts a process."""
+    used = {name.partition(".")[0] for name in modules_of(ast.parse(path.read_text()))}
+    assert not used & (NETWORK | {"subprocess", "ctypes", "pty"})
 
 
 def test_the_scan_finds_what_it_forbids() -> None:
+    network = ast.parse("from urllib.request import urlopen\nimport http.client")
+    assert {name.partition(".")[0] for name in modules_of(network)} & NETWORK == {"urllib", "http"}
     tree = ast.parse("import torch\ntorch.load('x')")
     assert FORBIDDEN & {ast.unparse(call.func) for call in calls(tree)} == {"torch.load"}

@@ -1,8 +1,8 @@
 """Files of the repository outside docs/ on the site, so that links to them work.
 
-README.md, CONTRIBUTING.md, CHANGELOG.md and the notes of the studies become pages. Any other file
-that a page links to, such as ../bench/results/cpu_step.json, is copied. Of links to a folder only
-the text stays, because a site has no folders.
+README.md, CONTRIBUTING.md, CHANGELOG.md, SECURITY.md and the notes of the studies become pages. Any
+other file that a page links to, such as ../bench/results/cpu_step.json, is copied. Of links to a
+folder only the text stays, because a site has no folders.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ PAGES = {
     "README.md": "readme.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
+    "SECURITY.md": "security.md",
 }
 COPIES = "repository"  # folder of the copies on the site
 NOTES = "bench/studies/*/note.md"  # that of simulator_fit is evidence/simulator-fit.md

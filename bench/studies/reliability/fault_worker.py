@@ -83,7 +83,7 @@ def _run(
             with commands.without_drawing():
                 return commands.MAINS[case.command](arguments)
 
-        found = sandbox.run(command, prepare, folder, seconds=60)
+        found = sandbox.run(command, prepare, folder)
         return found, read_all(folder)
 
 

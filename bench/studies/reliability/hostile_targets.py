@@ -161,7 +161,7 @@ def tried(case: Case, place: str, kind: str, files: Files) -> tuple[str, sandbox
 
         for folder in (Path(made), work):
             folder.chmod(folder.stat().st_mode | 0o055)
-        found = sandbox.run(command, prepare, work, seconds=30)
+        found = sandbox.run(command, prepare, work)
         outcome = judged(found, case)
         if any(state(path) != kept for path, kept in states.items()) and kind != "read-only folder":
             outcome = "target changed"

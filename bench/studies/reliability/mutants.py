@@ -40,7 +40,9 @@ def main(argv: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         workers = started(options, Path(folder))
         ended = [worker.wait() for worker in workers]
-        lines = [line for path in Path(folder).glob("*.rows") for line in path.open()]
+        lines = [
+            line for path in Path(folder).glob("*.rows") for line in path.read_text().splitlines()
+        ]
     rows = [json.loads(line) for line in lines]
     record = gathered(rows, options)
     record.seconds = time.monotonic() - begin
@@ -94,7 +96,7 @@ def started(options: argparse.Namespace, folder: Path) -> list[subprocess.Popen[
             MODULE,
             [*words, "--worker", str(k), str(jobs)],
             library,
-            (folder / f"{k}.rows").open("w"),
+            folder / f"{k}.rows",
         )
         for k in range(jobs)
     ]

@@ -48,8 +48,7 @@ def main(argv: list[str] | None = None) -> int:
             print("output_faults: needs a C compiler, cc", file=sys.stderr)
             return 2
         words = ["--worker", "--every", str(options.every), "--case", *options.case]
-        with (folder / "rows").open("w") as rows:
-            ended = preload.start(MODULE, words, library, rows).wait()
+        ended = preload.start(MODULE, words, library, folder / "rows").wait()
         found = [json.loads(line) for line in (folder / "rows").read_text().splitlines()]
     record = Record("F-5, T-3", command=command_of(MODULE, argv))
     tables: dict[str, Counter[str]] = {}

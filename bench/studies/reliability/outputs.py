@@ -10,14 +10,8 @@ from pathlib import Path
 import h5py
 from safetensors.numpy import load
 
-from bench.studies.reliability.samples import (
-    CAMERA,
-    FORMATS,
-    MATERIAL,
-    NO_PRESSURE,
-    TRAINING,
-    Files,
-)
+from bench.studies.reliability.samples import CAMERA, FORMATS, MATERIAL, Files
+from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
 
 COLLAPSE = ("--cells", "48", "--stride", "2", "--frames", "4", "--t-end", "0.2", "--threads", "1")
 TRAIN = ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE, "--checkpoint-every", "0")

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any
 
 SETTINGS = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 
@@ -24,10 +23,12 @@ def built(source: Path, folder: Path) -> Path | None:
 
 
 def start(
-    module: str, words: Sequence[str], library: Path | None, rows: IO[Any]
+    module: str, words: Sequence[str], library: Path | None, rows: Path
 ) -> subprocess.Popen[bytes]:
     """A module as a process; what it prints goes to `rows`."""
     environment = os.environ | SETTINGS
     if library is not None:
         environment["LD_PRELOAD"] = str(library)
-    return subprocess.Popen([sys.executable, "-m", module, *words], env=environment, stdout=rows)
+    command = [sys.executable, "-m", module, *words]
+    with rows.open("w") as stream:
+        return subprocess.Popen(command, env=environment, stdout=stream)

@@ -19,7 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-SECONDS = 15.0  # wall time of one command
+SECONDS = 15  # of processor time: the machine may be busy with other things
+WAITING = 60.0  # wall time, for a command that blocks
 ADDRESS_SPACE = 3 * 2**30  # bytes above what is in use at the start
 OUTPUT = 200_000  # characters that are kept
 STARTED = ("subprocess.Popen", "os.exec", "os.fork", "os.posix_spawn", "os.system", "socket.")
@@ -35,6 +36,7 @@ class Outcome:
 
     Attributes:
         code: its exit code; negative: the signal that ended it; None: it took too long.
+        seconds: of the processor.
         output, errors: what it printed.
         opened: paths that it opened, in its own words.
         started: processes and connections that it started, as the interpreter names them.
@@ -60,7 +62,7 @@ def run(
     folder: Path,
     *,
     trace: bool = False,
-    seconds: float = SECONDS,
+    seconds: float = WAITING,
 ) -> Outcome:
     """Run a command in a fork whose working directory is `folder`.
 
@@ -75,7 +77,9 @@ def run(
     if pid == 0:
         _child(command, prepare, folder, files, trace)
     status, usage = _wait(pid, begin + seconds)
-    found = Outcome(None if status is None else _code(status), time.monotonic() - begin)
+    late = status is None or _code(status) in (-signal.SIGXCPU, -signal.SIGKILL)
+    code = None if status is None or late else _code(status)
+    found = Outcome(code, usage.ru_utime + usage.ru_stime)
     found.output, found.errors = (_text(files[name]) for name in ("out", "err"))
     start = 0
     for line in _text(files["log"], 2**24).splitlines():
@@ -141,13 +145,14 @@ def _redirect(files: dict[str, Path]) -> None:
 @contextlib.contextmanager
 def _watched(trace: bool) -> Iterator[None]:
     """Limits, a hook that reports to descriptor LOG, and the memory from here on."""
-    Path("/proc/self/clear_refs").write_text("5")  # the peak of the memory starts again
+    with contextlib.suppress(PermissionError):  # after a change of user
+        Path("/proc/self/clear_refs").write_text("5")  # the peak of the memory starts again
     status = Path("/proc/self/status").read_text()
     sizes = {line.split(":")[0]: line.split()[1] for line in status.splitlines() if "kB" in line}
     os.write(LOG, f"memory {1024 * int(sizes['VmRSS'])}\n".encode())
     most = 1024 * int(sizes["VmSize"]) + ADDRESS_SPACE
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(2 * SECONDS), int(2 * SECONDS) + 1))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     os.environ["GRANPINN_OPENS"] = str(LOG)
     sys.addaudithook(_report)

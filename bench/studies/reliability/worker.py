@@ -78,11 +78,9 @@ def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.N
 
 
 def _row(target: Target, mutant: str, trace: bool, keep: Path | None) -> dict[str, Any]:
-    """Run one mutant, once more if it took too long, since the machine may be busy."""
+    """Run one mutant; its row of the record."""
     assert target.valid is not None
     found, outcome = _one(target, mutant, trace, keep)
-    if outcome == "hang":
-        found, outcome = _one(target, mutant, False, keep)
     if found.places - target.reached and len(target.parents) < PARENTS and found.code is not None:
         target.reached |= found.places
         target.parents.append(mutant)

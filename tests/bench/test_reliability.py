@@ -1,0 +1,110 @@
+"""The attacks of bench/studies/reliability: repeatable, and every outcome has its name."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import h5py
+import pytest
+
+from bench.studies.reliability import damage, hdf5_edits, sandbox
+from bench.studies.reliability.judge import judged
+from bench.studies.reliability.mutants import main as mutants
+from bench.studies.reliability.output_faults import main as output_faults
+from bench.studies.reliability.record import read
+from bench.studies.reliability.samples import FORMATS
+
+MANY = "1 2 3\n4 5 6\n" * 20
+
+
+@pytest.mark.parametrize("text", [True, False])
+def test_damage_is_a_function_of_the_seed(text: bool) -> None:
+    made = [damage.damaged(MANY.encode(), Random(f"{k}"), text, b"other") for k in range(200)]
+    again = [damage.damaged(MANY.encode(), Random(f"{k}"), text, b"other") for k in range(200)]
+    assert made == again
+    assert len(set(made)) > 150
+    assert max(map(len, made)) <= damage.MOST
+
+
+def test_values_of_json_are_damaged() -> None:
+    content = b'{"a": {"b": [1, 2, 3]}, "c": "text"}'
+    made = {damage.json_value(content, Random(k)) for k in range(100)}
+    assert len(made) > 30
+
+
+def test_edits_leave_hdf5(tmp_path: Path) -> None:
+    content = FORMATS["flow"].files()["flow.h5"]
+    made = [hdf5_edits.edited(content, Random(f"{k}"), tmp_path) for k in range(20)]
+    assert sum(one != content for one in made) > 15
+    for one in made:
+        (tmp_path / "a.h5").write_bytes(one)
+        with h5py.File(tmp_path / "a.h5") as file:
+            assert file.id.valid
+
+
+def outcome(tmp_path: Path, command: Callable[[], Any], seconds: float = 5) -> str:
+    work = tmp_path / "work"
+    work.mkdir()
+    valid = sandbox.run(lambda: 0, lambda: None, work)
+    found = sandbox.run(command, lambda: None, work, seconds=seconds)
+    return judged(found, "train", work, valid)
+
+
+def refuse(text: str, code: int = 2) -> int:
+    os.write(2, text.encode())
+    return code
+
+
+def open_outside() -> None:
+    with pytest.raises(OSError, match="granpinn-nothing"):
+        Path("/granpinn-nothing").read_bytes()
+
+
+COMMANDS: dict[str, tuple[Callable[[], Any], str]] = {
+    "ok": (lambda: 0, "ok"),
+    "refused": (lambda: refuse("granpinn.train: no\n"), "refused"),
+    "could not go on": (lambda: refuse("granpinn.train: no\n", 1), "could not go on"),
+    "two sentences": (lambda: refuse("granpinn.train: a\ngranpinn.train: b\n"), "no single"),
+    "no sentence": (lambda: refuse(""), "no single sentence"),
+    "other code": (lambda: 3, "exit code 3"),
+    "exception": (lambda: 1 // 0, "traceback"),
+    "crash": (os.abort, "crash (signal 6)"),
+    "hang": (lambda: time.sleep(9), "hang"),
+    "foreign file": (open_outside, "foreign file opened"),
+    "connection": (lambda: socket.create_connection(("127.0.0.1", 9)), "process or connection"),
+    "process": (lambda: os.system("true"), "process or connection"),
+    "left over": (lambda: Path(".a.tmp").write_text(""), "temporary file left"),
+    "memory": (lambda: len(b"x" * 300_000_000) * 0, "too much memory"),
+}
+
+
+@pytest.mark.parametrize(("command", "name"), COMMANDS.values(), ids=COMMANDS.keys())
+def test_every_outcome_has_its_name(tmp_path: Path, command: Callable[[], Any], name: str) -> None:
+    found = outcome(tmp_path, command, 1.0 if name == "hang" else 5.0)
+    assert found.startswith(name)
+
+
+def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any) -> None:
+    words = ["--format", "pivlab", "--command", "convert"]
+    mutants([*words, "--seeds", "0:6", "--out", str(tmp_path / "a.json")])
+    found = read(tmp_path / "a.json")
+    assert found["tried"] == 6
+    assert found["details"]["formats"]["pivlab convert"]["seconds"] < 15
+    assert "6 mutants" in capsys.readouterr().out
+    mutants([*words, "--only", "3", "--keep", str(tmp_path / "kept")])
+    kept = {path.name: path.read_bytes() for path in (tmp_path / "kept").iterdir()}
+    valid = FORMATS["pivlab"].files()
+    assert any(kept[name] != content for name, content in valid.items())
+
+
+def test_faults_hit_every_call(tmp_path: Path) -> None:
+    output_faults(["--case", "convert", "--every", "9", "--out", str(tmp_path / "a.json")])
+    found = read(tmp_path / "a.json")
+    assert found["tried"] > 5
+    assert set(found["details"]["cases"]) == {"convert"}
