@@ -63,6 +63,7 @@ class Worker:
     def __init__(self, folder: Path, options: Sequence[str], threads: int) -> None:
         self.tree, self.cmake = folder / "tree", folder / "cmake"
         self.options, self.threads = options, threads
+        self.outdated = False  # the modules have the mistake of before
         copied_tree.copy_tree(self.tree)
 
     def build(self) -> str:
@@ -72,7 +73,9 @@ class Worker:
         """Plants a mistake, builds, and runs tests until one fails."""
         begin = time.monotonic()
         with planted(self.tree, mistake):
-            caught = (self.build() and "the compiler") if mistake.compiled else ""
+            rebuild = mistake.compiled or self.outdated
+            caught = "the compiler" if rebuild and self.build() else ""
+            self.outdated = mistake.compiled
             caught = caught or self._catch(mistake, left_out)
         return {
             "id": number,
