@@ -25,7 +25,6 @@ WORK = copied_tree.ROOT / "build" / "sanitize"
 # Small work alone: tests that time something or import other compiled libraries stay out.
 TESTS = [
     "tests/kernels/test_hostile_calls.py",
-    "tests/kernels/test_small_work.py",
     "tests/kernels/test_operators.py",
     "tests/kernels/test_step.py",
     "tests/kernels/test_arguments.py",

@@ -68,7 +68,8 @@ def viscosity(
 
     ``gamma_dot`` and ``p`` are [N], ``theta`` the parameters of ``law``, ``d`` the grain diameter;
     I = d gamma_dot / sqrt(max(\\|p\\|, p_floor)). Differentiable in the three tensors, with
-    derivative 0 where the clamp acts. (Paper, eq. eta, with min for the printed max.)
+    derivative 0 where the clamp acts. (Paper, eq. eta, with min for the printed max.) NaN where an
+    argument is NaN. Raises ValueError for eta_min > eta_max or a negative p_floor.
     """
     eta: Tensor = _ops.viscosity(gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor)
     return eta

@@ -8,6 +8,10 @@ and `descend` change tensors in place.
 are the arguments of `draw_batch`, then params and theta, then the arguments of
 granpinn.kernels.ops.residual_loss after the term weights. On a GPU it also packs the weights.
 
+The operators raise ValueError or TypeError for wrong sizes, and if a tensor that they change shares
+memory with another. `places` must lie within the points: a CPU raises ValueError. A GPU draws NaN
+for a member with a wrong place, because a check would wait for the device; its loss is then NaN.
+
 `orthogonalize` gives U V^T of matrices G = U S V^T [..., m, n], to about 30 %, by five steps of
 Newton-Schulz (csrc/cpu/orthogonalize.h); `descend` subtracts it, times a learning rate, from
 matrices of the parameters. With `precision` "fast" a GPU rounds the operands of products to half

@@ -66,12 +66,18 @@ def jets(kind: str, order: int) -> Arguments:
     return (*case.network, order)
 
 
+def jet_backward(case: Problem, order: int) -> Arguments:
+    """The adjoint of a jet with an adjoint of ones."""
+    shape = (*case.params.shape[:-1], CHANNELS[order], case.points.shape[-2], case.widths[-1])
+    points, params, *rest = case.network
+    return (torch.ones(*shape, dtype=params.dtype), points.detach(), params.detach(), *rest, order)
+
+
 def jet_adjoints(kind: str, order: int) -> Arguments:
-    points, params, *rest = jets(kind, order)
-    points, params = points.detach(), params.detach()
-    shape = (*params.shape[:-1], CHANNELS[order], points.shape[-2], rest[0][-1])
-    grad = torch.ones(*shape, dtype=params.dtype)
-    return (strided(grad) if kind == "one point" else grad, points, params, *rest)
+    """Odd orders in float32; one point has gaps."""
+    case = tiny(**KINDS[kind])
+    grad, *rest = jet_backward(case.to(torch.float32) if order == 1 else case, order)
+    return (strided(grad) if kind == "one point" else grad, *rest)
 
 
 def as_tensors(loss: Arguments, precision: str = "fp32") -> Arguments:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from .configurations import Problem, problem, small
 from .devices import moved
-from .test_operators import LAW, as_tensors, flow, jet_backward, raw_jets
+from .op_inputs import LAW, as_tensors, flow, jet_backward, raw_jets
 
 ops_ = torch.ops.granpinn
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from granpinn.kernels import step_ops
 
-from .test_step import update_arguments
+from .step_inputs import update_arguments
 
 
 def theta_of(q: Tensor, kinds: tuple[str, ...], fixed: Tensor) -> Tensor:
