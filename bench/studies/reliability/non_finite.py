@@ -36,6 +36,16 @@ DATA = ("points", "velocity", "point_weights", "surface_points", "surface_pressu
 GRADIENTS = {"loss": "loss", "grad_params": "gradient of the network parameters"}
 GRADIENTS |= {"grad_theta": "gradient of the friction law"}
 VALUES = (math.nan, math.inf, -math.inf)
+SETTINGS: dict[str, Any] = {
+    "steps": TOTAL,
+    "log_every": EVERY,
+    "checkpoint_every": 0.0,
+    "level": "V2",
+    "network__widths": (9, 7),
+    "batch__interior": 33,
+    "batch__surface": 6,
+    "optimizer__average": 0.8,
+}
 # A tensor of the state -> words of which the sentence must have one.
 STATE = {
     "params": ("loss", "parameters", "gradient"),
@@ -84,17 +94,7 @@ def main() -> int:
 
 def make(flow: Path, folder: Path, device: str) -> TrainingLoop:
     """A small run that saves after every step."""
-    config = Config(
-        steps=TOTAL,
-        log_every=EVERY,
-        checkpoint_every=0.0,
-        level="V2",
-        device=device,
-        network__widths=(9, 7),
-        batch__interior=33,
-        batch__surface=6,
-        optimizer__average=0.8,
-    )
+    config = Config(**SETTINGS | {"device": device})
     return start([pose(flow, config)], config, folder, None, time.monotonic())
 
 
