@@ -92,7 +92,7 @@ def save(folder: Path, tensors: Mapping[str, Tensor], state: RunState) -> Path:
 
 def _text(content: Mapping[str, Any]) -> bytes:
     """The one form of the JSON."""
-    return json.dumps(content, indent=2, allow_nan=False).encode()
+    return json.dumps(content, allow_nan=False).encode()  # an indent would be slow
 
 
 def _checksum(content: Mapping[str, Any], binary: bytes) -> str:
