@@ -48,6 +48,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=RESULTS / "signals.json")
     options = parser.parse_args()
     begin, draw = time.monotonic(), Random(options.seed)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a job in the background
     record = Record("T-4", command_of("bench.studies.reliability.signals"))
     slowest = dict.fromkeys(("first", "second"), 0.0)
     with tempfile.TemporaryDirectory() as folder:
