@@ -53,8 +53,8 @@ struct Row {
   }
 };
 
-// Whether the place (first row, rows) of a member lies within the rows of a table. A generator of 32
-// bits draws from it.
+// Whether the place (first row, rows) of a member lies within the rows of a table. A generator of
+// 32 bits draws from it.
 GRANPINN_HD bool is_place(const std::int64_t* place, std::int64_t rows) {
   return place[1] >= 1 && place[1] <= INT64_C(0xFFFFFFFF) && within(place[0], place[1], rows);
 }

@@ -29,12 +29,12 @@ from pathlib import Path
 
 from granpinn import report, results
 from granpinn.command.arguments import parse
-from granpinn.config import Config
+from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
-from granpinn.output import owned
+from granpinn.output import objection_to_folder, owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
@@ -61,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     def run() -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
         assert config.out is not None
+        if objection := objection_to_folder(config.out):
+            raise ConfigError(f"--out {objection}")
         with parallel.joined() as rank, nullcontext() if rank else owned(config.out):
             result = _identify(config, rank)
             if rank == 0:

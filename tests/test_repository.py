@@ -53,9 +53,12 @@ def test_nothing_reads_or_runs_foreign_code(path: Path) -> None:
 
 @pytest.mark.parametrize("path", PACKAGE, ids=lambda p: str(p.relative_to(ROOT)))
 def test_nothing_uses_the_network_or_starts_programs(path: Path) -> None:
-    """SECURITY.md: no module imports a network library, and none starts a process."""
+    """SECURITY.md: no module imports a network library; one starts Python, to read a file in it."""
+    programs = {"subprocess", "ctypes", "pty"}
+    if path.name == "isolated.py":
+        programs.remove("subprocess")
     used = {name.partition(".")[0] for name in modules_of(ast.parse(path.read_text()))}
-    assert not used & (NETWORK | {"subprocess", "ctypes", "pty"})
+    assert not used & (NETWORK | programs)
 
 
 def test_the_scan_finds_what_it_forbids() -> None:

@@ -55,8 +55,8 @@ TORCH_LIBRARY(granpinn, m) {
       "float learning_rate, str precision) -> ()");
 }
 
-// torch's own handling of negated views ends the process for an operator that returns nothing. These
-// operators refuse such views (InPlace::spans).
+// torch's own handling of negated views ends the process for an operator that returns nothing.
+// These operators refuse such views (InPlace::spans).
 TORCH_LIBRARY_IMPL(granpinn, Negative, m) {
   m.impl("update", torch::CppFunction::makeFallthrough());
   m.impl("descend", torch::CppFunction::makeFallthrough());

@@ -60,10 +60,11 @@ def _check_attributes(flow: Flow) -> None:
                 f"the attribute {name!r} must be one number or text under a plain name, got "
                 f"{type(value).__name__}: change it or leave it out"
             )
-        if name in STATED and not isinstance(value, str) and not 0 <= value <= LARGEST:
+        known = isinstance(value, str) or value == 0 or LEAST <= value <= LARGEST
+        if name in STATED and not known:
             raise FlowFileError(
-                f"the attribute {name!r} must be from 0 to {LARGEST:g}, got {value:g}: correct it "
-                "or leave it out"
+                f"the attribute {name!r} must be 0 or from {LEAST:g} to {LARGEST:g}, got "
+                f"{value:g}: correct it or leave it out"
             )
 
 

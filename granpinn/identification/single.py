@@ -14,7 +14,7 @@ from granpinn.data import Flow
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
-from granpinn.output import make_folder, write_text
+from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
@@ -111,7 +111,7 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
     """Make the folders of a run and write config.toml.
 
     Raises:
-        ConfigError: the folder holds another run.
+        ConfigError: the folder holds another run, or is none.
         OutputError: the folders cannot be made or written to.
     """
     taken = [
@@ -122,6 +122,8 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
             f"another --out"
         )
+    if objection := objection_to_folder(folder):
+        raise ConfigError(f"--out {objection}")
     for part in parts_of(folder, members):
         make_folder(part)
     if not (config.resume and (folder / "config.toml").exists()):

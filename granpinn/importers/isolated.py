@@ -107,7 +107,7 @@ def read_isolated(library: str, path: Path, n_bytes: int, **request: Any) -> lis
         if library not in _RUNNING:
             _RUNNING[library] = _Process(library)
         content = _RUNNING[library].ask(asked, SECONDS + n_bytes / BYTES_PER_SECOND)
-        with np.load(io.BytesIO(content), allow_pickle=False) as answer:
+        with np.load(io.BytesIO(content)) as answer:
             arrays = dict(answer)
     except _Crashed:
         if library in _RUNNING:

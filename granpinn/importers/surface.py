@@ -112,6 +112,4 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
                 f"{path} must have a finite {name} of at most {LARGEST:g} in every row, got "
                 f"{values[~(np.abs(values) <= LARGEST)][0]:g}: leave this point out"
             )
-    # The order of the rows in the file must not matter.
-    order = np.lexsort((y, x, seconds))
-    return Surface(t=seconds[order], x=x[order], y=y[order])
+    return Surface(t=seconds, x=x, y=y)

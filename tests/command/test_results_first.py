@@ -8,12 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
 import pytest
 
 from granpinn import identify, identify_many, results, train
-from granpinn.data import Flow, write_flow
+from granpinn.data import Flow
 from granpinn.errors import Interrupted
 from granpinn.figures import album
 from granpinn.identification import finish, prediction, simulated_fields
@@ -271,52 +269,6 @@ def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(KeyboardInterrupt):
         attempt("report", raising(KeyboardInterrupt()))
     assert attempt("report", lambda: 3) == 3
-
-
-# What a file may say about its box, with the unit of another length or none at all.
-LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]
-
-
-@pytest.mark.parametrize("value", LENGTHS)
-@pytest.mark.parametrize("name", ["box_height", "box_width", "domain_size"])
-@pytest.mark.usefixtures("no_report")
-def test_a_box_of_another_unit_costs_no_memory_and_no_result(
-    name: str, value: float, flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulated_pressure, "settle", raising(AssertionError("was simulated")))
-    path = tmp_path / "flow.h5"
-    write_flow(flow, path)
-    with h5py.File(path, "r+") as file:
-        file.attrs[name] = value
-    assert run(path, "--out", tmp_path / "run") == 0
-    record = results.read_results(tmp_path / "run" / "results.json").simulated_pressure
-    assert record is not None
-    assert record.objection is not None
-    assert "column" in record.objection or "box" in record.objection
-
-
-def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing(flow: Flow) -> None:
-    column = resimulation.Column(1.0, 1.0)
-    for spacing, cells in ((5e-324, 512), (1e-300, 512), (0.01, 216), (1e308, 32)):
-        stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})
-        assert resimulation.cells_of(stated, column) == cells
-
-
-def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:
-    corner = dataclasses.replace(flow, attributes={})
-    late = dataclasses.replace(
-        corner,
-        t=np.append(flow.t[:-1], 1e9),
-        u=np.zeros_like(flow.u),
-        v=np.zeros_like(flow.v),
-        c=np.broadcast_to(
-            ((flow.y[:, None] < 0.9) & (flow.x < 0.5)).astype(np.float32), flow.c.shape
-        ),
-    )
-    late = dataclasses.replace(late, t=late.t - late.t[0])
-    summary, compared = resimulation.resimulate(late, train.LAWS["mu_of_i"], (0.4, 0.64, 0.3))
-    assert compared is None
-    assert "the last time in the file, 1e+09" in (summary.objection or "")
 
 
 @pytest.mark.usefixtures("no_report")

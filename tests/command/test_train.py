@@ -18,6 +18,7 @@ from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import Flow, write_flow
 from granpinn.errors import Interrupted
+from granpinn.output import OutputError
 from granpinn.simulation import demo_path
 from granpinn.training import checkpoint
 from granpinn.training.guard import NonFiniteError
@@ -168,12 +169,11 @@ def test_a_checkpoint_that_cannot_be_written_ends_the_run(
     flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
     def full(path: Path, content: bytes) -> None:
-        raise OSError(28, "No space left on device")
+        raise OutputError(f"{path} could not be written (No space left on device): make room")
 
-    monkeypatch.setattr(checkpoint, "_write", full)
+    monkeypatch.setattr(checkpoint, "write_bytes", full)
     assert run(flow_file, "--out", tmp_path / "run") == 1
     err = capsys.readouterr().err.splitlines()[-1]
-    assert err.startswith("granpinn.train: checkpoint ")
     assert str(tmp_path / "run" / "checkpoint" / "step-000000000") in err
     assert "No space left on device" in err
 

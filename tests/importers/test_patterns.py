@@ -27,6 +27,8 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "insight._DELTA": ("search", ('MicrosecondsPerDeltaT="1', "1", "1.1")),
     "insight._SIZE": ("search", ("I=", "I= ", "I=1, J=", "I=1")),
     "meshes._PIVLAB": ("search", ("[px/", "[", "[m/frame")),
+    "mesh_files._INCLUDE": ("findall", ("#", "# ", "#include", '#include "', "#include a;", " ")),
+    "mesh_files._NAMED": ("findall", ('file="', "file=", "file ", "file='a' ", "Source = ")),
     "meshes.FRACTION": ("fullmatch", ("alpha.", "a", "f")),
     "pivlab_text._FACTOR": ("search", ("conversion factor xy (px -> m):", " ", "1", "e")),
     "pivlab_text._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),
@@ -41,6 +43,7 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "units._NAME_WITH_POWER": ("findall", ("m", "m^", "m-", "m2", "**")),
     "units._QUANTITY": ("fullmatch", ("1", ".", "1.", "1e", "1 ", " ", "+")),
     "units._UNIT": ("fullmatch", ("m", "m*", "1/", "m ", "m2", " ", "m^")),
+    "zarr_metadata._TYPES": ("fullmatch", ("int8", "u", "float")),
 }
 
 

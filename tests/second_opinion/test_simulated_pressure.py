@@ -205,7 +205,7 @@ def upwards(flow: Flow) -> Flow:
         (elsewhere, "the grains do not stand in the corner of wall and floor"),
         (before, "no frame after the start shows all of the grains"),
         (cut_off, "no frame after the start shows all of the grains"),
-        (upwards, "gravity must point down"),
+        (upwards, "gravity must be two numbers and point down"),
     ],
 )
 def test_what_the_simulator_cannot_have_is_said(

@@ -128,8 +128,8 @@ MISTAKES = [
     *_rows("units", "granpinn/importers", [
         ("unit", "units.py", "found = found * (known * base) ** power",
          "found = found * (known * base)"),
-        ("unit", "units.py", "return float(candidate.to(registry.m / registry.px).magnitude)",
-         "return float(candidate.magnitude)"),
+        ("unit", "units.py", "found = float(candidate.to(registry.m / registry.px).magnitude)",
+         "found = float(candidate.magnitude)"),
         ("wrong constant", "units.py", "gravity_of_earth = 9.80665 m/s^2",
          "gravity_of_earth = 9.8665 m/s^2"),
     ]),

@@ -27,11 +27,11 @@ def sequences(file: Content, raw: bytes, count: int) -> list[bytes]:
     for k in range(count):
         length, heap, index = unpack_from("<IQI", raw, k * _DESCRIPTOR)
         empty = length == 0 or heap in (0, UNDEFINED)
-        found.append(b"" if empty else _heap_object(file, heap, index))
+        found.append(b"" if empty else _heap_entry(file, heap, index))
     return found
 
 
-def _heap_object(file: Content, heap: int, wanted: int) -> bytes:
+def _heap_entry(file: Content, heap: int, wanted: int) -> bytes:
     """An object of a global heap collection (III.E of the specification)."""
     signature, total = unpack_from("<4s4xQ", file.at(heap, 16))
     if signature != b"GCOL":
