@@ -12,7 +12,7 @@ from typing import Any
 import granpinn
 from bench.studies.reliability.sandbox import ESCAPED, PREPARATION, Outcome
 
-ALLOWED = {"ok", "refused", "could not go on", "not damaged"}
+ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
 LEAST_MEMORY = 48 * 2**20  # bytes: below it, modules that are imported late count more than data
 BAIT = "outside.fifo"
