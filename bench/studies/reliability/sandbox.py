@@ -177,7 +177,7 @@ def _report(event: str, arguments: tuple[Any, ...]) -> None:
                 LOG, b"opened " + os.fsencode(arguments[0])[:4000].replace(b"\n", b"?") + b"\n"
             )
     elif event.startswith(STARTED):
-        os.write(LOG, f"started {event} {str(arguments)[:200]!r}\n".encode("utf-8", "replace"))
+        os.write(LOG, f"started {event} {str(arguments)[:2000]!r}\n".encode("utf-8", "replace"))
 
 
 def _tracer(reached: set[int]) -> Callable[[FrameType, str, Any], Any]:
