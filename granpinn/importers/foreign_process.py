@@ -36,8 +36,7 @@ def main(library: str) -> None:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     for line in sys.stdin:
         request = json.loads(line)
-        limit = used + request["max_bytes"]
-        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+        _limit_memory(used + request["max_bytes"])
         try:
             frames = read(module, request)
         except Exception as error:  # of any kind: the library is foreign
@@ -48,6 +47,13 @@ def main(library: str) -> None:
         answers.write(len(content).to_bytes(8, "little"))
         answers.write(content)
         answers.flush()
+
+
+def _limit_memory(size: int) -> None:
+    """Limit the address space to `size` bytes; a limit of the user (`ulimit -v`) stays in force."""
+    most = resource.getrlimit(resource.RLIMIT_AS)[1]
+    limit = size if most == resource.RLIM_INFINITY else min(size, most)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, most))
 
 
 def _packed(meta: dict[str, Any], frames: list[dict[str, Any]]) -> memoryview:

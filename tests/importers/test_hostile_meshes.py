@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -69,6 +71,15 @@ def test_a_library_that_never_answers(tmp_path: Path, monkeypatch: pytest.Monkey
         read_vectors(path)
     monkeypatch.undo()
     read_vectors(path)
+
+
+def test_a_limit_of_the_user_stays_in_force(tmp_path: Path) -> None:
+    """With `ulimit -v`, nobody but root may raise the limit again."""
+    words = "import resource; from granpinn.importers import foreign_process as process; "
+    words += "r = resource.RLIMIT_AS; resource.setrlimit(r, (2**36, 2**36)); "
+    words += "process._limit_memory(2**35); assert resource.getrlimit(r) == (2**35, 2**36); "
+    words += "process._limit_memory(2**37); assert resource.getrlimit(r) == (2**36, 2**36)"
+    subprocess.run([sys.executable, "-c", words], check=True)
 
 
 def test_a_series_in_its_folder(tmp_path: Path) -> None:

@@ -12,10 +12,11 @@ from typing import Any
 import granpinn
 from bench.studies.reliability.sandbox import ESCAPED, PREPARATION, Outcome
 
-ALLOWED = {"ok", "refused", "could not go on", "not damaged"}
+ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
 LEAST_MEMORY = 48 * 2**20  # bytes: below it, modules that are imported late count more than data
 BAIT = "outside.fifo"
+READER = "/granpinn/importers/foreign_process.py'"
 SYSTEM = (
     *("/proc/", "/sys/", "/usr/", "/lib", "/etc/", "/dev/null", "/dev/urandom", "/var/lib/"),
     *("/var/cache/fontconfig", "/dev/tty"),
@@ -66,10 +67,11 @@ def _by_code(found: Outcome, command: str) -> str:
 def started(found: Outcome, valid: Outcome | None) -> set[str]:
     """What a command started, without what it starts for the valid file too.
 
-    zarr makes a pair of sockets for its event loop.
+    zarr makes a pair of sockets for its event loop. VTK and lvpyio read in a process of ours.
     """
     known = {line.split()[0] for line in valid.started} if valid is not None else {"socket.__new__"}
-    return {line for line in found.started if line.split()[0] not in known}
+    foreign = {line for line in found.started if line.split()[0] not in known}
+    return {line for line in foreign if READER not in line}
 
 
 def foreign(found: Outcome, folder: Path, valid: Outcome | None) -> set[str]:

@@ -25,10 +25,10 @@ def built(source: Path, folder: Path) -> Path | None:
 def start(
     module: str, words: Sequence[str], library: Path | None, rows: Path
 ) -> subprocess.Popen[bytes]:
-    """A module as a process; what it prints goes to `rows`."""
+    """A module as a process; what it prints goes to the end of `rows`."""
     environment = os.environ | SETTINGS
     if library is not None:
         environment["LD_PRELOAD"] = str(library)
     command = [sys.executable, "-m", module, *words]
-    with rows.open("w") as stream:
+    with rows.open("a") as stream:
         return subprocess.Popen(command, env=environment, stdout=stream)

@@ -99,6 +99,8 @@ def run(
             found.opened.add(line)
     if start:
         found.memory = max(0, 1024 * usage.ru_maxrss - start)
+    else:  # it ended before the command began
+        found.code = PREPARATION
     for file in files.values():
         file.unlink(missing_ok=True)
     return found
@@ -116,6 +118,7 @@ def _child(
         os.chdir(folder)
         os.setpgid(0, 0)
         _redirect(files)
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, resource.RLIM_INFINITY))
         prepare()
         code = ESCAPED
         with _watched(trace):
@@ -174,7 +177,7 @@ def _report(event: str, arguments: tuple[Any, ...]) -> None:
                 LOG, b"opened " + os.fsencode(arguments[0])[:4000].replace(b"\n", b"?") + b"\n"
             )
     elif event.startswith(STARTED):
-        os.write(LOG, f"started {event} {str(arguments)[:200]!r}\n".encode("utf-8", "replace"))
+        os.write(LOG, f"started {event} {str(arguments)[:2000]!r}\n".encode("utf-8", "replace"))
 
 
 def _tracer(reached: set[int]) -> Callable[[FrameType, str, Any], Any]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import shutil
 import sys
 import tempfile
+import time
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
@@ -20,9 +22,11 @@ from bench.studies.reliability import commands, damage, hdf5_edits, sandbox
 from bench.studies.reliability.judge import ALLOWED, BAIT, described, fingerprint, judged
 from bench.studies.reliability.samples import FORMATS, Files, Format
 
-DRAWN = 10  # one mutant of so many has its figures drawn, which takes most of the time
+BLOCK = 25  # mutants of one target before the next target has its turn
+DRAWN = 40  # one mutant of so many has its figures drawn, which takes most of the time
 TRACED = 4  # one mutant of so many is traced for new places
 PARENTS = 500  # mutants that are kept as parents
+BEGIN = time.monotonic()
 rows = sys.stdout
 
 
@@ -35,12 +39,13 @@ class Target:
     format: Format
     files: Files
     bait: bytes
-    valid: sandbox.Outcome | None = None
+    valid: sandbox.Outcome
+    draw: Random
     reached: set[int] = field(default_factory=set)
     parents: list[str] = field(default_factory=list)
 
     def run(self, mutant: str) -> int:
-        """The command, in the working directory; one mutant of ten has its figures drawn."""
+        """The command, in the working directory; one mutant of DRAWN has its figures drawn."""
         drawn = int(mutant.rpartition("/")[2] or 0) % DRAWN == 0
         with (
             warnings.catch_warnings(),
@@ -49,12 +54,29 @@ class Target:
             return commands.MAINS[self.command.split("-")[0]](self.format.commands[self.command])
 
 
-def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.Namespace) -> None:
-    """Run the mutants of these seeds, format by format."""
+def work(pairs: list[tuple[str, str]], seeds: Sequence[int], options: argparse.Namespace) -> None:
+    """Run the mutants of these seeds; all targets take turns, so that a time limit is fair."""
     global rows
+    end = BEGIN + (options.seconds or float("inf"))
     rows = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what writers of valid files print
     commands.import_late_modules()
+    targets = list(_targets(pairs))
+    if options.only:
+        for target in targets:
+            _print(_row(target, options.only, False, options.keep))
+        return
+    for start in range(0, len(seeds), BLOCK):
+        for target, seed in itertools.product(targets, seeds[start : start + BLOCK]):
+            if time.monotonic() > end:
+                return
+            guided = bool(target.parents) and target.draw.random() < options.guided
+            mutant = f"{target.draw.choice(target.parents)}/{seed}" if guided else str(seed)
+            _print(_row(target, mutant, seed % TRACED == 0, None))
+
+
+def _targets(pairs: list[tuple[str, str]]) -> Iterator[Target]:
+    """Targets whose libraries are installed, with the run on their valid files."""
     written: dict[str, Files] = {}
     for name, command in pairs:
         chosen = FORMATS[name]
@@ -63,23 +85,21 @@ def work(pairs: list[tuple[str, str]], seeds: Iterable[int], options: argparse.N
             continue
         if name not in written:
             written[name] = chosen.files()
-        target = Target(name, command, chosen, written[name], _bait())
+        draw = Random(f"{name} {command} guide")
+        nothing = sandbox.Outcome(None, 0.0)
+        target = Target(name, command, chosen, written[name], _bait(), nothing, draw)
         target.valid, outcome = _one(target, "", False)
         if outcome not in ALLOWED:
-            raise RuntimeError(f"{name} {command}, valid: {outcome}: {target.valid.errors}")
-        if options.only:
-            _print(_row(target, options.only, False, options.keep))
+            numbers = described(target.valid, target.valid)
+            kind = fingerprint(target.valid)
+            row = {"format": name, "command": command, "mutant": "", "outcome": "valid file failed"}
+            _print(row | {"failed": True, "class": kind, "warnings": 0, **numbers})
             continue
-        draw = Random(f"{name} {command} guide")
-        for seed in seeds:
-            guided = bool(target.parents) and draw.random() < options.guided
-            mutant = f"{draw.choice(target.parents)}/{seed}" if guided else str(seed)
-            _print(_row(target, mutant, seed % TRACED == 0, None))
+        yield target
 
 
 def _row(target: Target, mutant: str, trace: bool, keep: Path | None) -> dict[str, Any]:
     """Run one mutant; its row of the record."""
-    assert target.valid is not None
     found, outcome = _one(target, mutant, trace, keep)
     if found.places - target.reached and len(target.parents) < PARENTS and found.code is not None:
         target.reached |= found.places
@@ -92,6 +112,7 @@ def _row(target: Target, mutant: str, trace: bool, keep: Path | None) -> dict[st
         "failed": outcome not in ALLOWED,
         "warnings": found.errors.count("Warning: "),
         "watched": "LD_PRELOAD" in os.environ,
+        "at": round(time.monotonic() - BEGIN),
         **described(found, target.valid),
     }
     if row["failed"]:
@@ -119,7 +140,7 @@ def _one(
             (folder / BAIT).write_bytes(target.bait)
 
         found = sandbox.run(lambda: target.run(mutant), prepare, folder, trace=trace)
-        outcome = judged(found, target.command, folder, target.valid)
+        outcome = judged(found, target.command, folder, target.valid if mutant else None)
         if keep is not None:
             shutil.copytree(folder, keep, dirs_exist_ok=True)
             print(found.errors, file=sys.stderr)
