@@ -3,9 +3,9 @@
     phi = sum_i A_i W_i / K    rho v = sum_i m_i v_i W_i / K    sigma = (virial + kinetic) / K
 
 W_i = W(x - x_i): a Gaussian of sd 1 d, cut at 3 sd, whose integral is 1. K is the part of the
-kernel within the container, so that fields do not fade at walls. Each grain carries its contact stress
-(half of every contact) at its centre. Beside a plane of symmetry grains have mirror images; in
-a periodic flow, periodic ones. The kinetic stress is that of the fluctuations,
+kernel within the container, so that fields do not fade at walls. Each grain carries its contact
+stress (half of every contact) at its centre. Beside a plane of symmetry grains have mirror images;
+in a periodic flow, periodic ones. The kinetic stress is that of the fluctuations,
 
     sum m v v W - rho V V - rho sd^2 (grad V)(grad V)^T ,
 
@@ -62,7 +62,8 @@ def centres(grid: Grid) -> tuple[Float64, Float64]:
     """Centres of the cells: y [Y], x [X]."""
 
     def axis(low: float, high: float) -> Float64:
-        return low + grid.cell * (np.arange(round((high - low) / grid.cell)) + 0.5)
+        n = round((high - low) / grid.cell)
+        return np.asarray(low + grid.cell * (np.arange(n) + 0.5), dtype=np.float64)
 
     return axis(grid.bottom, grid.top), axis(grid.left, grid.right)
 

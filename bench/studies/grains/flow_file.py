@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from bench.studies.grains.coarse import SD, Fields
+from bench.studies.grains.coarse import SD, XX, XY, YY, Fields
 from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Material
 from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface, Truth
 
 
@@ -73,21 +74,24 @@ def flow_of(
 def cropped(fields: Fields) -> Fields:
     """Without the rows and columns of cells that never hold grains."""
     there = fields.phi > KEPT * BULK_FRACTION
-    rows = _extent(there.any(axis=(0, 2)))
-    columns = _extent(there.any(axis=(0, 1)))
+    rows, columns = _extent(there, (0, 2)), _extent(there, (0, 1))
     cut = (slice(None), rows, columns)
     return Fields(
-        fields.t,
-        fields.y[rows],
-        fields.x[columns],
-        *(getattr(fields, name)[cut] for name in ("phi", "rho", "u", "v", "stress")),
-        coverage=fields.coverage[cut[1:]],
+        t=fields.t,
+        y=fields.y[rows],
+        x=fields.x[columns],
+        phi=fields.phi[cut],
+        rho=fields.rho[cut],
+        u=fields.u[cut],
+        v=fields.v[cut],
+        stress=fields.stress[cut],
+        coverage=fields.coverage[rows, columns],
     )
 
 
-def _extent(there: np.ndarray) -> slice:
-    """From the first to the last True, and one more cell on either side."""
-    found = np.flatnonzero(there)
+def _extent(there: Bool, others: tuple[int, int]) -> slice:
+    """From the first to the last True along an axis, and one more cell on either side."""
+    found = np.flatnonzero(np.any(there, axis=others))
     return slice(max(0, int(found[0]) - 1), int(found[-1]) + 2)
 
 
@@ -95,24 +99,17 @@ def write_reference(path: Path, fields: Fields, found: Reference) -> None:
     """Stress, strain rate, I and mu of the cells, [T, Y, X]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         mu = found.tau / found.p
-    np.savez_compressed(
-        path,
-        t=fields.t,
-        y=fields.y,
-        x=fields.x,
-        **{
-            name: np.asarray(values, np.float32)
-            for name, values in {
-                "phi": fields.phi,
-                "sigma_xx": fields.stress[..., 0],
-                "sigma_yy": fields.stress[..., 1],
-                "sigma_xy": fields.stress[..., 2],
-                "p": found.p,
-                "p_smooth": found.p_smooth,
-                "gamma_dot": found.gdot,
-                "I": found.inertial_number,
-                "mu": mu,
-            }.items()
-        },
-        used=found.used,
-    )
+    values = {
+        "phi": fields.phi,
+        "sigma_xx": fields.stress[..., XX],
+        "sigma_yy": fields.stress[..., YY],
+        "sigma_xy": fields.stress[..., XY],
+        "p": found.p,
+        "p_smooth": found.p_smooth,
+        "gamma_dot": found.gdot,
+        "I": found.inertial_number,
+        "mu": mu,
+    }
+    small: dict[str, Any] = {name: array.astype(np.float32) for name, array in values.items()}
+    axes: dict[str, Any] = {"t": fields.t, "y": fields.y, "x": fields.x}
+    np.savez_compressed(path, used=found.used, **axes, **small)

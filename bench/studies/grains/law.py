@@ -16,6 +16,7 @@ SCORED = (0.01, 0.03, 0.055, 0.10, 0.185)
 SLOWEST = 3e-3  # least inertial number of a cell that counts as flowing
 BINS = 12
 LEAST_CELLS = 20  # of a bin
+NARROW = 2.0  # a range of I over less than this factor holds a mu and no law
 
 
 def fit(inertial_number: Float64, mu: Float64, se: Float64 | None = None) -> dict[str, float]:
@@ -78,7 +79,8 @@ def binned_law(inertial_number: Float64, tau: Float64, p: Float64) -> dict[str, 
         inertial_number, tau, p: of the cells, [n]; cells that do not flow are left out.
 
     Returns:
-        I_range, points (I, mu, se, cells) and law; law is None if fewer than three bins are filled.
+        I_range, mean (I and mu of all), points (I, mu, se, cells) and law; law is None where the
+        range is narrow or fewer than three bins are filled.
     """
     low, high = number_range(inertial_number)
     edges = np.geomspace(low, high, BINS + 1)
@@ -92,6 +94,10 @@ def binned_law(inertial_number: Float64, tau: Float64, p: Float64) -> dict[str, 
             row = {"I": inertial_number[k].mean(), "mu": mu, "se": se, "cells": int(k.sum())}
             points.append({name: float(value) for name, value in row.items()})
     law = None
-    if len(points) > 2:
+    if len(points) > 2 and high > NARROW * low:
         law = fit(*(np.array([row[name] for row in points]) for name in ("I", "mu", "se")))
-    return {"I_range": [low, high], "points": points, "law": law}
+    k = (inertial_number >= low) & (inertial_number <= high)
+    mean = None
+    if k.any():
+        mean = {"I": float(inertial_number[k].mean()), "mu": float(tau[k].sum() / p[k].sum())}
+    return {"I_range": [low, high], "mean": mean, "points": points, "law": law}

@@ -47,7 +47,7 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
     fields = cropped(coarse_grain(scene, snapshots(dump)))
     height = surface_height(fields) if scene.surface else None
     c = fraction(fields, height)
-    origin = {"scene": name, "seed": seed}
+    origin: dict[str, float | str] = {"scene": name, "seed": seed}
     flow = flow_of(scene, material, fields, c, height, truth, origin)
     write_flow(flow, out / FLOW)
     found = reference(fields, c, scene.steady, scene.period is not None)

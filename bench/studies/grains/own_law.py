@@ -26,7 +26,7 @@ from bench.studies.grains.materials import BULK_DENSITY
 from bench.studies.grains.smooth import smooth
 from granpinn.arrays import Bool, Float64
 
-WINDOW = (1, 2, 2)  # cells on each side in the local fits
+WINDOW = (2, 2, 2)  # cells on each side in the local fits
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ def _snapshot(file: TextIO, path: Path) -> Snapshot:
         raise _broken(path, "an end within a snapshot")
     table = np.fromstring(" ".join(rows), sep=" ").reshape(count, len(COLUMNS))
     # LAMMPS counts tension as positive.
-    return Snapshot(step * TIME_STEP, *table[:, :6].T, virial=-table[:, 6:])
+    x, y, vx, vy, radius, mass = table[:, :6].T
+    return Snapshot(step * TIME_STEP, x, y, vx, vy, radius, mass, virial=-table[:, 6:])
 
 
 def _broken(path: Path, found: str) -> ExperimentError:

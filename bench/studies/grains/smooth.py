@@ -41,7 +41,8 @@ def smooth(
         fields: [T, Y, X] each; anything where the weight is 0.
         weight: [T, Y, X].
         spacing: of the cells along t, y, x.
-        half: cells on each side of the middle of a window, along t, y, x; 0 leaves an axis out.
+        half: cells on each side of the middle of a window, along t, y, x; 0 leaves an axis out,
+            and 1 is too few for a slope at the ends.
         periodic: along x.
     """
     filled = [np.where(weight > 0, f, 0.0) * weight for f in fields]
