@@ -82,6 +82,7 @@ def test_the_momentum_balance_finds_bagnolds_stress(periodic: bool) -> None:
     k = found.used
     depth = np.broadcast_to(HEIGHT - flow.y[:, None], k.shape)
     assert k.sum() >= 20
+    assert depth[k].max() <= (HEIGHT if periodic else balance.DEEPEST)
     p = flow.density * depth / math.hypot(1, TANGENT)
     # The velocity has float32 rounding errors, whose slopes enter the acceleration.
     np.testing.assert_allclose(found.p[k], p[k], rtol=1e-4)

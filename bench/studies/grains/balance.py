@@ -30,6 +30,7 @@ WINDOW = (2, 2, 2)  # cells on each side in the local fits of the velocity
 START = 0.4  # q/p before the first iteration
 LEAST_SHEAR = 0.7  # |n_xy| from which q is known
 SHALLOWEST = 2.0  # d below the surface
+DEEPEST = 20.0  # where d_x counts: its noise adds up on the way down
 ITERATIONS = 20
 SIDEWAYS = 7  # cells of the window in which d_x is taken
 
@@ -76,6 +77,7 @@ def momentum_balance(flow: Flow) -> Balance:
         below,
     )
     used = known & (np.abs(n_xy) > LEAST_SHEAR) & (p > 0) & (below > SHALLOWEST)
+    used &= (below < DEEPEST) | (flow.stated("period_x") is not None)
     used &= c > (0.95 if flow.stated("period_x") else 0.999)
     used &= (q > 0) & (q < p)
     safe = np.where(p > 0, p, 1.0)

@@ -4,8 +4,9 @@
 
 RUN is a folder of granpinn.train (results.json, fields.h5), SCENE one of
 bench.studies.grains.make. The error of mu(I) is in % of the scene's own law (along D) and of the
-shear cell's law, at the inertial numbers of `law.SCORED` within the scene's 5..95 % range of I, and of the scene's mean mu at its mean I. Where that range is
-narrow (a steady chute) the scene has no law, and this mean is all.
+shear cell's law, at the inertial numbers of `law.SCORED` within the scene's 5..95 % range of I, and
+of the scene's mean mu at its mean I. Where that range is narrow (a steady chute) the scene has no
+law, and the mean is all.
 Pressure is compared on block means where grains flow: in one cell it is noisy by tens of per cent.
 """
 

@@ -38,7 +38,7 @@ from granpinn.arrays import Float64
 
 WIDTH = 30  # of the box, d
 # Strain for every inertial number, from fast to slow: the state of one starts the next.
-STRAINS = {0.3: 60.0, 0.185: 60.0, 0.1: 40.0, 0.055: 30.0, 0.03: 20.0, 0.01: 8.0, 0.003: 3.0}
+STRAINS = {0.3: 40.0, 0.185: 40.0, 0.1: 30.0, 0.055: 20.0, 0.03: 15.0, 0.01: 6.0, 0.003: 3.0}
 BLOCKS = 64  # means of each rate in the file
 TRANSIENT = 0.25  # of the strain of a rate: left out before it
 # Relative growth of the height in a unit of time for a pressure that is 1 too large.
