@@ -17,12 +17,13 @@ from bench.studies.grains import balance, flow_file, law, score, shear_cell
 from bench.studies.grains.coarse import Fields
 from bench.studies.grains.lammps import Lammps, environment
 from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, FRICTIONS, Material
-from bench.studies.grains.own_law import own_law, reference
+from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.packing import FREE
 from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import script
 from bench.studies.grains.surface import fraction, surface_height
+from bench.studies.grains.table import points
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.results import Covariance, Parameter, Parameters
 from tests.examples import make_result
@@ -132,6 +133,8 @@ def test_the_own_law_of_bagnolds_flow() -> None:
     assert own["norm"]["mean"]["mu"] == pytest.approx(TANGENT, rel=1e-6)
     assert own["norm"]["law"] is None  # one I
     assert found.noise["velocity_percent"] < 0.1
+    cos = 1 / math.hypot(1, TANGENT)
+    assert hydrostatic_ratio(fields, found.used, -cos) == pytest.approx(1, abs=1e-9)
 
 
 def test_a_flow_file_of_grains_is_read_back(tmp_path: Path) -> None:
@@ -275,6 +278,15 @@ def test_a_run_is_scored_within_the_range_of_the_scene(tmp_path: Path) -> None:
     }
     with pytest.raises(ExperimentError, match="scene.json"):
         score.score(tmp_path, tmp_path)
+
+
+def test_the_points_of_a_scene_go_to_the_csv() -> None:
+    law_points = {"points": [{"I": 0.1, "mu": 0.38, "se": 0.001, "cells": 30}]}
+    summary = SUMMARY | {"own": {"along_D": law_points, "norm": law_points}, "balance": None}
+    assert points(summary) == [
+        ("drum", 0.4, "along_D", "0.1", "0.38", "0.001"),
+        ("drum", 0.4, "norm", "0.1", "0.38", "0.001"),
+    ]
 
 
 def test_block_means_leave_out_empty_blocks() -> None:

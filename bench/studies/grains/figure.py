@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from bench.studies.grains.law import mu_of_i
 from bench.studies.grains.make import SUMMARY
@@ -20,16 +21,17 @@ MARKERS = {"along_D": "o", "norm": "^"}
 
 def draw(scenes: Sequence[Path], scores: Sequence[dict[str, Any]], path: Path) -> None:
     """One panel for each scene; an identified law for each of its scores."""
-    rows = -(-len(scenes) // COLUMNS)
-    figure = Figure(figsize=(3.4 * COLUMNS, 2.8 * rows), layout="constrained")
-    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    columns = min(COLUMNS, len(scenes))
+    rows = -(-len(scenes) // columns)
+    figure = Figure(figsize=(3.4 * columns, 2.8 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis, scene in zip(axes, scenes, strict=False):
         summary = json.loads((scene / SUMMARY).read_text())
         key = (summary["scene"], summary["material"])
         panel(axis, summary, [s for s in scores if (s["scene"], s["material"]) == key])
     for axis in axes[len(scenes) :]:
         axis.set_visible(False)
-    axes[0].legend(fontsize=6)
+    axes[0].legend(fontsize=5, loc="upper left")
     figure.savefig(path, dpi=150)
 
 
@@ -48,6 +50,7 @@ def panel(axis: Axes, summary: dict[str, Any], scores: Sequence[dict[str, Any]])
     for found in scores:
         axis.plot(i, mu_of_i(found["law"], i), "r-", lw=1, label=f"granpinn, seed {found['seed']}")
     axis.set_xscale("log")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_title(f"{summary['title']}; friction {summary['material']:g}", fontsize=7)
     axis.set_xlabel("I")
     axis.set_ylabel("mu")

@@ -29,7 +29,7 @@ from bench.studies.grains.flow_file import cropped, flow_of, write_reference
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import SLOWEST, errors_percent
 from bench.studies.grains.materials import Material
-from bench.studies.grains.own_law import own_law, reference
+from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.simulation import simulate, snapshots
 from bench.studies.grains.surface import fraction, surface_height
@@ -65,6 +65,9 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
         "noise": found.noise,
         "truth": truth,
         "own": own,
+        "hydrostatic_ratio": hydrostatic_ratio(fields, found.used, scene.gravity[1])
+        if scene.surface and scene.period is not None
+        else None,
         "balance": balance_of(flow, own["along_D"]) if scene.balance else None,
         "coarse_graining_s": round(time.monotonic() - begin, 1),
     }
@@ -119,7 +122,7 @@ def main() -> int:
         if dump is None:
             scene = SCENES[chosen.scene](material)
             dump = simulate(scene, material, chosen.seed, Lammps(chosen.lmp), work)
-        seconds = round(time.monotonic() - begin, 1)
+        seconds = round(time.monotonic() - begin, 1) if chosen.dump is None else None
         out.mkdir(parents=True, exist_ok=True)
         summary = make(chosen.scene, material, chosen.seed, dump, out) | {"lammps_s": seconds}
     except ExperimentError as error:

@@ -13,7 +13,7 @@ from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.scenes.silo import silo
 
 # Slopes at which a layer of a material flows at I of about 0.05 and 0.12.
-SLOPES = {0.2: (0.27, 0.34), 0.4: (0.33, 0.40), 0.7: (0.35, 0.42)}
+SLOPES = {0.2: (0.30, 0.37), 0.4: (0.33, 0.40), 0.7: (0.35, 0.42)}
 
 SCENES: dict[str, Callable[[Material], Scene]] = {
     "collapse_2": lambda _: collapse(48, 96, reach=240, duration=45),
