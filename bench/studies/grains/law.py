@@ -79,7 +79,7 @@ def binned_law(inertial_number: Float64, tau: Float64, p: Float64) -> dict[str, 
         inertial_number, tau, p: of the cells, [n]; cells that do not flow are left out.
 
     Returns:
-        I_range, mean (I and mu of all), points (I, mu, se, cells) and law; law is None where the
+        I_range, mean (I and mu of all, weighted with p), points (I, mu, se, cells) and law; law is None where the
         range is narrow or fewer than three bins are filled.
     """
     low, high = number_range(inertial_number)
@@ -99,5 +99,6 @@ def binned_law(inertial_number: Float64, tau: Float64, p: Float64) -> dict[str, 
     k = (inertial_number >= low) & (inertial_number <= high)
     mean = None
     if k.any():
-        mean = {"I": float(inertial_number[k].mean()), "mu": float(tau[k].sum() / p[k].sum())}
+        i, mu = (float(a[k].sum() / p[k].sum()) for a in (inertial_number * p, tau))
+        mean = {"I": i, "mu": mu}
     return {"I_range": [low, high], "mean": mean, "points": points, "law": law}

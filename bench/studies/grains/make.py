@@ -77,6 +77,8 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
 def balance_of(flow: Flow, own: dict[str, Any]) -> dict[str, Any]:
     """The baseline, with its errors in % against the law of the scene."""
     found = baseline(flow)
+    if found["mean"] is not None and own["mean"] is not None:
+        found["mean_error_percent"] = 100 * (found["mean"]["mu"] / own["mean"]["mu"] - 1)
     if found["law"] is not None and own["law"] is not None:
         found["error_percent"] = errors_percent(found["law"], own["law"], *own["I_range"])
     return found
@@ -86,8 +88,10 @@ def line(summary: dict[str, Any]) -> str:
     """The scene in one line."""
 
     def law(found: dict[str, Any] | None) -> str:
-        values = (found or {}).get("law")
-        return "   -  /  -  " if values is None else f"{values['mu_s']:.3f}/{values['mu_2']:.3f}"
+        values, mean = ((found or {}).get(name) for name in ("law", "mean"))
+        if values is not None:
+            return f"{values['mu_s']:.3f}/{values['mu_2']:.3f}"
+        return "     -     " if mean is None else f"{mean['mu']:.3f} at {mean['I']:.3f}"
 
     own = summary["own"]
     low, high = own["along_D"]["I_range"]
