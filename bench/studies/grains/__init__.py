@@ -1,0 +1,1 @@
+"""Does the identification survive real grains? Flows of discrete elements with a measured law."""

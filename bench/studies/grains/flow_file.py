@@ -1,0 +1,115 @@
+"""The flow file of a scene, and the reference beside it.
+
+flow.h5 has what a camera would give: velocity, c, the surface line, gravity, diameter and bulk
+density. Stress is in reference.npz, for scoring only. Flow-file format version 1 has no entries yet
+for walls, steadiness or the averaging kernel: they are attributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.studies.grains.coarse import SD, XX, XY, YY, Fields
+from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Material
+from bench.studies.grains.own_law import Reference
+from bench.studies.grains.scenes.scene import Scene
+from bench.studies.grains.surface import KEPT, UNCERTAINTY
+from granpinn.arrays import Bool, Float64
+from granpinn.data import Flow, Surface, Truth
+
+
+def flow_of(
+    scene: Scene,
+    material: Material,
+    fields: Fields,
+    c: Float64,
+    height: Float64 | None,
+    truth: Mapping[str, float] | None,
+    origin: Mapping[str, float | str],
+) -> Flow:
+    """What is known of a scene from outside, in the format of a flow file.
+
+    Args:
+        c: volume fraction of the cells, [T, Y, X].
+        height: of the surface line, [T, X], or None.
+        truth: mu_s and mu_2 of the shear cell, or None.
+        origin: further attributes, such as the name of the scene.
+    """
+    vector = (fields.phi > KEPT * BULK_FRACTION) & (fields.coverage > 0.3)
+    vector &= np.isfinite(fields.u) & np.isfinite(fields.v)
+    u, v = (np.where(vector, a, np.nan).astype(np.float32) for a in (fields.u, fields.v))
+    surface = None
+    if height is not None:
+        frame, column = np.nonzero(np.isfinite(height))
+        surface = Surface(fields.t[frame], fields.x[column], height[frame, column])
+    stated = {
+        "solid_fraction": BULK_FRACTION,
+        "window": "Gaussian, cut at 3 standard deviations",
+        "window_sd": SD,
+        "source": "discrete elements (LAMMPS), bench.studies.grains",
+        "grain_friction": material.friction,
+    }
+    stated |= {} if surface is None else {"surface_sd": UNCERTAINTY}
+    stated |= {"steady": 1} if scene.steady else {}
+    return Flow(
+        t=fields.t,
+        y=fields.y,
+        x=fields.x,
+        u=u,
+        v=v,
+        c=c.astype(np.float32),
+        gravity=scene.gravity,
+        density=BULK_DENSITY,
+        grain_diameter=1.0,
+        surface=surface,
+        truth=None if truth is None else Truth(mu_s=truth["mu_s"], mu_2=truth["mu_2"], I0=I0),
+        attributes=stated | scene.attributes | dict(origin),
+    )
+
+
+def cropped(fields: Fields) -> Fields:
+    """Without the rows and columns of cells that never hold grains."""
+    there = fields.phi > KEPT * BULK_FRACTION
+    rows, columns = _extent(there, (0, 2)), _extent(there, (0, 1))
+    cut = (slice(None), rows, columns)
+    return Fields(
+        t=fields.t,
+        y=fields.y[rows],
+        x=fields.x[columns],
+        phi=fields.phi[cut],
+        rho=fields.rho[cut],
+        u=fields.u[cut],
+        v=fields.v[cut],
+        stress=fields.stress[cut],
+        coverage=fields.coverage[rows, columns],
+    )
+
+
+def _extent(there: Bool, others: tuple[int, int]) -> slice:
+    """From the first to the last True along an axis, and one more cell on either side."""
+    found = np.flatnonzero(np.any(there, axis=others))
+    return slice(max(0, int(found[0]) - 1), int(found[-1]) + 2)
+
+
+def write_reference(path: Path, fields: Fields, found: Reference) -> None:
+    """Stress, strain rate, I and mu of the cells, [T, Y, X]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mu = found.tau / found.p
+    values = {
+        "phi": fields.phi,
+        "sigma_xx": fields.stress[..., XX],
+        "sigma_yy": fields.stress[..., YY],
+        "sigma_xy": fields.stress[..., XY],
+        "p": found.p,
+        "p_smooth": found.p_smooth,
+        "gamma_dot": found.gdot,
+        "I": found.inertial_number,
+        "mu": mu,
+    }
+    small: dict[str, Any] = {name: array.astype(np.float32) for name, array in values.items()}
+    axes: dict[str, Any] = {"t": fields.t, "y": fields.y, "x": fields.x}
+    np.savez_compressed(path, used=found.used, **axes, **small)

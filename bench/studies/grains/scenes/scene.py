@@ -1,0 +1,115 @@
+"""What a scene is: grains at the start, stages of LAMMPS, a grid and the container around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from bench.studies.grains.materials import GRAIN_DENSITY, TIME_STEP, Material, head, motion
+from bench.studies.grains.packing import Packing
+from granpinn.arrays import Bool, Float64
+
+DUMP = "grains.dump"
+START = "start.data"
+COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "c_virial[1]", "c_virial[2]", "c_virial[4]")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells of a flow file: centres from left + cell/2 to right - cell/2."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    cell: float = 2.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A flow of grains before it is made.
+
+    Attributes:
+        title: one line for tables.
+        packing: grains at the start for a seed.
+        box: smallest x, largest x, smallest y, largest y.
+        boundary: of LAMMPS; "p" along x is a periodic flow.
+        stages: LAMMPS lines from the start to the first dump; gravity acts from the beginning.
+        gravity: of the recorded stage.
+        grid: cells of the flow file.
+        inside: whether points (x, y) can hold grains: the kernel is renormalised to it.
+        duration: recorded time; `snapshots` are spread over it evenly.
+        frames: the snapshots are averaged in so many groups.
+        dropped: recorded time at the start that is left out.
+        mirror: x = 0 is a plane of symmetry.
+        steady: the flow does not change during the record.
+        surface: the grains have a free surface.
+        balance: their weight rests on the base below, so that the momentum balance can be
+            integrated down from the surface.
+        attributes: walls and what else the flow file states.
+    """
+
+    title: str
+    packing: Callable[[int], Sequence[Packing]]
+    box: tuple[float, float, float, float]
+    boundary: str
+    stages: str
+    gravity: tuple[float, float]
+    grid: Grid
+    inside: Callable[[Float64, Float64], Bool]
+    duration: float
+    snapshots: int
+    frames: int
+    dropped: float = 0.0
+    mirror: bool = False
+    steady: bool = False
+    surface: bool = True
+    balance: bool = True
+    attributes: dict[str, float | str] = field(default_factory=dict)
+
+    @property
+    def period(self) -> float | None:
+        """Length along x after which the flow repeats itself."""
+        return self.box[1] - self.box[0] if self.boundary.startswith("p") else None
+
+
+def gravity(x: float, y: float) -> str:
+    """Sets or changes gravity."""
+    return f"fix gravity all gravity 1.0 vector {x:.10g} {y:.10g} 0"
+
+
+def run(time: float) -> str:
+    """Goes on for a time."""
+    return f"run {round(time / TIME_STEP)}"
+
+
+def script(scene: Scene, material: Material) -> str:
+    """The input of LAMMPS: start, the stages of the scene, then the record."""
+    every = max(1, round(scene.duration / scene.snapshots / TIME_STEP))
+    return (
+        "\n".join(
+            (
+                head(scene.boundary),
+                f"read_data {START}",
+                f"set atom * density/disc {GRAIN_DENSITY:.10f}",
+                "group free type 1",
+                "group fixed type 2",
+                "group moving type 3",
+                "group glued union fixed moving",
+                motion(material, "free"),
+                "neigh_modify exclude group glued glued",
+                "thermo 20000",
+                "thermo_modify lost ignore flush yes",
+                gravity(0, -1),
+                scene.stages.replace("WALL_SMOOTH", material.wall(0.0)).replace(
+                    "WALL", material.wall(material.friction)
+                ),
+                "reset_timestep 0",
+                "compute virial free stress/atom NULL pair",
+                f"dump record free custom {every} {DUMP} {' '.join(COLUMNS)}",
+                "dump_modify record first yes format float %.6g",
+                f"run {every * (scene.snapshots - 1)}",
+            )
+        )
+        + "\n"
+    )

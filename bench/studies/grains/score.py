@@ -1,0 +1,183 @@
+"""Scores a run of granpinn on a scene of grains.
+
+    python -m bench.studies.grains.score RUN --scene SCENE
+
+RUN is a folder of granpinn.train (results.json, fields.h5), SCENE one of
+bench.studies.grains.make. The error of mu(I) is in % of the scene's own law (along D) and of the
+shear cell's law, at the inertial numbers of `law.SCORED` within the scene's 5..95 % range of I, and
+of the scene's mean mu at its mean I. Where that range is narrow (a steady chute) the scene has no
+law, and the mean is all.
+Pressure is compared on block means where grains flow: in one cell it is noisy by tens of per cent.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.studies import raw
+from bench.studies.experiment.commands import ExperimentError
+from bench.studies.grains.law import SCORED, SLOWEST, errors_percent, mu_of_i
+from bench.studies.grains.make import REFERENCE, SUMMARY
+from granpinn.arrays import Float64
+from granpinn.results import (
+    FieldsFileError,
+    Result,
+    ResultsFileError,
+    plain,
+    read_fields,
+    read_results,
+)
+
+BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
+FILLED = 0.5  # share of the cells of a block that must flow
+NORMAL_90 = 1.645  # half width of a 90 % interval in standard deviations
+
+
+def score(run: Path, scene: Path) -> dict[str, Any]:
+    """Errors of the law, whether its 90 % intervals hold the scene's law, error of the pressure.
+
+    Raises:
+        ExperimentError: a file is missing or cannot be read.
+    """
+    try:
+        summary = json.loads((scene / SUMMARY).read_text())
+        result = read_results(run / "results.json")
+    except (OSError, ValueError, ResultsFileError) as error:
+        raise ExperimentError(str(error)) from None
+    found = law_score(result, summary)
+    if (run / "fields.h5").exists():
+        found["pressure"] = pressure_score(run / "fields.h5", scene / REFERENCE)
+    return found
+
+
+def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
+    """The part of the score that needs results.json alone."""
+    law = {name: p.value for name, p in result.parameters.items()}
+    own = summary["own"]["along_D"]
+    low, high = own["I_range"]
+    found: dict[str, Any] = {
+        "scene": summary["scene"],
+        "material": summary["material"],
+        "seed": result.seed,
+        "law": law,
+        "failure": result.failure,
+        "verdict": None if result.verdict is None else result.verdict.words,
+        "I_range": [low, high],
+        "misfit_percent": result.error_percent.velocity,
+    }
+    if own["mean"] is not None:
+        mu = float(mu_of_i(law, own["mean"]["I"]))
+        found["mean"] = own["mean"] | {"error_percent": 100 * (mu / own["mean"]["mu"] - 1)}
+    for name, truth in (("own", own["law"]), ("shear_cell", summary["truth"])):
+        if truth is not None and {"mu_s", "mu_2", "I0"} <= law.keys():
+            errors = errors_percent(law, truth, low, high)
+            found[f"error_percent_{name}"] = errors
+            half = half_width_percent(result, law)
+            found[f"within_90_{name}"] = {
+                i: None if half is None else abs(e) <= half[i] for i, e in errors.items()
+            }
+    return found
+
+
+def half_width_percent(result: Result, law: dict[str, float]) -> dict[str, float] | None:
+    """Half width of the 90 % interval of mu(I), in % of mu, from the covariance."""
+    if result.covariance is None:
+        return None
+    names = result.covariance.names
+    matrix = np.asarray(result.covariance.matrix)
+    widths = {}
+    for i in SCORED:
+        x = i / (i + law["I0"])
+        slopes = {"mu_s": 1 - x, "mu_2": x}
+        j = np.array([slopes.get(name, 0.0) for name in names])
+        widths[f"{i:g}"] = float(100 * NORMAL_90 * np.sqrt(j @ matrix @ j) / mu_of_i(law, i))
+    return widths
+
+
+def pressure_score(fields: Path, reference: Path) -> dict[str, float | None]:
+    """Error of the pressure on block means, and the noise of the reference there, both in %.
+
+    The noise is half the difference between the means over even and odd frames.
+    """
+    try:
+        predicted = read_fields(fields)
+        known = np.load(reference)
+    except (OSError, FieldsFileError) as error:
+        raise ExperimentError(str(error)) from None
+    p = np.stack([predicted.frame("p", k) for k in range(len(predicted.t))]).astype(float)
+    flowing = known["used"] & (known["I"] > SLOWEST) & np.isfinite(p)
+    steady = len(predicted.t) == 2
+    size = (2 if steady else BLOCK[0], *BLOCK[1:])
+    mean_p, mean_known = (_block_means(a, flowing, size) for a in (p, known["p"]))
+    frame = np.arange(len(predicted.t))[:, None, None]
+    even, odd = (
+        _block_means(known["p"], flowing & (frame % 2 == k), size, FILLED / 2) for k in (0, 1)
+    )
+    return {
+        "error_percent": _relative(mean_p - mean_known, mean_known),
+        "noise_percent": _relative((even - odd) / 2, mean_known),
+        "ratio": float(np.nansum(mean_p) / np.nansum(mean_known)),
+        "blocks": float(np.isfinite(mean_known).sum()),
+    }
+
+
+def _relative(difference: Float64, scale: Float64) -> float | None:
+    there = np.isfinite(difference) & np.isfinite(scale)
+    if not there.any():
+        return None
+    return float(100 * np.sqrt(np.mean(difference[there] ** 2) / np.mean(scale[there] ** 2)))
+
+
+def _block_means(
+    values: Float64, there: Float64, size: tuple[int, ...], filled: float = FILLED
+) -> Float64:
+    """Means over blocks of cells; NaN where fewer than `filled` of the cells are there."""
+    shape = tuple(-(-n // s) for n, s in zip(values.shape, size, strict=True))
+    pad = [(0, s * m - n) for n, s, m in zip(values.shape, size, shape, strict=True)]
+    split = [k for m, s in zip(shape, size, strict=True) for k in (m, s)]
+
+    def total(array: Float64) -> Float64:
+        blocks = np.pad(array, pad).reshape(split)
+        return np.asarray(blocks.sum(axis=(1, 3, 5)))
+
+    count = total(there.astype(float))
+    summed = total(np.where(there, values, 0.0))
+    enough = count >= filled * np.prod(size)
+    return np.asarray(np.where(enough, summed / np.maximum(count, 1), np.nan))
+
+
+def line(found: dict[str, Any]) -> str:
+    """A score in one line."""
+    errors = " ".join(f"{e:+.1f}@{i}" for i, e in found.get("error_percent_own", {}).items())
+    if not errors and "mean" in found:
+        errors = f"{found['mean']['error_percent']:+.1f}@{found['mean']['I']:.3f} (mean)"
+    p = found.get("pressure", {}).get("error_percent")
+    noise = found.get("pressure", {}).get("noise_percent")
+    pressure = "" if p is None else f"  p {p:.0f} % (noise {noise:.0f} %)"
+    return f"{found['scene']:<18} {found['material']:g}  seed {found['seed']}  {errors}{pressure}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("run", type=Path, help="run folder of granpinn.train")
+    parser.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    parser.add_argument("--json", type=Path, help="file for the score")
+    chosen = parser.parse_args()
+    try:
+        found = score(chosen.run, chosen.scene)
+    except ExperimentError as error:
+        print(f"bench.studies.grains.score: {error}", file=sys.stderr)
+        return 1
+    raw.write(chosen.json, found)
+    print(json.dumps(plain(found), indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,175 @@
+"""The grains study: coarse-graining, surface and dumps on particles whose fields are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.studies.experiment.commands import ExperimentError
+from bench.studies.grains import coarse, surface
+from bench.studies.grains.materials import BULK_FRACTION, TIME_STEP, Material
+from bench.studies.grains.scenes import SCENES
+from bench.studies.grains.scenes.scene import COLUMNS, Grid, Scene
+from bench.studies.grains.simulation import Snapshot, snapshots
+from bench.studies.grains.smooth import smooth
+from granpinn.arrays import Float64
+
+SPACING = 0.5  # of the particles below, fine against the kernel
+AREA = BULK_FRACTION * SPACING**2  # of a particle, so that the fraction is that of the bulk
+
+
+def particles(
+    left: float, right: float, bottom: float, top: float, shear: float = 0.3, height: float = 1e9
+) -> Snapshot:
+    """A lattice with u = shear y, v = 0.1 x and a contact stress of (2, 3, 0.5)."""
+    x = np.arange(left + SPACING / 2, right, SPACING)
+    y = np.arange(bottom + SPACING / 2, min(top, height), SPACING)
+    x, y = (a.ravel() for a in np.meshgrid(x, y))
+    one = np.ones_like(x)
+    virial = np.array([2.0, 3.0, 0.5]) * SPACING**2 * one[:, None]
+    radius = np.sqrt(AREA / np.pi) * one
+    return Snapshot(0.0, x, y, shear * y, 0.1 * x, radius, 1.3 * AREA * one, virial)
+
+
+def box(**changes: object) -> Scene:
+    """A container y > 0 with 10 x 8 cells around it."""
+    scene = replace(
+        SCENES["collapse_2"](Material(0.4)),
+        grid=Grid(0, 20, 0, 16),
+        box=(0.0, 20.0, -2.0, 30.0),
+        boundary="f f p",
+        snapshots=1,
+        frames=1,
+        dropped=0.0,
+        mirror=False,
+    )
+    return replace(scene, **changes)  # type: ignore[arg-type]
+
+
+def test_kernel_integral_is_one() -> None:
+    step = 0.02
+    axis = np.arange(-4, 4, step)
+    x, y = np.meshgrid(axis, axis)
+    assert coarse.kernel(np.hypot(x, y)).sum() * step**2 == pytest.approx(1, rel=1e-3)
+    assert coarse.kernel(np.array([3.01]))[0] == 0
+
+
+def test_linear_fields_come_back_and_leave_no_kinetic_stress() -> None:
+    fields = coarse.coarse_grain(box(), [particles(-6, 26, -6, 22)])
+    inner = (0, slice(2, -2), slice(2, -2))
+    y, x = np.meshgrid(fields.y, fields.x, indexing="ij")
+    cover = fields.coverage[inner[1:]]
+    assert fields.coverage[2:].min() == pytest.approx(1)
+    np.testing.assert_allclose(fields.phi[inner], BULK_FRACTION / cover, rtol=2e-3)
+    np.testing.assert_allclose(fields.u[inner], 0.3 * y[inner[1:]], atol=1e-3)
+    np.testing.assert_allclose(fields.v[inner], 0.1 * x[inner[1:]], atol=1e-3)
+    # The cut takes 4 % of the variance of the kernel: the correction by sd^2 is not exact.
+    stress = fields.stress[inner]
+    np.testing.assert_allclose(stress[..., coarse.XX], 2, atol=0.012)
+    np.testing.assert_allclose(stress[..., coarse.YY], 3, atol=0.012)
+    np.testing.assert_allclose(stress[..., coarse.XY], 0.5, atol=0.012)
+
+
+def test_fraction_does_not_fade_at_the_floor() -> None:
+    fields = coarse.coarse_grain(box(), [particles(-6, 26, 0, 22)])
+    assert fields.coverage[0, 3] == pytest.approx(0.84, abs=0.02)  # 1 sd above the floor
+    np.testing.assert_allclose(fields.phi[0, 0, 2:-2], BULK_FRACTION, rtol=0.01)
+
+
+@pytest.mark.parametrize("change", [{"mirror": True}, {"boundary": "p f p"}])
+def test_images_continue_a_flow_at_its_sides(change: dict[str, object]) -> None:
+    side = replace(particles(0, 20, -6, 22), vy=np.zeros(40 * 56))
+    side = replace(side, vx=side.vx if "boundary" in change else np.zeros_like(side.vx))
+    fields = coarse.coarse_grain(box(**change), [side])
+    np.testing.assert_allclose(fields.phi[0, 3:-2, 0], fields.phi[0, 3:-2, 4], rtol=2e-3)
+    np.testing.assert_allclose(fields.u[0, 3:-2, 0], fields.u[0, 3:-2, 4], atol=1e-3)
+
+
+def test_the_mirror_image_moves_the_other_way() -> None:
+    one = particles(0, 1, 0, 1)
+    x, _, values = coarse.with_images(*coarse.columns(one), box(mirror=True))
+    n = len(one.x)
+    np.testing.assert_array_equal(x[n:], -one.x)
+    np.testing.assert_array_equal(values[n:, 2], -values[:n, 2])
+    np.testing.assert_array_equal(values[n:, 3], values[:n, 3])
+    np.testing.assert_array_equal(values[n:, 9], -values[:n, 9])
+
+
+def test_surface_is_where_the_particles_end() -> None:
+    fields = coarse.coarse_grain(box(), [particles(-6, 26, 0, 22, height=10.0)])
+    height = surface.surface_height(fields)
+    np.testing.assert_allclose(height, 10.0, atol=0.1)
+    c = surface.fraction(fields, height)[0]
+    rows = fields.y
+    assert (c[rows < 10 - surface.AWAY] == 1).all()
+    near = (rows > 10 - surface.AWAY) & (rows < 10)
+    assert near.any()
+    assert ((c[near] < 1) & (c[near] > 0.3)).all()
+    assert c[rows > 14].max() == 0
+
+
+def test_frames_before_the_record_are_dropped() -> None:
+    still = particles(-6, 26, 0, 22)
+    record = [replace(still, t=float(t)) for t in range(4)]
+    fields = coarse.coarse_grain(box(snapshots=4, frames=2, dropped=1.0), record)
+    np.testing.assert_allclose(fields.t, [2.5])
+
+
+def dump(path: Path, rows: list[str], columns: tuple[str, ...] = COLUMNS) -> Path:
+    path.write_text(
+        f"ITEM: TIMESTEP\n200\nITEM: NUMBER OF ATOMS\n{len(rows)}\n"
+        "ITEM: BOX BOUNDS ff ff pp\n0 1\n0 1\n-0.5 0.5\n"
+        f"ITEM: ATOMS {' '.join(columns)}\n" + "\n".join(rows) + "\n"
+    )
+    return path
+
+
+def test_a_dump_is_read(tmp_path: Path) -> None:
+    path = dump(tmp_path / "a", ["1 2 3 4 0.5 0.9 -7 -8 9", "5 6 7 8 0.6 1.1 1 2 3"])
+    path.write_text(2 * path.read_text())
+    first, second = snapshots(path)
+    assert first.t == pytest.approx(200 * TIME_STEP)
+    np.testing.assert_array_equal(first.x, [1, 5])
+    np.testing.assert_array_equal(first.vy, [4, 8])
+    np.testing.assert_array_equal(first.virial, [[7, 8, -9], [-1, -2, -3]])  # pressure positive
+    np.testing.assert_array_equal(second.mass, [0.9, 1.1])
+
+
+def test_a_dump_of_other_columns_or_cut_off_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ExperimentError, match="got the columns x y: make the scene again"):
+        list(snapshots(dump(tmp_path / "a", ["1 2"], ("x", "y"))))
+    path = dump(tmp_path / "b", ["1 2 3 4 0.5 0.9 -7 -8 9"] * 3)
+    path.write_text(path.read_text()[:-30])
+    with pytest.raises(ExperimentError, match="an end within a snapshot"):
+        list(snapshots(path))
+
+
+def quadratic(t: Float64, y: Float64, x: Float64) -> Float64:
+    return np.asarray(1 + 2 * t - y + 0.5 * x * x + t * x - 0.2 * y * x + 0.1 * t * t)
+
+
+def test_local_fits_are_exact_for_quadratic_fields_beside_gaps() -> None:
+    t, y, x = np.meshgrid(0.1 * np.arange(5), 2.0 * np.arange(8), 2.0 * np.arange(7), indexing="ij")
+    field = quadratic(t, y, x)
+    weight = np.ones_like(field)
+    weight[:, 3:5, 2] = 0
+    field[weight == 0] = np.nan
+    (found,) = smooth([field], weight, (0.1, 2, 2), (2, 2, 2))
+    np.testing.assert_allclose(found.value, quadratic(t, y, x), rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(found.t, 2 + x + 0.2 * t, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found.y, -1 - 0.2 * x, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found.x, x + t - 0.2 * y, rtol=1e-4, atol=1e-4)
+
+
+def test_local_fits_leave_lonely_cells_out_and_wrap_around() -> None:
+    field = np.ones((1, 6, 6))
+    weight = np.zeros_like(field)
+    weight[0, 0, 0] = 1
+    (found,) = smooth([field], weight, (1, 1, 1), (0, 2, 2))
+    assert np.isnan(found.value).all()
+    wave = np.sin(2 * np.pi * np.arange(24) / 24) * np.ones((1, 6, 1))
+    (found,) = smooth([wave], np.ones_like(wave), (1, 1, 1), (0, 2, 2), periodic=True)
+    np.testing.assert_allclose(found.value[0, 3], wave[0, 3], atol=2e-3)

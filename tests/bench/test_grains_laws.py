@@ -1,0 +1,262 @@
+"""The grains study: laws, shear cells, the momentum balance on an exact flow, scores."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.studies.experiment.commands import ExperimentError
+from bench.studies.grains import balance, flow_file, law, score, shear_cell
+from bench.studies.grains.coarse import Fields
+from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, Material
+from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
+from bench.studies.grains.run import scenes_in
+from bench.studies.grains.scenes import SCENES
+from bench.studies.grains.surface import fraction, surface_height
+from bench.studies.grains.table import points
+from granpinn.data import Flow, read_flow, write_flow
+from granpinn.results import Covariance, Parameter, Parameters
+from tests.examples import make_result
+
+LAW = {"mu_s": 0.26, "mu_2": 0.74, "I0": 0.3}
+TANGENT = 0.40
+HEIGHT = 40.0
+CELL = 2.0
+
+
+def bagnold() -> Fields:
+    """Steady flow down a slope: I is the same everywhere, p = rho g cos (h - y), tau = p tan."""
+    cos = 1 / math.hypot(1, TANGENT)
+    number = law_inverse(TANGENT)
+    y = CELL * (np.arange(24) + 0.5)
+    x = CELL * (np.arange(12) + 0.5)
+    depth = np.maximum(HEIGHT - y, 0)
+    u = 2 / 3 * number * math.sqrt(cos) * (HEIGHT**1.5 - depth**1.5)
+    p = BULK_DENSITY * cos * depth
+    stress = np.stack([p, p, -TANGENT * p], axis=-1)
+    phi = np.where(y < HEIGHT, BULK_FRACTION, 0.0)
+    frames = np.ones((2, 1, len(x)))
+    there = (y < HEIGHT)[:, None] * frames > 0
+    return Fields(
+        t=np.array([0.0, 1.0]),
+        y=y,
+        x=x,
+        phi=phi[:, None] * frames,
+        rho=4 / np.pi * phi[:, None] * frames,
+        u=np.where(there, u[:, None] * frames, np.nan),
+        v=np.where(there, 0.0, np.nan),
+        stress=stress[:, None] * frames[..., None],
+        coverage=np.ones((len(y), len(x))),
+    )
+
+
+def law_inverse(mu: float) -> float:
+    return LAW["I0"] * (mu - LAW["mu_s"]) / (LAW["mu_2"] - mu)
+
+
+def bagnold_flow(periodic: bool = True) -> Flow:
+    scene = SCENES["chute_fast_steady"](Material(0.4))
+    if not periodic:
+        scene = replace(scene, attributes={})
+    cos = 1 / math.hypot(1, TANGENT)
+    scene = replace(scene, gravity=(TANGENT * cos, -cos))
+    fields = bagnold()
+    height = np.full((2, 12), HEIGHT)
+    c = fraction(fields, height)
+    return flow_file.flow_of(scene, Material(0.4), fields, c, height, LAW, {"scene": "bagnold"})
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_the_momentum_balance_finds_bagnolds_stress(periodic: bool) -> None:
+    flow = bagnold_flow(periodic)
+    found = balance.momentum_balance(flow)
+    k = found.used
+    depth = np.broadcast_to(HEIGHT - flow.y[:, None], k.shape)
+    assert k.sum() >= 20
+    assert depth[k].max() <= (HEIGHT if periodic else balance.DEEPEST)
+    p = flow.density * depth / math.hypot(1, TANGENT)
+    # The velocity has float32 rounding errors, whose slopes enter the acceleration.
+    np.testing.assert_allclose(found.p[k], p[k], rtol=1e-4)
+    np.testing.assert_allclose(found.q[k] / found.p[k], TANGENT, rtol=1e-3)
+    # A quadratic fit over five cells of a profile with the power 1.5.
+    deep = k & (depth > 8)
+    np.testing.assert_allclose(found.inertial_number[deep], law_inverse(TANGENT), rtol=0.01)
+
+
+def test_an_accelerated_layer_has_less_friction() -> None:
+    flow = bagnold_flow()
+    faster = replace(flow, t=np.arange(6.0), c=np.repeat(flow.c[:1], 6, axis=0))
+    a = 0.05
+    u = np.repeat(flow.u[:1], 6, axis=0) + a * faster.t[:, None, None].astype(np.float32)
+    v = np.repeat(flow.v[:1], 6, axis=0)
+    assert flow.surface is not None
+    n = len(flow.x)
+    line = replace(
+        flow.surface,
+        t=np.repeat(faster.t, n),
+        x=np.tile(flow.x, 6),
+        y=np.full(6 * n, HEIGHT),
+    )
+    attributes = {k: value for k, value in flow.attributes.items() if k != "steady"}
+    faster = replace(faster, u=u, v=v, surface=line, attributes=attributes)
+    found = balance.momentum_balance(faster)
+    expected = TANGENT - a * math.hypot(1, TANGENT)
+    k = found.used
+    np.testing.assert_allclose(found.q[k] / found.p[k], expected, rtol=1e-3)
+
+
+def test_a_balance_without_a_surface_line_is_refused() -> None:
+    with pytest.raises(ValueError, match="needs a surface line"):
+        balance.momentum_balance(replace(bagnold_flow(), surface=None))
+
+
+def test_the_own_law_of_bagnolds_flow() -> None:
+    fields = bagnold()
+    height = surface_height(fields)
+    np.testing.assert_allclose(height, HEIGHT, atol=CELL / 2)
+    c = fraction(fields, height)
+    found = reference(fields, c, steady=True, periodic=True)
+    k = found.used
+    np.testing.assert_allclose(found.tau_n[k] / found.p[k], TANGENT, rtol=1e-6)
+    own = own_law(found, LAW)
+    assert own["dissipation_ratio"] == pytest.approx(1, abs=0.01)
+    assert own["norm"]["mean"]["mu"] == pytest.approx(TANGENT, rel=1e-6)
+    assert own["norm"]["law"] is None  # one I
+    assert found.noise["velocity_percent"] < 0.1
+    cos = 1 / math.hypot(1, TANGENT)
+    assert hydrostatic_ratio(fields, found.used, -cos) == pytest.approx(1, abs=1e-9)
+
+
+def test_a_flow_file_of_grains_is_read_back(tmp_path: Path) -> None:
+    flow = bagnold_flow()
+    write_flow(flow, tmp_path / "flow.h5")
+    read = read_flow(tmp_path / "flow.h5")
+    assert read.u.dtype == np.float32
+    assert read.stated("steady") == 1
+    assert read.attributes["window_sd"] == 1
+    assert read.truth is not None
+    assert (read.truth.mu_s, read.truth.mu_2) == (LAW["mu_s"], LAW["mu_2"])
+    assert read.grain_density is None
+    partly = (read.c > 0) & (read.c < 1)
+    assert partly.any()
+    assert np.isfinite(read.u[partly]).all()  # partly filled cells keep their vectors
+    assert np.isnan(read.u[read.c == 0]).all()
+
+
+def test_cropping_keeps_one_empty_cell_around_the_grains() -> None:
+    fields = bagnold()
+    high = replace(fields, phi=np.where(fields.y[:, None] < 20, fields.phi, 0.0))
+    cut = flow_file.cropped(high)
+    assert cut.y[-1] == pytest.approx(21)
+    assert cut.u.shape == (2, len(cut.y), 12)
+
+
+def test_the_fit_is_exact_for_the_law() -> None:
+    i = np.geomspace(0.003, 0.3, 9)
+    found = law.fit(i, law.mu_of_i(LAW, i), np.full(9, 1e-3))
+    assert (found["mu_s"], found["mu_2"]) == pytest.approx((0.26, 0.74))
+    assert found["mu_s_sd"] > 0
+    assert law.errors_percent(found, LAW, 0.02, 0.12) == pytest.approx(
+        {"0.03": 0, "0.055": 0, "0.1": 0}, abs=1e-9
+    )
+
+
+def test_bins_average_before_they_divide(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    i = np.exp(rng.uniform(np.log(0.004), np.log(0.2), 40_000))
+    p = rng.uniform(5, 15, i.size)
+    noise = 3 * rng.standard_normal(i.size)
+    found = law.binned_law(i, law.mu_of_i(LAW, i) * p + noise, p)
+    assert found["law"]["mu_s"] == pytest.approx(0.26, abs=4 * found["law"]["mu_s_sd"])
+    assert found["I_range"] == pytest.approx([0.004 * 50**0.05, 0.004 * 50**0.95], rel=0.05)
+    assert law.binned_law(np.zeros(9), p[:9], p[:9])["law"] is None
+
+
+def test_the_standard_error_sees_correlation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    white = rng.standard_normal(256)
+    assert shear_cell.standard_error(white) == pytest.approx(1 / 16, rel=0.6)
+    slow = np.repeat(rng.standard_normal(16), 16)
+    assert shear_cell.standard_error(slow) > 2 * float(slow.std() / 16)
+
+
+def test_a_point_of_the_shear_cell() -> None:
+    blocks = np.tile([0, 18.0, 22.0, -6.0, 0.8, 0.5], (8, 1))
+    found = shear_cell.point(blocks)
+    assert found["mu"] == pytest.approx(0.3)
+    assert found["p"] == 20
+    assert found["I"] == pytest.approx(0.5 * math.sqrt(BULK_DENSITY / 20))
+    text = shear_cell.script(Material(0.4), 20, [0.3, 0.1], 1)
+    assert text.count("deform/pressure") == 5
+    assert "0.4 1" in text
+
+
+SUMMARY = {
+    "scene": "drum",
+    "material": 0.4,
+    "truth": LAW,
+    "own": {
+        "along_D": {
+            "I_range": [0.02, 0.12],
+            "law": LAW,
+            "points": [],
+            "mean": {"I": 0.06, "mu": 0.34},
+        }
+    },
+}
+
+
+def test_a_run_is_scored_within_the_range_of_the_scene(tmp_path: Path) -> None:
+    values = (0.26 * 1.02, 0.74 * 1.02, 0.3)
+    parameters = zip(
+        ("mu_s", "mu_2", "I0"),
+        (Parameter(v, fixed=k == 2) for k, v in enumerate(values)),
+        strict=True,
+    )
+    result = make_result(
+        parameters=Parameters(parameters),
+        covariance=Covariance(("mu_s", "mu_2"), ((1e-5, 0.0), (0.0, 1e-4))),
+    )
+    found = score.law_score(result, SUMMARY)
+    assert found["error_percent_own"] == pytest.approx({"0.03": 2, "0.055": 2, "0.1": 2})
+    assert found["within_90_own"]["0.03"] is False
+    assert found["mean"]["error_percent"] == pytest.approx(2, abs=1)
+    assert score.law_score(replace(result, covariance=None), SUMMARY)["within_90_own"] == {
+        "0.03": None,
+        "0.055": None,
+        "0.1": None,
+    }
+    with pytest.raises(ExperimentError, match="scene.json"):
+        score.score(tmp_path, tmp_path)
+
+
+def test_the_points_of_a_scene_go_to_the_csv() -> None:
+    law_points = {"points": [{"I": 0.1, "mu": 0.38, "se": 0.001, "cells": 30}]}
+    summary = SUMMARY | {"own": {"along_D": law_points, "norm": law_points}, "balance": None}
+    assert points(summary) == [
+        ("drum", 0.4, "along_D", "0.1", "0.38", "0.001"),
+        ("drum", 0.4, "norm", "0.1", "0.38", "0.001"),
+    ]
+
+
+def test_block_means_leave_out_empty_blocks() -> None:
+    values = np.arange(4.0 * 4 * 4).reshape(4, 4, 4)
+    there = np.ones_like(values, bool)
+    there[:, :2, :2] = False
+    found = score._block_means(values, there, (4, 2, 2))
+    assert np.isnan(found[0, 0, 0])
+    assert found[0, 1, 1] == pytest.approx(values[:, 2:, 2:].mean())
+
+
+def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ExperimentError, match="got none in"):
+        scenes_in(tmp_path)
+    (tmp_path / "drum").mkdir()
+    (tmp_path / "drum" / "flow.h5").touch()
+    (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
+    assert scenes_in(tmp_path) == [tmp_path / "drum"]
