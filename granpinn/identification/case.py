@@ -23,6 +23,7 @@ from granpinn.data import (
     with_collocation,
 )
 from granpinn.data.scaling import scales_of
+from granpinn.inspection.slips import refuse_slips
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
@@ -75,12 +76,17 @@ class Model:
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
-    """Read and check a flow, and make the problem that the training solves."""
+    """Read and check a flow, and make the problem that the training solves.
+
+    Raises:
+        FlowFileError: the flow breaks a rule, or contradicts the conservation of mass or energy.
+    """
     choose_device(config.device)
     if isinstance(flow, Flow):
         check_flow(flow)
     else:
         flow = read_flow(flow)
+    refuse_slips(flow)
     # Training gets neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)

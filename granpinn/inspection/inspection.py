@@ -18,6 +18,7 @@ from granpinn.inspection.gradients import Gradients, gradients
 from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
+from granpinn.inspection.slips import Slip, slips
 from granpinn.inspection.view import View, view_of
 from granpinn.physics.scales import Scales
 
@@ -80,6 +81,7 @@ class Inspection:
     """Quality of a flow, and expected precision of its friction law.
 
     Attributes:
+        slips: likely mistakes of unit, sign or order, the most certain first.
         law: the friction law for which `inertia` and `precision` hold.
         noise: dimensionless; times `scales.velocity` in the units of the file.
         stated_sigma: median of the standard deviation in the file, dimensionless, or None.
@@ -91,6 +93,7 @@ class Inspection:
 
     flow: Flow
     scales: Scales
+    slips: list[Slip]
     law: AssumedLaw
     counts: Counts
     noise: Noise
@@ -110,7 +113,7 @@ class Inspection:
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
         plain = ("counts", "motion", "kinematics", "inertia", "surface")
-        found: dict[str, Any] = {}
+        found: dict[str, Any] = {"slips": [dataclasses.asdict(slip) for slip in self.slips]}
         for name in plain:
             part = getattr(self, name)
             found[name] = None if part is None else dataclasses.asdict(part)
@@ -163,6 +166,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     return Inspection(
         flow=flow,
         scales=scales,
+        slips=slips(flow),
         law=law,
         counts=counts(flow, view),
         noise=noise,

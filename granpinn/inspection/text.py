@@ -13,7 +13,7 @@ MOST_LINES = 28  # the command adds one or two
 
 
 def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
-    """At most `MOST_LINES` lines: the numbers, then the sentences of a verdict."""
+    """At most `MOST_LINES` lines: slips, the numbers, then the sentences of a verdict."""
     c, k, m = found.counts, found.kinematics, found.motion
     unit = "" if found.flow.length_unit == "1" else f" {found.flow.length_unit}/"
     unit += found.flow.time_unit if unit else ""
@@ -30,7 +30,10 @@ def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
         ("inertial number", _inertia(found)),
         ("expected sd", _precision(found)),
     ]
-    lines = [f"{name:<16} {text}" for name, text in rows]
+    lines = []
+    for slip in found.slips:
+        lines += textwrap.wrap(f"{slip.severity}: {slip.text}", WIDTH, subsequent_indent="  ")
+    lines += [f"{name:<16} {text}" for name, text in rows]
     lines.append("")
     for sentence in verdict:
         lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")

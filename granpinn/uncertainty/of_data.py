@@ -23,12 +23,14 @@ TILT = 2.0  # degrees
 
 
 def verdict(found: Inspection) -> list[str]:
-    """Sentences, the most important one first."""
+    """Sentences, the most important one first; without the slips of the flow file."""
     return [_answer(found), *_data(found), *_physics(found)]
 
 
 def _answer(found: Inspection) -> str:
     p = found.precision
+    if any(slip.severity == "impossible" for slip in found.slips):
+        return "These data are impossible, and training refuses them: mend the flow file first."
     if p is None:
         return f"No precision can be given: {found.reason}."
     level, law = "V1" if found.surface else "V0", found.law.friction_law
@@ -145,6 +147,8 @@ def _physics(found: Inspection) -> list[str]:
             )
     if found.surface is None:
         lines.append("No free surface: level V0 only; give the line, it fixes the pressure.")
+    if found.slips:  # they say more about units and signs than what follows
+        return lines
     divergence = found.kinematics.divergence
     if divergence is not None and divergence > LARGE_DIVERGENCE:
         lines.append(
