@@ -13,14 +13,14 @@ if __name__ == "__main__":
 import argparse
 import dataclasses
 import sys
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from granpinn.command import flow_warnings
 from granpinn.command.parser import Parser
 from granpinn.config.fields import flag_of
-from granpinn.data import FlowFileWarning, write_flow
+from granpinn.data import write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
 from granpinn.output import objection_to_file
@@ -55,9 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
-        with warnings.catch_warnings():
-            warnings.simplefilter("always", FlowFileWarning)
-            warnings.showwarning = _show
+        with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
         write_flow(flow, out)
         print(f"flow file: {out}")
@@ -115,10 +113,6 @@ def _joined(argv: Sequence[str]) -> list[str]:
 
 def _formats() -> str:
     return "\n".join(f"  {name:<12}{found.title}" for name, found in FORMATS.items())
-
-
-def _show(message: Warning | str, *_: Any, **__: Any) -> None:
-    print(f"warning: {message}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from granpinn import report, results
+from granpinn.command import flow_warnings
 from granpinn.command.arguments import parse
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
@@ -63,7 +64,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         assert config.out is not None
         if objection := objection_to_folder(config.out):
             raise ConfigError(f"--out {objection}")
-        with parallel.joined() as rank, nullcontext() if rank else owned(config.out):
+        with (
+            parallel.joined() as rank,
+            nullcontext() if rank else owned(config.out),
+            flow_warnings.in_one_line(),
+        ):
             result = _identify(config, rank)
             if rank == 0:
                 result = _conclude(config, result)

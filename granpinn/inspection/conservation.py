@@ -24,8 +24,8 @@ import numpy as np
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
 
-BLOCKS = 4  # every fourth frame or interval
-FEWEST_INTERVALS = 8
+BLOCKS = 4  # every fourth interval, or row of vectors, shifted by one from frame to frame
+FEWEST_INTERVALS, FEWEST_VECTORS = 8, 25
 # A hypothesis wins if it halves the rms of the divergence.
 GAIN = 0.5
 # Correlation at which errors change a ratio of rms values by less than 1 / 0.7.
@@ -83,9 +83,13 @@ def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
     u_x, v_x = ((a[:, 1:-1, 2:] - a[:, 1:-1, :-2]) / width for a in (u, v))
     u_y, v_y = ((a[:, 2:, 1:-1] - a[:, :-2, 1:-1]) / depth for a in (u, v))
     inside = np.isfinite(u_x) & np.isfinite(u_y)
-    blocks = [_block(k, inside, u_x, u_y, v_x, v_y) for k in range(min(BLOCKS, len(u)))]
+    frame, row = np.ogrid[: len(u), : inside.shape[1]]
+    blocks = [
+        _block(inside & ((frame + row) % BLOCKS == k)[:, :, None], u_x, u_y, v_x, v_y)
+        for k in range(BLOCKS)
+    ]
     n, xx, yx, xy, yy, normal, shear = np.array(blocks).T
-    if not ((n > 0) & (xx + yy > 0)).all():
+    if not ((n >= FEWEST_VECTORS) & (xx + yy > 0)).all():
         return Volume()
     divergence, all_gradients = xx + yy + 2 * normal, xx + yx + xy + yy
 
@@ -105,10 +109,9 @@ def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
     )
 
 
-def _block(k: int, inside: Bool, *gradients: Float64) -> list[float]:
-    """Vectors of a block, sums of u_x^2, u_y^2, v_x^2, v_y^2, u_x v_y and u_y v_x."""
-    there = inside[k::BLOCKS]
-    u_x, u_y, v_x, v_y = (a[k::BLOCKS][there] for a in gradients)
+def _block(there: Bool, *gradients: Float64) -> list[float]:
+    """Number of vectors of a block, sums of u_x^2, u_y^2, v_x^2, v_y^2, u_x v_y and u_y v_x."""
+    u_x, u_y, v_x, v_y = (a[there] for a in gradients)
     pairs = ((u_x, u_x), (u_y, u_y), (v_x, v_x), (v_y, v_y), (u_x, v_y), (u_y, v_x))
     return [float(there.sum()), *(float(a @ b) for a, b in pairs)]
 
@@ -149,14 +152,16 @@ def _integrals(mean: Float64, t: Float64) -> Float64:
 
 
 def _ratio(moved: Float64, expected: Float64) -> float | None:
-    """The signed ratio of rms(expected) and rms(moved); None if they are not proportional."""
-    if moved.size < FEWEST_INTERVALS:
-        return None
-    blocks = [(moved[k::BLOCKS], expected[k::BLOCKS]) for k in range(BLOCKS)]
-    squares = np.array([(a @ a, b @ b, a @ b) for a, b in blocks])
-    if not (squares[:, :2] > 0).all():
-        return None
-    r = squares[:, 2] / np.sqrt(squares[:, 0] * squares[:, 1])
-    if (r > FOLLOWS).all() or (r < -FOLLOWS).all():
-        return float(np.sign(r[0]) * math.sqrt(squares[:, 1].sum() / squares[:, 0].sum()))
+    """The signed ratio of rms(expected) and rms(moved); None if they are not proportional.
+
+    The center of mass of a mask moves in steps, so the intervals become longer until it shows.
+    """
+    while moved.size >= FEWEST_INTERVALS:
+        blocks = [(moved[k::BLOCKS], expected[k::BLOCKS]) for k in range(BLOCKS)]
+        aa, bb, ab = np.array([(a @ a, b @ b, a @ b) for a, b in blocks]).T
+        r = ab / np.sqrt(aa * bb)  # NaN if one is 0
+        if (r > FOLLOWS).all() or (r < -FOLLOWS).all():
+            return float(np.sign(r[0]) * math.sqrt(bb.sum() / aa.sum()))
+        even = moved.size // 2 * 2
+        moved, expected = (a[:even].reshape(-1, 2).sum(axis=1) for a in (moved, expected))
     return None

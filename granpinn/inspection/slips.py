@@ -28,9 +28,9 @@ from granpinn.inspection.conservation import Center, Volume, center_of, volume_o
 MOST_FRAMES, FEWEST_FRAMES, MOST_CELLS = 48, 16, 1_000_000
 # Largest factor that is an error of measurement, and least factor that no measurement explains.
 GRADIENTS_DIFFER, CENTER_DIFFERS, IMPOSSIBLE = 3.0, 5.0, 10.0
-# Speeds over that of a free fall: unlikely; impossible in a closed flow; impossible in any flow
-# (a free fall from 10^4 times the height).
-FAST, CLOSED_FAST, TOO_FAST = 3.0, 10.0, 100.0
+# Speeds over that of a free fall: improbable and impossible, in closed flows and in others. A chute
+# may be far longer than the grid, but not fall from 10^4 times its height.
+CLOSED_FAST, OPEN_FAST = (3.0, 10.0), (10.0, 100.0)
 FASTEST = 0.99  # quantile
 RISE = 0.1  # of the height of the grains
 
@@ -169,11 +169,12 @@ def _against_fall(flow: Flow, speeds: Float64, height: float, closed: bool) -> l
         return []
     fall = math.sqrt(2 * math.hypot(*flow.gravity) * height)
     ratio = float(np.quantile(speeds, FASTEST)) / fall
-    if not ratio > FAST:
+    fast, too_fast = CLOSED_FAST if closed else OPEN_FAST
+    if not ratio > fast:
         return []
     return [
         Slip(
-            "impossible" if ratio > (CLOSED_FAST if closed else TOO_FAST) else "improbable",
+            "impossible" if ratio > too_fast else "improbable",
             f"grains move at {_about(ratio)} the speed of a free fall through the height of "
             "all grains: check the units of u and v, x and y, and gravity",
         )

@@ -1,0 +1,35 @@
+"""Warnings of flows in a command: each one is a line on stderr, once."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+from granpinn.data import FlowFileWarning
+
+
+@contextmanager
+def in_one_line() -> Iterator[None]:
+    """Inside, a FlowFileWarning is printed without the place in the program."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", FlowFileWarning)
+        shown = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, FlowFileWarning):
+                print(f"warning: {message}", file=sys.stderr)
+            else:
+                shown(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
