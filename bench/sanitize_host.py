@@ -14,10 +14,12 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from bench import copied_tree
+from bench.studies.reliability.record import Record, command_of
 
 BUILD = ["-DGRANPINN_SANITIZE=ON", "-DGRANPINN_CUDA=off", "-DCMAKE_CXX_FLAGS_RELEASE=-O1"]
 WORK = copied_tree.ROOT / "build" / "sanitize"
@@ -78,6 +80,23 @@ def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
     }
 
 
+def gathered(rows: Sequence[dict[str, Any]], build_seconds: float) -> Record:
+    """The record of gate K-6: tests that passed, and files of tests with a failure or a report."""
+    record = Record("K-6", command=command_of("bench.sanitize_host"))
+    cases = {}
+    for row in rows:
+        record.outcomes["passed"] += row["passed"]
+        record.tried += row["passed"]
+        if row["exit_code"] or row["reports"]:
+            record.add("failure or report", row)
+        cases[f"{row['tests']}, {row['kernels']}"] = {
+            name: row[name] for name in ("passed", "seconds")
+        }
+    record.seconds = build_seconds + sum(row["seconds"] for row in rows)
+    record.details = {"build_seconds": build_seconds, "cases": cases}
+    return record
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, help="JSON file with tests, reports and times")
@@ -95,13 +114,13 @@ def main() -> int:
         print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
         return 2
     rows: list[dict[str, Any]] = []
-    record: dict[str, Any] = {"build_seconds": round(time.monotonic() - begin, 1), "runs": rows}
+    build_seconds = round(time.monotonic() - begin, 1)
     for kernels in arguments.kernels:
         for tests in arguments.tests:
             rows.append(check(tree, tests, kernels))
             print(json.dumps(rows[-1]), flush=True)
             if arguments.out:
-                arguments.out.write_text(json.dumps(record, indent=1) + "\n")
+                gathered(rows, build_seconds).write(arguments.out)
     reports = sum(len(row["reports"]) for row in rows)
     failures = sum(row["exit_code"] != 0 for row in rows)
     print(f"sanitize_host: {reports} reports, {failures} failures")

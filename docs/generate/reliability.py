@@ -65,7 +65,7 @@ KEPT_BY_TESTS = (
     Gate(
         "T-3",
         "a fault while saving leaves the checkpoint before",
-        ("tests/training/test_checkpoint.py", "tests/test_atomic.py"),
+        ("tests/training/test_checkpoint.py", "tests/output/test_writing.py"),
     ),
     Gate("T-4", "a signal saves and stops in 10 s", ("tests/training/test_signals.py",)),
     Gate("T-5", "NaN is noticed in its step and never saved", ("tests/training/test_guard.py",)),

@@ -148,13 +148,18 @@ def content(study: Study) -> dict[str, Any]:
             "training_s": study.training_s,
             "mean_training_s": sum(study.training_s.values()) / len(members),
             "total_s": study.total_s,
-            "settings": flatten(study.config),
+            "settings": _settings(study),
             "sources": {"paper_1": SOURCE_1, "paper_2": SOURCE_2},
             "rows": [_row_content(row) for row in study.rows],
             "members": members,
         }
     )
     return values
+
+
+def _settings(study: Study) -> dict[str, Any]:
+    """The settings; those of a study that was continued are the same as of one that was not."""
+    return flatten(dataclasses.replace(study.config, resume=False))
 
 
 def _row_content(row: Row) -> dict[str, Any]:
@@ -190,7 +195,7 @@ def csv_text(study: Study) -> str:
 
 def html(study: Study) -> str:
     """The page, which needs no other file."""
-    settings = {name: str(value) for name, value in flatten(study.config).items()}
+    settings = {name: str(value) for name, value in _settings(study).items()}
     return template("tables.html", case_name=case_name).render(
         study=study,
         tables=tables_of(study.rows),

@@ -90,6 +90,19 @@ def test_every_outcome_has_its_name(tmp_path: Path, command: Callable[[], Any], 
     assert found.startswith(name)
 
 
+def test_what_happens_before_the_command_is_not_its_failure(tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    work.mkdir()
+    found = sandbox.run(lambda: 0, os.abort, work)
+    assert judged(found, "train", work, None) == "input not made"
+
+
+def test_a_run_that_has_no_time_left_ends_cleanly(tmp_path: Path) -> None:
+    words = ["--format", "pivlab", "--seeds", "0:999999", "--seconds", "0.1"]
+    assert mutants([*words, "--out", str(tmp_path / "a.json")]) == 0
+    assert read(tmp_path / "a.json")["tried"] == 0
+
+
 def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any) -> None:
     words = ["--format", "pivlab", "--command", "convert"]
     mutants([*words, "--seeds", "0:6", "--out", str(tmp_path / "a.json")])

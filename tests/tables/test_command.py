@@ -74,6 +74,18 @@ def test_json_has_every_training(out: Path) -> None:
     assert not (out / "runs" / "005" / "fields.h5").exists()
 
 
+def test_a_study_that_was_continued_has_the_same_settings(folder: Path, tmp_path: Path) -> None:
+    argv = [folder / "a.h5", "--out", tmp_path / "out", "--noise", 0, "--seeds", 1, "--steps", 2]
+    argv = [str(a) for a in (*argv, "--config", folder / "settings.toml")]
+    found = []
+    for words in ([], ["--resume"]):
+        assert main([*argv, *words]) == 0
+        settings = json.loads((tmp_path / "out" / "tables.json").read_text())["settings"]
+        page = (tmp_path / "out" / "tables.html").read_text()
+        found.append((settings, re.findall(r"<dt>resume</dt><dd>\w+</dd>", page)))
+    assert found[0] == found[1]
+
+
 def test_settings_say_how_many_times_are_simulated(tmp_path: Path) -> None:
     (tmp_path / "settings.toml").write_text("[simulated_pressure]\nframes = 0\n")
     argv = ["--out", str(tmp_path / "o")]

@@ -18,6 +18,8 @@ from bench.studies.reliability.samples import Files, read_all
 
 FINE = "one sentence, all whole"
 HARMLESS = "harmless"  # the command does not need the call, and its files are right
+LOCK = ".lock"
+NAMED = re.compile(r" (\S*/)?[\w.-]+ could not be written ")
 TEMPORARY = re.compile(r"^\.(.+)\.[0-9a-f]+\.tmp$")
 
 
@@ -128,7 +130,7 @@ def _outcome(
         return "fault not noticed" if wrong else HARMLESS
     if found.code != 1:
         return f"exit code {found.code}"
-    if problem := _sentence(found.errors, case, target):
+    if problem := _sentence(found.errors, case, fault.mode, target):
         return problem
     again = _run(case, case.resume or case.arguments, after, None)
     if again[0].code != 0:
@@ -138,7 +140,7 @@ def _outcome(
     return FINE
 
 
-def _sentence(errors: str, case: Case, target: str) -> str:
+def _sentence(errors: str, case: Case, mode: str, target: str) -> str:
     """What is wrong with the sentence; empty if nothing is."""
     lines = [line for line in errors.splitlines() if line.startswith(f"granpinn.{case.command}: ")]
     if len(lines) != 1:
@@ -146,6 +148,9 @@ def _sentence(errors: str, case: Case, target: str) -> str:
     name = Path(target).name
     match = TEMPORARY.match(name)
     name = match[1] if match else name
-    if name == "work":
-        name = ""  # the folder of the test itself: any path will do
-    return "" if name in lines[0] and "/" in lines[0] + "/" * bool(name) else "path not named"
+    if name == LOCK:
+        name = Path(target).parent.name  # the sentence is about the folder that is in use
+    # A full disk may first be noticed at any file; "work" is the folder of the test itself.
+    if mode in ("full disk", "no space from here on") or name == "work":
+        return "" if NAMED.search(lines[0]) else "path not named"
+    return "" if name in lines[0] else "path not named"

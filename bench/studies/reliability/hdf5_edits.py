@@ -24,11 +24,12 @@ TEXTS = (
 SIZES = (0, 1, 2, 3, 7, 1000, 2**16, 2**31 - 1, 2**31, 2**40, 2**62)
 # Takes more memory than a small file may: it really holds 600 MiB, which the format allows.
 LARGE = {"honest zeros"}
+MOST = 2**22  # bytes of a dataset that is edited, and of a file
 FLOW_EDITS = sorted(set(EDITS) - LARGE)
 
 
 def edited(content: bytes, draw: Random, folder: Path) -> bytes:
-    """An HDF5 file with one to three edits; an edit that HDF5 refuses is left out."""
+    """An HDF5 file with one to three edits; edits that HDF5 refuses are left out."""
     path = folder / "edited.h5"
     path.write_bytes(content)
     with h5py.File(path, "r+") as file:
@@ -37,7 +38,8 @@ def edited(content: bytes, draw: Random, folder: Path) -> bytes:
                 _edit(file, draw)
             except Exception:  # the damage before leaves objects that h5py cannot handle
                 continue
-    made = path.read_bytes()
+    # A file that is really large may take as much memory.
+    made = path.read_bytes() if path.stat().st_size <= MOST else content
     path.unlink()
     return made
 
@@ -53,7 +55,8 @@ def _edit(file: h5py.File, draw: Random) -> None:
 
     def visit(name: str, node: Any) -> None:
         objects.append(name)
-        if isinstance(node, h5py.Dataset):
+        # What an edit before has made huge stays as it is: it would take minutes to fill.
+        if isinstance(node, h5py.Dataset) and (node.size or 0) * node.dtype.itemsize <= MOST:
             datasets.append(name)
 
     file.visititems(visit)
@@ -108,10 +111,12 @@ def _values(file: h5py.File, name: str, draw: Random) -> None:
 
 def _axis(file: h5py.File, name: str, draw: Random) -> None:
     """An axis in another order, shifted, or with equal values."""
-    lines = [n for n in file if isinstance(file[n], h5py.Dataset) and file[n].ndim == 1]
+    nodes = [file[n] for n in file]
+    lines = [n for n in nodes if isinstance(n, h5py.Dataset) and n.ndim == 1]
+    lines = [n for n in lines if n.size * n.dtype.itemsize <= MOST]
     if not lines:
         return
-    data = file[draw.choice(lines)]
+    data = draw.choice(lines)
     if data.dtype.kind != "f" or not data.size:
         return
     values = data[...]

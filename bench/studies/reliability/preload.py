@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-SETTINGS = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
+SETTINGS = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "CUDA_VISIBLE_DEVICES": ""}
 
 
 def built(source: Path, folder: Path) -> Path | None:

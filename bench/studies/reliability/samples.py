@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
+import importlib
 import io
 import os
 import tempfile
@@ -42,8 +42,8 @@ class Format:
     only: tuple[str, ...] = ()
 
     def missing(self) -> list[str]:
-        """The modules that are not installed."""
-        return [name for name in self.needs if importlib.util.find_spec(name) is None]
+        """The modules that cannot be imported."""
+        return [name for name in self.needs if not _importable(name)]
 
     def files(self) -> Files:
         """The valid files."""
@@ -57,6 +57,14 @@ class Format:
             finally:
                 os.chdir(before)
             return read_all(Path(folder))
+
+
+def _importable(name: str) -> bool:
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        return False
+    return True
 
 
 def read_all(folder: Path) -> Files:

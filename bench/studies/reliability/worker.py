@@ -89,9 +89,10 @@ def _targets(pairs: list[tuple[str, str]]) -> Iterator[Target]:
         nothing = sandbox.Outcome(None, 0.0)
         target = Target(name, command, chosen, written[name], _bait(), nothing, draw)
         target.valid, outcome = _one(target, "", False)
-        if outcome not in ALLOWED:
+        # What it opens and starts on this machine is the base for its mutants.
+        if target.valid.code != 0 and outcome not in ALLOWED:
             numbers = described(target.valid, target.valid)
-            kind = fingerprint(target.valid)
+            kind = f"{outcome}: {fingerprint(target.valid)}"
             row = {"format": name, "command": command, "mutant": "", "outcome": "valid file failed"}
             _print(row | {"failed": True, "class": kind, "warnings": 0, **numbers})
             continue
