@@ -79,8 +79,8 @@ def binned_law(inertial_number: Float64, tau: Float64, p: Float64) -> dict[str, 
         inertial_number, tau, p: of the cells, [n]; cells that do not flow are left out.
 
     Returns:
-        I_range, mean (I and mu of all, weighted with p), points (I, mu, se, cells) and law; law is None where the
-        range is narrow or fewer than three bins are filled.
+        I_range, mean (I and mu of all, weighted with p), points (I, mu, se, cells) and law; law is
+        None where the range is narrow or fewer than three bins are filled.
     """
     low, high = number_range(inertial_number)
     edges = np.geomspace(low, high, BINS + 1)
