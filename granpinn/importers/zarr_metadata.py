@@ -22,6 +22,7 @@ MAX_TEXT = 1000
 MAX_AXES = 8
 COMPRESSORS = ("blosc", "gzip", "zlib", "zstd", "lz4")
 _ENDIAN = {"little": "<", "big": ">"}
+_NUMPY_TYPES = re.compile(r"[<>|][fiub][1248]")
 _TYPES = re.compile(r"bool|u?int(8|16|32|64)|float(16|32|64)")
 # Attributes that change the meaning of the numbers; the unit; the dimensions (version 2).
 ATTRIBUTES = (
@@ -95,7 +96,7 @@ def version_2(array: dict[str, Any], attributes: dict[str, Any]) -> Array:
     shape, chunk = _sizes(array.get("shape"), 0), _sizes(array.get("chunks"), 1)
     _require(len(shape) == len(chunk), "chunks must have as many axes as the array")
     kind = array.get("dtype")
-    if not isinstance(kind, str) or not re.fullmatch(r"[<>|][fiub][1248]", kind):
+    if not isinstance(kind, str) or not _NUMPY_TYPES.fullmatch(kind):
         raise UnsafeFileError(
             f"dtype must be a number type such as '<f8', got {str(kind)[:40]!r}: objects could run "
             "foreign code; write it again with plain numbers"
