@@ -1,6 +1,6 @@
 #include "time_step.h"
 
-#include <sstream>
+#include <cstdio>
 #include <stdexcept>
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
@@ -197,12 +197,15 @@ void CollapseSolver::project(double step, StepReport& report, bool with_relief) 
 
 void CollapseSolver::check(const SolveReport& solve, const char* name) const {
   if (solve.converged) return;
-  std::ostringstream text;
-  text << "the " << name << " solve of step " << step_count_ << " at t = " << time_
-       << " stopped after " << solve.iterations << " iterations with error " << solve.error
-       << " on " << grid_.nx << " x " << grid_.ny
-       << " cells: use smaller steps (cfl, largest_step) or a finer grid";
-  throw std::runtime_error(text.str());
+  // No stream of the standard library: other modules of the process may bring their own copy of it.
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "the %s solve of step %lld at t = %g stopped after %d iterations with error %g on %d "
+      "x %d cells: use smaller steps (cfl, largest_step) or a finer grid",
+      name, static_cast<long long>(step_count_), time_, solve.iterations, solve.error, grid_.nx,
+      grid_.ny);
+  throw std::runtime_error(text);
 }
 
 }  // namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE

@@ -7,7 +7,9 @@ from tensors on the device (granpinn/training/control_table.py).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import gc
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor
@@ -79,6 +81,21 @@ class CudaCapture:
             steps()
         torch.cuda.current_stream().wait_stream(side)
         graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(graph, pool=self.pool, capture_error_mode="thread_local"):
+        with (
+            _without_collection(),
+            torch.cuda.graph(graph, pool=self.pool, capture_error_mode="thread_local"),
+        ):
             e = steps()
         return graph.replay, e
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """No garbage collection inside: a graph of an earlier run that it frees ends the capture."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
