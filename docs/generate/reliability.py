@@ -102,19 +102,19 @@ KEPT_BY_COMMANDS = (
         "hostile_targets.json",
         "hostile_targets",
     ),
-    Attack("K-6", "ASan and UBSan report nothing", "sanitizers.json", "sanitizers"),
+    Attack("K-6", "ASan and UBSan report nothing", "sanitizers.json", "sanitize_host"),
     Attack(
         "V-4",
         "planted mistakes in kernels, physics and data are caught by the tests",
         "planted_mistakes.json",
         "planted_mistakes",
     ),
-    Attack("T-2", "kill -9 at random moments, then the same bits", "kills.json", "kills"),
+    Attack("T-2", "kill -9 at random moments, then the same bits", "kills-cpu.json", "kills"),
     Attack("T-4", "a second signal ends the process at once", "signals.json", "signals"),
     Attack(
         "T-5",
         "NaN and infinity in data, loss, gradients and parameters are noticed in their step",
-        "non_finite.json",
+        "non_finite-cpu.json",
         "non_finite",
     ),
     Attack(

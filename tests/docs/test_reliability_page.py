@@ -43,7 +43,7 @@ def test_a_record_of_another_author_is_shown(tmp_path: Path) -> None:
     """Only the common keys, no details."""
     common = {"gate": "T-2", "date": "2026-01-01", "versions": {"granpinn": "1"}, "device": "a CPU"}
     more = {"command": "c", "seconds": 1, "tried": 2, "outcomes": {"ok": 2}, "failures": []}
-    (tmp_path / "kills.json").write_text(json.dumps(common | more))
+    (tmp_path / "kills-cpu.json").write_text(json.dumps(common | more))
     text = "\n".join(PAGE.records(tmp_path))
     assert "| 2 | 0 | 2 ok | 1 s |" in text
 

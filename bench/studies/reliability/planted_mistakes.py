@@ -3,7 +3,7 @@
     python -m bench.studies.reliability.planted_mistakes --jobs 16 --out FILE
 
 Each worker has a copy of the repository and builds it there. Tests that fail without a mistake are
-left out. A row of the JSON: the mistake, the test that caught it (null for a survivor), the time.
+left out. The record has a row for each mistake, with the test that caught it (null for a survivor).
 Exit code 1: a mistake survived. `--cuda` adds the mistakes that only a GPU can show.
 """
 
@@ -24,6 +24,7 @@ from typing import Any
 
 from bench import copied_tree
 from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
+from bench.studies.reliability.record import Record, command_of
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
 QUICK, WHOLE = 900.0, 3600.0  # seconds for some folders, for the suite
@@ -32,6 +33,7 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 IGNORED = [
     "--ignore=tests/bench/test_planted_mistakes.py",
     "--ignore=tests/test_cuda_compiles.py",
+    "--ignore=tests/docs",  # they need the packages that make the pages
 ]
 
 
@@ -124,7 +126,8 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = chosen(arguments.cuda, arguments.only)
     options = [f"-DGRANPINN_CUDA={'on' if arguments.cuda else 'off'}"]
-    record: list[dict[str, Any]] = []
+    found: list[dict[str, Any]] = []
+    begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         count = max(1, min(arguments.jobs, len(rows)))
         threads = max(1, arguments.jobs // count)
@@ -140,8 +143,8 @@ def main() -> int:
             if left_out is None:
                 tests = (workers[0].tree / "tests").iterdir()
                 paths = sorted(f"tests/{p.name}" for p in tests if p.is_dir() or "test_" in p.name)
-                found = pool.map(lambda path: failing(workers[0].tree, path), paths)
-                left_out = [test for part in found for test in part]
+                broken = pool.map(lambda path: failing(workers[0].tree, path), paths)
+                left_out = [test for part in broken for test in part]
             print(f"left out, because they fail anyway: {left_out}", flush=True)
             for worker in workers:
                 idle.put(worker)
@@ -154,13 +157,21 @@ def main() -> int:
                     idle.put(worker)
 
             for done in as_completed([pool.submit(work, *row) for row in rows]):
-                record.append(done.result())
-                print(json.dumps(record[-1]), flush=True)
-                record.sort(key=lambda row: row["id"])
-                arguments.out.write_text(json.dumps(record, indent=1) + "\n")
-    survivors = [row for row in record if not row["caught_by"]]
-    print(f"{len(record) - len(survivors)} of {len(record)} mistakes caught")
+                found.append(done.result())
+                print(json.dumps(found[-1]), flush=True)
+                record_of(found, time.monotonic() - begin).write(arguments.out)
+    survivors = [row for row in found if not row["caught_by"]]
+    print(f"{len(found) - len(survivors)} of {len(found)} mistakes caught")
     return int(bool(survivors))
+
+
+def record_of(rows: Sequence[dict[str, Any]], seconds: float) -> Record:
+    """The record of the mistakes tried so far."""
+    record = Record("V-4", command_of("bench.studies.reliability.planted_mistakes"), seconds)
+    for row in sorted(rows, key=lambda row: int(row["id"])):
+        record.add("caught" if row["caught_by"] else "survived", None if row["caught_by"] else row)
+    record.details = {"of": len(MISTAKES), "mistakes": list(rows)}
+    return record
 
 
 if __name__ == "__main__":
