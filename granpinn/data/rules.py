@@ -168,6 +168,14 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
             )
         if name == "p":
             continue
+        step, far = float(np.diff(grid[name]).min()), float(np.abs(values).max())
+        with np.errstate(over="ignore"):
+            rounded = far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32))
+        if rounded:
+            raise FlowFileError(
+                f"surface_{name} must be as precise as {name}, got numbers of float32 around "
+                f"{far:g} for steps of {step:g}: store surface_{name} as float64"
+            )
         low, high = grid[name][0], grid[name][-1]
         margin = SURFACE_MARGIN * (high - low)
         if values.min() < low - margin or values.max() > high + margin:
@@ -175,12 +183,6 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
                 f"surface_{name} must lie within {name}, {low:g} to {high:g}, got "
                 f"{values.min():g} to {values.max():g}: check its unit, or leave out the points "
                 "outside the grid"
-            )
-        step, far = float(np.diff(grid[name]).min()), float(np.abs(values).max())
-        if far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32)):
-            raise FlowFileError(
-                f"surface_{name} must be as precise as {name}, got numbers of float32 around "
-                f"{far:g} for steps of {step:g}: store surface_{name} as float64"
             )
 
 

@@ -46,7 +46,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "subnormal density": ({"density": 5e-324}, "density must be a positive number, got"),
     "huge density": ({"density": 1e308}, "density must be a positive number, got"),
     "huge gravity": ({"gravity": (0.0, -1e308)}, "gravity must be two finite numbers"),
-    "huge box": ({"attributes": {"box_height": 1e308}}, "attribute 'box_height' must be from 0 to"),
+    "huge box": ({"attributes": {"box_height": 1e308}}, "attribute 'box_height' must be 0 or from"),
     "grain larger than its column": (
         {"grain_diameter": 2.5},
         "grain_diameter must be smaller than the height of the grains in the first frame",
