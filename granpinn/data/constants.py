@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import Flow, FlowFileError, Truth
+from granpinn.data.flow import LARGEST, LEAST, Flow, FlowFileError, Truth
 from granpinn.data.format import TRUTH
 
-# Numbers of the material in any units; float32 holds all of them.
-LEAST, LARGEST = 1e-30, 1e30
 LONGEST_UNIT = 64  # characters
 # Attributes without a meaning for the training, which second opinions take as sizes.
 STATED = frozenset(

@@ -14,6 +14,9 @@ from granpinn.arrays import Bool, Float32, Float64, Floats
 from granpinn.errors import BadInput
 from granpinn.physics.law_values import LawValues
 
+# Numbers of the material in any units; float32 holds all of them.
+LEAST, LARGEST = 1e-30, 1e30
+
 
 class FlowFileError(BadInput):
     """A flow breaks a rule of the format; the message is one sentence with the remedy."""
@@ -137,6 +140,6 @@ class Flow:
     def stated(self, name: str) -> float | None:
         """A positive number among `attributes`; None if there is none of that name."""
         value = self.attributes.get(name)
-        if isinstance(value, (int, float, np.number)) and 1e-30 <= value <= 1e30:
+        if isinstance(value, (int, float, np.number)) and LEAST <= value <= LARGEST:
             return float(value)
         return None

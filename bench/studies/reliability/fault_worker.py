@@ -111,12 +111,8 @@ def _outcome(
     same: Files,
     target: str,
 ) -> str:
-    if found.code is None:
-        return "hang"
-    if found.code < 0:
-        return f"crash (signal {-found.code})"
-    if found.code == sandbox.ESCAPED or "Traceback (most recent call last)" in found.errors:
-        return "traceback"
+    if found.broken is not None:
+        return found.broken
     with tempfile.TemporaryDirectory() as folder:
         for path, content in after.items():
             if path.endswith(".tmp"):

@@ -203,12 +203,8 @@ def kept(path: Path, before: State) -> bool:
 
 def judged(found: sandbox.Outcome, case: Case) -> str:
     """The name of an outcome, before the target is looked at."""
-    if found.code is None:
-        return "hang"
-    if found.code < 0:
-        return f"crash (signal {-found.code})"
-    if found.code == sandbox.ESCAPED or "Traceback (most recent call last)" in found.errors:
-        return "traceback"
+    if found.broken is not None:
+        return found.broken
     if found.code == 0:
         return "written, target as before"
     if found.code not in (1, 2):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import granpinn
-from bench.studies.reliability.sandbox import ESCAPED, PREPARATION, Outcome
+from bench.studies.reliability.sandbox import PREPARATION, Outcome
 
 ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
@@ -34,16 +34,15 @@ def judged(found: Outcome, command: str, folder: Path, valid: Outcome | None) ->
     """
     if found.code == PREPARATION:
         return "input not made"
-    if found.code is None:
-        return "hang"
-    if found.code < 0:
-        return f"crash (signal {-found.code})"
+    broken = found.broken
+    if broken is not None and broken != "traceback":
+        return broken
     if started(found, valid):
         return "process or connection started"
     if foreign(found, folder, valid):
         return "foreign file opened"
-    if found.code == ESCAPED or "Traceback (most recent call last)" in found.errors:
-        return "traceback"
+    if broken is not None:
+        return broken
     if valid is not None and found.memory > MEMORY_FACTOR * max(valid.memory, LEAST_MEMORY):
         return "too much memory"
     if left_over(folder):

@@ -55,6 +55,17 @@ class Outcome:
     places: set[int] = field(default_factory=set)
     calls: list[tuple[str, str]] = field(default_factory=list)
 
+    @property
+    def broken(self) -> str | None:
+        """How the command broke: hang, crash or traceback; None where it ended by itself."""
+        if self.code is None:
+            return "hang"
+        if self.code < 0:
+            return f"crash (signal {-self.code})"
+        if self.code == ESCAPED or "Traceback (most recent call last)" in self.errors:
+            return "traceback"
+        return None
+
 
 def run(
     command: Callable[[], int | None],
