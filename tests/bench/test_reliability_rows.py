@@ -52,3 +52,18 @@ def test_other_machines_are_named(tmp_path: Path) -> None:
     found = rows.merged(paths)
     assert found["device"].startswith("other, 16 cores and ")
     assert found["versions"]["torch"].startswith("2.11.0 and ")
+
+
+def test_faults_tell_how_many_of_how_many(tmp_path: Path) -> None:
+    rows.begin(tmp_path / "a.rows", "python -m a", "F-5, T-3")
+    fault = {"case": "train", "mode": "no space", "outcome": "ok", "failed": False, "after": 4}
+    count = {"case": "train", "faults": 840}
+    found = [count, count, {**fault, "at": 1}, {**fault, "at": 2, "after": 9}, {**fault, "at": 2}]
+    with (tmp_path / "a.rows").open("a") as stream:
+        stream.writelines(json.dumps(one) + "\n" for one in found)
+        stream.write('{"case": "tra')
+    assert rows.main([str(tmp_path / "a.rows"), "--out", str(tmp_path / "a.json")]) == 0
+    whole = read(tmp_path / "a.json")
+    assert whole["gate"] == "F-5, T-3"
+    assert whole["seconds"] == 9
+    assert whole["details"]["cases"] == {"train": {"faults": 840, "tried": 2, "ok": 2}}

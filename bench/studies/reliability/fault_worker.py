@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
+import itertools
 import json
 import os
 import re
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,25 +40,52 @@ class Fault:
         return MODES[self.mode] | {"AT": str(self.at)}
 
 
-def work(names: Sequence[str], every: int) -> None:
-    """Try every fault, or every so many, of these cases."""
+@dataclass(frozen=True)
+class Target:
+    """A case, the files before it, and what a run without a fault does."""
+
+    name: str
+    case: Case
+    before: Files
+    same: Files  # files that do not differ between two runs
+    clean: sandbox.Outcome
+    faults: list[Fault]
+
+
+def work(options: argparse.Namespace) -> None:
+    """Try the faults of one worker; all cases take turns, so that a time limit is fair."""
+    begin = time.monotonic()
     rows = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     commands.import_late_modules()
-    for name in names:
-        case = CASES[name]
-        before = case.files()
-        if case.repeated:
-            before = _run(case, case.arguments, before, None)[1]
-        clean, after = _run(case, case.arguments, before, None)
-        if clean.code != 0:
-            raise RuntimeError(f"{name} without a fault: {clean.code}: {clean.errors}")
-        again = _run(case, case.arguments, before, None)[1]
-        same = {path: content for path, content in after.items() if again.get(path) == content}
-        for fault in list(_faults(clean, after, before))[::every]:
-            row = _tried(case, fault, before, same, clean)
-            print(json.dumps({"case": name, "mode": fault.mode, "at": fault.at} | row), file=rows)
-            rows.flush()
+    first, step = options.worker
+    shares = []
+    for name in options.case:
+        target = _target(name)
+        print(json.dumps({"case": name, "faults": len(target.faults)}), file=rows, flush=True)
+        shares.append([(target, fault) for fault in target.faults[:: options.every][first::step]])
+    turns = itertools.chain.from_iterable(itertools.zip_longest(*shares))
+    for target, fault in filter(None, turns):
+        if options.seconds and time.monotonic() - begin > options.seconds:
+            return
+        row = {"case": target.name, "mode": fault.mode, "at": fault.at, **_tried(target, fault)}
+        row["after"] = round(time.monotonic() - begin)
+        print(json.dumps(row), file=rows, flush=True)
+
+
+def _target(name: str) -> Target:
+    """A case with its faults, from two runs without a fault."""
+    case = CASES[name]
+    before = case.files()
+    if case.repeated:
+        before = _run(case, case.arguments, before, None)[1]
+    clean, after = _run(case, case.arguments, before, None)
+    if clean.code != 0:
+        raise RuntimeError(f"{name} without a fault: {clean.code}: {clean.errors}")
+    again = _run(case, case.arguments, before, None)[1]
+    kept = set(after) - set(case.timed)
+    same = {path: after[path] for path in kept if again.get(path) == after[path]}
+    return Target(name, case, before, same, clean, list(_faults(clean, after, before)))
 
 
 def _faults(clean: sandbox.Outcome, after: Files, before: Files) -> Iterator[Fault]:
@@ -89,12 +119,11 @@ def _run(
         return found, read_all(folder)
 
 
-def _tried(
-    case: Case, fault: Fault, before: Files, same: Files, clean: sandbox.Outcome
-) -> dict[str, Any]:
+def _tried(target: Target, fault: Fault) -> dict[str, Any]:
+    case, before = target.case, target.before
     found, after = _run(case, case.arguments, before, fault)
-    call = clean.calls[fault.at - 1] if fault.mode != "full disk" else ("", "")
-    outcome = _outcome(case, fault, found, before, after, same, call[1])
+    call = target.clean.calls[fault.at - 1] if fault.mode != "full disk" else ("", "")
+    outcome = _outcome(case, fault, found, before, after, target.same, call[1])
     row: dict[str, Any] = {"outcome": outcome, "failed": outcome not in (FINE, HARMLESS)}
     if row["failed"]:
         row |= {"call": " ".join((call[0], Path(call[1]).name)), "code": found.code}

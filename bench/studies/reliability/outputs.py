@@ -15,6 +15,7 @@ from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
 
 COLLAPSE = ("--cells", "48", "--stride", "2", "--frames", "4", "--t-end", "0.2", "--threads", "1")
 TRAIN = ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE, "--checkpoint-every", "0")
+SHOWN = ("run/report.html",)
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Case:
         inputs: the format whose valid files it reads.
         repeated: whether its files are there already, from an earlier run.
         resume: arguments that continue it after a fault; empty: the same command once more.
+        timed: files that show rounded times, which are the same in two runs only by chance.
     """
 
     command: str
@@ -34,6 +36,7 @@ class Case:
     inputs: str | None = "flow"
     repeated: bool = False
     resume: tuple[str, ...] = ()
+    timed: tuple[str, ...] = ()
 
     def files(self) -> Files:
         """The files that are there before the first run."""
@@ -41,9 +44,12 @@ class Case:
 
 
 CASES: dict[str, Case] = {
-    "train": Case("train", TRAIN, resume=(*TRAIN, "--resume")),
+    "train": Case("train", TRAIN, resume=(*TRAIN, "--resume"), timed=SHOWN),
     "train, two members": Case(
-        "train", (*TRAIN, "--members", "2"), resume=(*TRAIN, "--members", "2", "--resume")
+        "train",
+        (*TRAIN, "--members", "2"),
+        resume=(*TRAIN, "--members", "2", "--resume"),
+        timed=SHOWN,
     ),
     "convert": Case(
         "convert",
@@ -75,6 +81,7 @@ CASES: dict[str, Case] = {
             "cpu",
             "--resume",
         ),
+        timed=("tables/tables.html",),
     ),
 }
 

@@ -1,4 +1,4 @@
-"""The rows of mutants: one line of JSON for each, written at once; several runs make one record.
+"""The rows of mutants or faults: one line of JSON each; several runs make one record.
 
     python -m bench.studies.reliability.rows a.rows b.rows --out results/mutants.json
 
@@ -11,18 +11,18 @@ import argparse
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.studies.reliability.record import RESULTS, Record
 
 JOINED = " and "
 
 
-def begin(path: Path, command: str) -> None:
+def begin(path: Path, command: str, gate: str = "F-2") -> None:
     """A new file with the line about its run."""
-    head = {"run": Record("F-2", command=command).as_json()}
+    head = {"run": Record(gate, command=command).as_json()}
     path.write_text(json.dumps(head) + "\n", encoding="utf-8")
 
 
@@ -34,18 +34,19 @@ def read(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 
 def merged(paths: Sequence[Path]) -> dict[str, Any]:
-    """One record of several runs; a mutant that ran several times counts once."""
-    rows: dict[tuple[str, ...], dict[str, Any]] = {}
+    """One record of several runs; a mutant or a fault that ran several times counts once."""
+    rows: dict[tuple[Any, ...], dict[str, Any]] = {}
     runs = []
     for path in paths:
         run, found = read(path)
-        run["seconds"] = max((row.get("at", 0) for row in found), default=0)
+        kind = KINDS[run["gate"]]
+        run["seconds"] = max((row.get(kind.clock, 0) for row in found), default=0)
         runs.append(run)
         for row in found:
-            name = (row["format"], row["command"], row.get("mutant", ""))
+            name = tuple(row.get(key) for key in kind.name)
             if not rows.get(name, {}).get("failed"):
                 rows[name] = row
-    record = gathered(rows.values())
+    record = kind.gather(rows.values())
     record.seconds = sum(run["seconds"] for run in runs)
     record.command = "\n".join(run["command"] for run in runs)
     whole = record.as_json(device=_joined(run["device"] for run in runs))
@@ -60,8 +61,8 @@ def _joined(values: Iterable[str]) -> str:
     return JOINED.join(dict.fromkeys(values))
 
 
-def gathered(rows: Iterable[dict[str, Any]]) -> Record:
-    """The record of these rows."""
+def _mutants(rows: Iterable[dict[str, Any]]) -> Record:
+    """The record of mutants."""
     record = Record("F-1, F-2, F-4")
     tables: dict[str, Counter[str]] = {}
     worst: dict[str, dict[str, float]] = {}
@@ -94,19 +95,50 @@ def gathered(rows: Iterable[dict[str, Any]]) -> Record:
     return record
 
 
+def _faults(rows: Iterable[dict[str, Any]]) -> Record:
+    """The record of faults in outputs: for each case how many there are, and those tried."""
+    record = Record("F-5, T-3")
+    cases: dict[str, Counter[str]] = {}
+    for row in rows:
+        table = cases.setdefault(row["case"], Counter(faults=0, tried=0))
+        if "faults" in row:
+            table["faults"] = max(table["faults"], row["faults"])
+            continue
+        table["tried"] += 1
+        table[row["outcome"]] += 1
+        record.add(row["outcome"], row if row["failed"] else None)
+    record.details = {"cases": {name: dict(table) for name, table in sorted(cases.items())}}
+    return record
+
+
+class Kind(NamedTuple):
+    """What the rows of a gate are: the keys of their names and of their time, and the record."""
+
+    name: tuple[str, ...]
+    clock: str
+    gather: Callable[[Iterable[dict[str, Any]]], Record]
+
+
+KINDS = {
+    "F-2": Kind(("format", "command", "mutant"), "at", _mutants),
+    "F-5, T-3": Kind(("case", "mode", "at"), "after", _faults),
+}
+
+
 def show(whole: dict[str, Any]) -> None:
-    """Print the outcomes of each format and the kinds of failures."""
-    for pair, row in whole["details"]["formats"].items():
-        print(f"{pair:<24}" + ", ".join(f"{name} {value:.5g}" for name, value in row.items()))
-    for name, count in whole["details"]["classes"].items():
+    """Print the outcomes of each format or case, and the kinds of failures."""
+    details = whole["details"]
+    for name, row in (details.get("formats") or details.get("cases", {})).items():
+        print(f"{name:<24}" + ", ".join(f"{key} {value:.5g}" for key, value in row.items()))
+    for name, count in details.get("classes", {}).items():
         print(f"{count:6} {name}")
-    for pair, names in whole["details"].get("not run", {}).items():
+    for pair, names in details.get("not run", {}).items():
         print(f"{pair}: not run, needs {names}")
-    print(f"{whole['tried']} mutants, {whole['failed']} failures, {whole['seconds']:.0f} s")
+    print(f"{whole['tried']} tried, {whole['failed']} failures, {whole['seconds']:.0f} s")
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the record of several runs; exit code 1 if a mutant ended as it must not."""
+    """Write the record of several runs; exit code 1 if one ended as it must not."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("rows", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, help=f"the record, such as {RESULTS.name}/mutants.json")
