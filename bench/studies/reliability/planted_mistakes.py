@@ -30,7 +30,7 @@ from bench.studies.reliability.record import Record, command_of, read
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
 QUICK, WHOLE = 900.0, 3600.0  # seconds for some folders, for the suite
-ENOUGH = 5  # failures that end a run of the tests
+ENOUGH = 5  # failures that end a run of the tests, once some failed anyway
 ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 # The test of the table sees every planted mistake, and compiling alone takes minutes.
 IGNORED = [
@@ -99,8 +99,8 @@ class Trial:
     def _catch(self, tree: Path, paths: Sequence[str]) -> str:
         """The first test that fails with the mistake alone, or ""."""
         left_out: list[str] = []
-        options = [*IGNORED, f"--maxfail={ENOUGH}"]
         while True:
+            options = [*IGNORED, f"--maxfail={ENOUGH if left_out else 1}"]
             deselected = [f"--deselect={test}" for test in left_out]
             limit = WHOLE if "tests" in paths else QUICK
             code, output = copied_tree.pytest(
