@@ -14,7 +14,7 @@ TESTS = {
     "cuda": ["tests/kernels", "tests/training"],
     "solver": ["tests/simulation"],
     "physics": ["tests/physics", "tests/config", "tests/kernels/test_viscosity.py"],
-    "data": ["tests/data"],
+    "data": ["tests/physics", "tests/data"],
     "units": [
         "tests/importers/test_units.py",
         "tests/importers/test_physical_units.py",
