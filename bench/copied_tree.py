@@ -49,16 +49,31 @@ def build(tree: Path, folder: Path, options: Sequence[str] = (), jobs: int = 1) 
     Raises:
         OSError: the build tools are missing.
     """
-    configure = ["cmake", "-S", str(tree), "-B", str(folder), "-G", "Ninja"]
+    fresh = not (folder / "build.ninja").is_file()
+    return (configure(tree, folder, options) if fresh else "") or make(tree, folder, jobs)
+
+
+def configure(tree: Path, folder: Path, options: Sequence[str] = ()) -> str:
+    """Writes the build files of a copy to `folder`. The error, or ""."""
+    command = ["cmake", "-S", str(tree), "-B", str(folder), "-G", "Ninja"]
     defined = [f"-DPython_EXECUTABLE={sys.executable}", "-DSKBUILD_PROJECT_VERSION=0.0.0"]
-    commands = [[*configure, *defined, *options], ["cmake", "--build", str(folder), f"-j{jobs}"]]
-    for command in commands[(folder / "build.ninja").is_file() :]:
-        run = subprocess.run(command, capture_output=True, text=True, check=False)
-        if run.returncode:
-            return (run.stdout + run.stderr)[-2000:]
-    for module in folder.glob("*.so"):
-        shutil.copy2(module, tree / "granpinn")
-    return ""
+    return _error([*command, *defined, *options])
+
+
+def make(tree: Path, folder: Path, jobs: int = 1) -> str:
+    """Builds what changed and copies the modules to the tree. The error, or ""."""
+    error = _error(["ninja", "-C", str(folder), f"-j{jobs}"])
+    if not error:
+        for module in folder.glob("*.so"):
+            shutil.copy2(module, tree / "granpinn")
+    return error
+
+
+def _error(command: Sequence[str]) -> str:
+    """The end of what a command wrote, if it fails; else ""."""
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    output = (run.stdout + run.stderr)[-2000:]
+    return (output or f"exit code {run.returncode}") if run.returncode else ""
 
 
 def pytest(

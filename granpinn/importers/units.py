@@ -43,7 +43,6 @@ def _registry() -> Any:
     registry.define("px = [px_length] = pixel = pixels = Pixel = pix")
     registry.define("frame = [frame_count] = frames = fr")
     registry.define("fps = frame / second")
-    registry.define("gravity_of_earth = 9.80665 m/s^2")
     return registry
 
 

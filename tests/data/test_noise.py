@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, add_noise, check_flow
+from granpinn.data import Flow, add_noise, check_flow, known_sd
 from granpinn.data.noise import max_speed
 from tests.flows import make_flow
 
@@ -113,3 +113,11 @@ def test_refuses_a_wrong_size(sd: float) -> None:
 def test_refuses_a_wrong_seed(seed: int) -> None:
     with pytest.raises(ValueError, match="seed of the noise"):
         add_noise(FLOW, 0.1, seed)
+
+
+def test_known_noise_is_the_mean_over_both_components() -> None:
+    assert known_sd(replace(FLOW, sigma_u=0.3, sigma_v=0.3)) == pytest.approx(0.3)
+    assert known_sd(replace(FLOW, sigma_u=0.1, sigma_v=0.7)) == pytest.approx(0.5)
+    of_each = np.where(FLOW.valid, 0.2, 9.0).astype(np.float32)  # nothing is known outside
+    assert known_sd(replace(FLOW, sigma_u=of_each, sigma_v=of_each)) == pytest.approx(0.2)
+    assert known_sd(replace(FLOW, sigma_u=None, sigma_v=None)) == 0

@@ -266,3 +266,9 @@ def test_a_table_that_breaks_a_rule_is_refused(
     (tmp_path / "table.json").write_text(json.dumps(content), encoding="utf-8")
     with pytest.raises(ValueError, match=sentence):
         calibration.load(tmp_path / "table.json")
+
+
+def test_known_noise_is_no_error_of_the_fit() -> None:
+    """A misfit of the size of the noise leaves the part of the noise that the fit follows."""
+    at_noise = Residuals(CLEAN, velocity=0.1, noise=0.1)
+    assert of_law.velocity_error(at_noise, TABLE) == pytest.approx(0.1 * TABLE.noise_part)

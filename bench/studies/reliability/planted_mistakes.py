@@ -2,9 +2,11 @@
 
     python -m bench.studies.reliability.planted_mistakes --jobs 16 --out FILE
 
-Each worker has a copy of the repository and builds it there. Tests that fail without a mistake are
-left out. The record has a row for each mistake, with the test that caught it (null for a survivor).
-Exit code 1: a mistake survived. `--cuda` adds the mistakes that only a GPU can show.
+The repository is copied and built once; each mistake gets a copy of that, compiles what it changes,
+and runs the tests of its area, then all tests. A test counts if it passes without the mistake. The
+record has a row for each mistake, with the test that caught it (null for a survivor); rows of an
+earlier record in FILE stay unless they are tried again. Exit code 1: a mistake survived, 2: the
+build failed. `--cuda` adds the mistakes that only a GPU can show.
 """
 
 from __future__ import annotations
@@ -18,16 +20,17 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
-from bench import copied_tree
+from bench import copied_tree, movable_build
 from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
-from bench.studies.reliability.record import Record, command_of
+from bench.studies.reliability.record import Record, command_of, read
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
 QUICK, WHOLE = 900.0, 3600.0  # seconds for some folders, for the suite
+ENOUGH = 5  # failures that end a run of the tests, once some failed anyway
 ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 # The test of the table sees every planted mistake, and compiling alone takes minutes.
 IGNORED = [
@@ -59,118 +62,141 @@ def planted(tree: Path, mistake: Mistake) -> Iterator[None]:
         path.write_text(text)
 
 
-class Worker:
-    """A copy of the repository with a build of its own."""
+@dataclass(frozen=True)
+class Trial:
+    """What the trials of all mistakes share.
 
-    def __init__(self, folder: Path, options: Sequence[str], threads: int) -> None:
-        self.tree, self.cmake = folder / "tree", folder / "cmake"
-        self.options, self.threads = options, threads
-        self.outdated = False  # the modules have the mistake of before
-        copied_tree.copy_tree(self.tree)
+    Attributes:
+        base: the folder of the build without a mistake.
+        quick: run the tests of the mistake's area alone.
+        threads: compile so many files at once.
+    """
 
-    def build(self) -> str:
-        return copied_tree.build(self.tree, self.cmake, self.options, self.threads)
+    base: Path
+    quick: bool
+    threads: int
 
-    def try_out(self, number: int, mistake: Mistake, left_out: Sequence[str]) -> dict[str, Any]:
-        """Plants a mistake, builds, and runs tests until one fails."""
+    def row(self, number: int, mistake: Mistake) -> dict[str, Any]:
+        """Plants a mistake in a copy, builds, and runs tests until some fail."""
         begin = time.monotonic()
-        with planted(self.tree, mistake):
-            rebuild = mistake.compiled or self.outdated
-            caught = "the compiler" if rebuild and self.build() else ""
-            self.outdated = mistake.compiled
-            caught = caught or self._catch(mistake, left_out)
+        tests = [TESTS[mistake.area], *([] if self.quick else [["tests"]])]
+        with tempfile.TemporaryDirectory(dir=self.base.parent) as parent:
+            folder = Path(parent) / "copy"
+            movable_build.copy(self.base, folder)
+            with planted(folder / "tree", mistake):
+                error = mistake.compiled and movable_build.rebuild(folder, self.threads)
+                caught = "the compiler" if error else ""
+                for paths in tests:
+                    caught = caught or self._catch(folder / "tree", paths)
         return {
             "id": number,
-            "file": mistake.file,
-            "area": mistake.area,
-            "kind": mistake.kind,
-            "old": mistake.old,
-            "new": mistake.new,
+            **asdict(mistake),
+            "tests": [path for paths in tests for path in paths],
             "caught_by": caught or None,
             "seconds": round(time.monotonic() - begin, 1),
         }
 
-    def _catch(self, mistake: Mistake, left_out: Sequence[str]) -> str:
-        deselected = [f"--deselect={test}" for test in left_out]
-        for paths, limit in ((TESTS[mistake.area], QUICK), (["tests"], WHOLE)):
+    def _catch(self, tree: Path, paths: Sequence[str]) -> str:
+        """The first test that fails with the mistake alone, or ""."""
+        left_out: list[str] = []
+        while True:
+            options = [*IGNORED, f"--maxfail={ENOUGH if left_out else 1}"]
+            deselected = [f"--deselect={test}" for test in left_out]
+            limit = WHOLE if "tests" in paths else QUICK
             code, output = copied_tree.pytest(
-                self.tree, ["-x", *IGNORED, *deselected, *paths], limit, ONE_THREAD
+                tree, [*options, *deselected, *paths], limit, ONE_THREAD
             )
-            if code:
-                found = FAILED.search(output)
-                return found[1] if found else f"{' '.join(paths)}: exit code {code}"
-        return ""
+            failed = FAILED.findall(output)
+            if not failed:
+                return f"{' '.join(paths)}: exit code {code}" if code else ""
+            anyway = failing(self.base / "tree", failed)
+            if healthy := [test for test in failed if test not in anyway]:
+                return str(healthy[0])
+            left_out += failed
 
 
-def failing(tree: Path, path: str) -> list[str]:
-    """The tests of a path that fail without a mistake, as those that need an installed command."""
-    code, output = copied_tree.pytest(tree, [*IGNORED, path], WHOLE, ONE_THREAD)
-    if code not in (0, 1, 5):  # 5: no test there
-        raise RuntimeError(f"{path} must run without a mistake, got:\n{output[-2000:]}")
-    return FAILED.findall(output)
+def failing(tree: Path, tests: Sequence[str]) -> list[str]:
+    """The tests that fail without a mistake too, as those that need an installed command."""
+    code, output = copied_tree.pytest(tree, tests, WHOLE, ONE_THREAD)
+    if code == 4:  # the name of a parameter was not found again
+        functions = sorted({test.partition("[")[0] for test in tests})
+        _, output = copied_tree.pytest(tree, functions, WHOLE, ONE_THREAD)
+    return [found[1] for found in FAILED.finditer(output)]
 
 
-def chosen(cuda: bool, only: Sequence[str]) -> list[tuple[int, Mistake]]:
-    """The mistakes with their numbers; `only`: beginnings of paths."""
+def chosen(cuda: bool, only: Sequence[str], ids: Sequence[int]) -> list[tuple[int, Mistake]]:
+    """The mistakes with their numbers, compiled ones first; `only`: beginnings of paths."""
     rows = [(i, m) for i, m in enumerate(MISTAKES) if cuda or not m.needs_gpu]
-    return [(i, m) for i, m in rows if not only or m.file.startswith(tuple(only))]
+    rows = [(i, m) for i, m in rows if not only or m.file.startswith(tuple(only))]
+    rows = [(i, m) for i, m in rows if not ids or i in ids]
+    return sorted(rows, key=lambda row: not row[1].compiled)
+
+
+def earlier(path: Path) -> dict[int, dict[str, Any]]:
+    """The rows of a record by their numbers, without those that the table has changed since."""
+    if not path.is_file():
+        return {}
+    rows = {int(row["id"]): row for row in read(path)["details"]["mistakes"]}
+    return {
+        i: row
+        for i, row in rows.items()
+        if i < len(MISTAKES) and asdict(MISTAKES[i]).items() <= row.items()
+    }
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="JSON file, written as it goes")
-    parser.add_argument("--jobs", type=int, default=1, help="copies that work side by side")
+    parser.add_argument("--jobs", type=int, default=1, help="mistakes tried side by side")
     parser.add_argument("--cuda", action="store_true", help="build for GPUs, with their mistakes")
     parser.add_argument("--only", nargs="*", default=[], help="files: beginnings of their paths")
-    parser.add_argument("--left-out", nargs="*", help="tests that fail anyway; tried if not given")
+    parser.add_argument("--ids", nargs="*", type=int, default=[], help="numbers of mistakes")
+    parser.add_argument("--quick", action="store_true", help="the tests of the area alone")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="begin none after this")
     arguments = parser.parse_args()
-    rows = chosen(arguments.cuda, arguments.only)
-    options = [f"-DGRANPINN_CUDA={'on' if arguments.cuda else 'off'}"]
-    found: list[dict[str, Any]] = []
+    rows = chosen(arguments.cuda, arguments.only, arguments.ids)
+    found = earlier(arguments.out)
     begin = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
+    tried: list[dict[str, Any]] = []
+
+    with tempfile.TemporaryDirectory() as parent:
+        base = Path(parent).resolve() / "base"
+        options = [f"-DGRANPINN_CUDA={'on' if arguments.cuda else 'off'}"]
+        if any(mistake.compiled for _, mistake in rows):
+            error = movable_build.build(base, options, arguments.jobs)
+            if error:
+                print(f"planted_mistakes: the build failed:\n{error}", file=sys.stderr)
+                return 2
+        else:
+            copied_tree.copy_tree(base / "tree")
+        print(f"ready to plant after {time.monotonic() - begin:.0f} s", flush=True)
         count = max(1, min(arguments.jobs, len(rows)))
-        threads = max(1, arguments.jobs // count)
-        idle: SimpleQueue[Worker] = SimpleQueue()
-        workers = [Worker(Path(folder) / str(i), options, threads) for i in range(count)]
+        trial = Trial(base, arguments.quick, max(1, arguments.jobs // count))
+
+        def work(number: int, mistake: Mistake) -> dict[str, Any] | None:
+            late = time.monotonic() - begin > arguments.seconds
+            return None if late else trial.row(number, mistake)
+
         with ThreadPoolExecutor(count) as pool:
-            if any(m.compiled for _, m in rows):
-                for error in pool.map(Worker.build, workers):
-                    if error:
-                        print(f"planted_mistakes: the build failed:\n{error}", file=sys.stderr)
-                        return 2
-            left_out = arguments.left_out
-            if left_out is None:
-                tests = (workers[0].tree / "tests").iterdir()
-                paths = sorted(f"tests/{p.name}" for p in tests if p.is_dir() or "test_" in p.name)
-                broken = pool.map(lambda path: failing(workers[0].tree, path), paths)
-                left_out = [test for part in broken for test in part]
-            print(f"left out, because they fail anyway: {left_out}", flush=True)
-            for worker in workers:
-                idle.put(worker)
-
-            def work(number: int, mistake: Mistake) -> dict[str, Any]:
-                worker = idle.get()
-                try:
-                    return worker.try_out(number, mistake, left_out)
-                finally:
-                    idle.put(worker)
-
             for done in as_completed([pool.submit(work, *row) for row in rows]):
-                found.append(done.result())
-                print(json.dumps(found[-1]), flush=True)
-                record_of(found, time.monotonic() - begin).write(arguments.out)
-    survivors = [row for row in found if not row["caught_by"]]
-    print(f"{len(found) - len(survivors)} of {len(found)} mistakes caught")
+                if row := done.result():
+                    tried.append(row)
+                    found[row["id"]] = row
+                    print(json.dumps(row), flush=True)
+                    record_of(list(found.values())).write(arguments.out)
+    survivors = [row["id"] for row in tried if not row["caught_by"]]
+    print(f"{len(tried)} of {len(rows)} mistakes tried, survivors: {survivors}")
     return int(bool(survivors))
 
 
-def record_of(rows: Sequence[dict[str, Any]], seconds: float) -> Record:
-    """The record of the mistakes tried so far."""
+def record_of(rows: Sequence[dict[str, Any]]) -> Record:
+    """The record of the mistakes tried so far; its time is that of all trials."""
+    seconds = sum(float(row["seconds"]) for row in rows)
     record = Record("V-4", command_of("bench.studies.reliability.planted_mistakes"), seconds)
-    for row in sorted(rows, key=lambda row: int(row["id"])):
+    rows = sorted(rows, key=lambda row: int(row["id"]))
+    for row in rows:
         record.add("caught" if row["caught_by"] else "survived", None if row["caught_by"] else row)
-    record.details = {"of": len(MISTAKES), "mistakes": list(rows)}
+    record.details = {"of": len(MISTAKES), "mistakes": rows}
     return record
 
 
