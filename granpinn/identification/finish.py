@@ -17,7 +17,14 @@ from granpinn.identification import conclusion, prediction, simulated_fields
 from granpinn.identification.case import Case, Model
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
-from granpinn.results import Fields, NotDone, Result, write_csv, write_fields
+from granpinn.results import (
+    Fields,
+    NotDone,
+    Result,
+    append_variable,
+    write_csv,
+    write_fields,
+)
 from granpinn.results.attempt import (
     FIELDS,
     SCORES,
@@ -111,7 +118,7 @@ def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Execu
     result, maps = (lacking(result, found), None) if isinstance(found, NotDone) else found
     if folder is not None:
         if keep_fields and maps is not None:
-            write_fields(maps, folder / "fields.h5")
+            append_variable(maps, "p_simulated", folder / "fields.h5")
         _write_values(result, folder)
     return result
 

@@ -6,7 +6,13 @@ bars, verdict), findings (checks and simulations), result (all of it, and result
 results_csv, fields.
 """
 
-from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
+from granpinn.results.fields import (
+    Fields,
+    FieldsFileError,
+    append_variable,
+    read_fields,
+    write_fields,
+)
 from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
 from granpinn.results.records import NotDone, Zones
@@ -44,6 +50,7 @@ __all__ = [
     "ResultsFileError",
     "Timing",
     "Zones",
+    "append_variable",
     "from_dict",
     "number",
     "plain",

@@ -7,6 +7,7 @@ a run folder can be read and drawn without its input.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -129,20 +130,32 @@ def write_fields(fields: Fields, path: str | Path) -> None:
             _describe(axes[-1], fields.units.of(kind), None)
             axes[-1].make_scale(name)
         for name in ("c", *(name for name in VARIABLES if name in fields.values)):
-            kind, long_name = VARIABLES.get(name, ("number", "volume fraction of grains"))
-            dataset = file.create_dataset(
-                name,
-                shape=fields.shape,
-                dtype=np.float32,
-                chunks=(1, fields.y.size, fields.x.size),
-                compression="gzip",
-                shuffle=True,
-            )
-            _describe(dataset, fields.units.of(kind), long_name)
-            for dimension, axis in zip(dataset.dims, axes, strict=True):
-                dimension.attach_scale(axis)
-            for k in range(fields.t.size):
-                dataset[k] = fields.c[k] if name == "c" else fields.frame(name, k)
+            _write_variable(file, fields, name, axes)
+
+
+def append_variable(fields: Fields, name: str, path: str | Path) -> None:
+    """Append one variable to the fields.h5 that holds all others of `fields`."""
+    with hdf5_file(path, extend=True) as file:
+        _write_variable(file, fields, name, [file[axis] for axis in "tyx"])
+
+
+def _write_variable(
+    file: h5py.File, fields: Fields, name: str, axes: Sequence[h5py.Dataset]
+) -> None:
+    kind, long_name = VARIABLES.get(name, ("number", "volume fraction of grains"))
+    dataset = file.create_dataset(
+        name,
+        shape=fields.shape,
+        dtype=np.float32,
+        chunks=(1, fields.y.size, fields.x.size),
+        compression="gzip",
+        shuffle=True,
+    )
+    _describe(dataset, fields.units.of(kind), long_name)
+    for dimension, axis in zip(dataset.dims, axes, strict=True):
+        dimension.attach_scale(axis)
+    for k in range(fields.t.size):
+        dataset[k] = fields.c[k] if name == "c" else fields.frame(name, k)
 
 
 def _describe(dataset: h5py.Dataset, unit: str | None, long_name: str | None) -> None:

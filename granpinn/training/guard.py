@@ -68,15 +68,21 @@ class Signals:
 
 @contextmanager
 def signals() -> Iterator[Signals]:
-    """Catch SIGINT and SIGTERM inside the block; outside the main thread nothing is caught."""
+    """Catch SIGINT and SIGTERM inside the block, unless they are ignored.
+
+    Outside the main thread nothing is caught.
+    """
     caught = Signals()
     if threading.current_thread() is not threading.main_thread():
         yield caught
         return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    previous = [signal.signal(number, caught.handle) for number in numbers]
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    # A signal that is ignored stays so: with nohup, and for jobs in the background of a script.
+    before = {n: h for n, h in before.items() if h is not None and h is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, caught.handle)
     try:
         yield caught
     finally:
-        for number, handler in zip(numbers, previous, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)

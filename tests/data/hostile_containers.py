@@ -22,7 +22,14 @@ def make_outside(folder: Path, like: h5py.Dataset) -> Path:
     return path
 
 
-def _new(file: h5py.File, name: str, plan: object, shape: tuple[int, ...], kind: object) -> None:
+def _new(
+    file: h5py.File,
+    name: str,
+    plan: object,
+    shape: tuple[int, ...],
+    kind: object,
+    grows: bool = False,
+) -> None:
     """The dataset made anew with a property list, with its attributes but no data."""
     attributes = {
         key: file[name].attrs[key]
@@ -31,7 +38,7 @@ def _new(file: h5py.File, name: str, plan: object, shape: tuple[int, ...], kind:
     }
     scales = [[*dim.values()] for dim in file[name].dims] if file[name].ndim else []
     del file[name]
-    space = h5py.h5s.create_simple(shape)
+    space = h5py.h5s.create_simple(shape, (h5py.h5s.UNLIMITED,) * len(shape) if grows else None)
     h5py.h5d.create(file.id, name.encode(), kind, space, plan)
     for key, value in attributes.items():
         file[name].attrs[key] = value
@@ -95,6 +102,17 @@ def _declared(file: h5py.File, name: str) -> None:
     _gzip(file, name, bytes(1000), rows // file[name].shape[0])
 
 
+def _huge_chunk(file: h5py.File, name: str) -> None:
+    """A few values in one chunk that unpacks to 96 MiB of zeros, as declared."""
+    plan, shape, kind = _plan(), file[name].shape, file[name].id.get_type()
+    rows = 96 * 2**20 // (kind.get_size() * math.prod(shape[1:]))
+    plan.set_chunk((rows, *shape[1:]))
+    plan.set_deflate(1)
+    _new(file, name, plan, shape, kind, grows=True)
+    content = bytes(rows * kind.get_size() * math.prod(shape[1:]))
+    file[name].id.write_direct_chunk((0,) * len(shape), zlib.compress(content, 9))
+
+
 # What is done to a dataset, and a part of the message.
 ATTACKS: dict[str, tuple[Callable[[h5py.File, str], object], str]] = {
     "virtual dataset": (_virtual, "virtual or external storage"),
@@ -105,6 +123,7 @@ ATTACKS: dict[str, tuple[Callable[[h5py.File, str], object], str]] = {
     "short chunk": (lambda f, n: _gzip(f, n, b"abc"), "must have chunks of .* got one of 3"),
     "long chunk": (lambda f, n: _gzip(f, n, bytes(2**27)), "must have chunks of .* got one of m"),
     "short chunk of 3.9 GiB": (_declared, "must hold at most|must have chunks of|must be \\("),
+    "huge chunk of few values": (_huge_chunk, "no larger than its data, got chunks"),
     "lzf": (_lzf, "gzip, shuffle and fletcher32 only"),
     "filter of a plugin": (_plugin, "gzip, shuffle and fletcher32 only"),
 }

@@ -160,3 +160,18 @@ def test_outside_the_main_thread_nothing_is_caught() -> None:
     thread.start()
     thread.join()
     assert received == [None]
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_an_ignored_signal_stays_ignored(signum: signal.Signals) -> None:
+    before = signal.signal(signum, signal.SIG_IGN)
+    try:
+        with signals() as caught:
+            signal.raise_signal(signum)
+            assert caught.received is None
+            other = signal.SIGTERM if signum == signal.SIGINT else signal.SIGINT
+            signal.raise_signal(other)
+            assert caught.received == other
+        assert signal.getsignal(signum) is signal.SIG_IGN
+    finally:
+        signal.signal(signum, before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from pathlib import Path
 from random import Random
@@ -56,8 +57,10 @@ def _edit(file: h5py.File, draw: Random) -> None:
     def visit(name: str, node: Any) -> None:
         objects.append(name)
         # What an edit before has made huge stays as it is: it would take minutes to fill.
-        if isinstance(node, h5py.Dataset) and (node.size or 0) * node.dtype.itemsize <= MOST:
-            datasets.append(name)
+        if isinstance(node, h5py.Dataset):
+            size = max(node.size or 0, math.prod(node.chunks or ()))
+            if size * node.dtype.itemsize <= MOST:
+                datasets.append(name)
 
     file.visititems(visit)
     if "u" in datasets and draw.random() < 0.2:

@@ -19,6 +19,7 @@ from h5py import h5z
 from granpinn.data.regular import UnsafeFileError
 
 MAX_CHUNKS = 1_000_000
+LARGE_CHUNK = 2**26  # bytes; a chunk above it may not be larger than the data
 _FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
 _CHECKSUM_BYTES = 4
 _MODULUS = 0xFFFF  # of both sums of fletcher32
@@ -64,6 +65,11 @@ class Chunks:
             raise UnsafeFileError(
                 f"{self._name} must be stored with gzip, shuffle and fletcher32 only, each at "
                 f"most once, got the filters {self._filters}: write it again with gzip"
+            )
+        if self._bytes > max(math.prod(shape) * self._dtype.itemsize, LARGE_CHUNK):
+            raise UnsafeFileError(
+                f"{self._name} must be stored in chunks that are no larger than its data, got "
+                f"chunks {list(chunk)} for values {list(shape)}: write it in chunks of whole frames"
             )
         stored: list[Any] = []
         self._dataset.chunk_iter(stored.append)
