@@ -38,12 +38,13 @@ static int below(const char *path) {
   return path != NULL && strncmp(path, folder, n) == 0 && (path[n] == 0 || path[n] == '/');
 }
 
+/* The path of an open file; NULL for pipes, event counters and the like. */
 static const char *path_of(int file, char *path) {
   char link[64];
   snprintf(link, sizeof link, "/proc/self/fd/%d", file);
   ssize_t n = readlink(link, path, PATH_MAX - 1);
   path[n < 0 ? 0 : n] = 0;
-  return path;
+  return path[0] == '/' ? path : NULL;
 }
 
 /* Counts a call; whether it must fail. `bytes` is what it would add to the disk. */
