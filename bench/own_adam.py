@@ -29,7 +29,7 @@ class OwnAdam:
     def __init__(self, params: Tensor, theta: Tensor) -> None:
         self.params, self.theta = params.view(-1, params.shape[-1]), theta.view(-1, 3)
         E = len(self.params)
-        control = ControlTable([1.0] * E, Config(), params.device)
+        control = ControlTable([lambda _: 1.0] * E, Config(), params.device)
         control.table.fill_(1)
         control.table[:, 1] = 0  # no running average
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)

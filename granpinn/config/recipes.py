@@ -6,13 +6,6 @@ from typing import Any
 
 from granpinn.physics import terms
 
-# For much noise: fewer unknowns and larger batches, at half the cost (bench/studies/noise).
-NOISY: dict[str, Any] = {
-    "network.widths": (64, 64, 64, 64),
-    "batch.interior": 4096,
-    "batch.surface": 512,
-    "batch.collocation": 0.0,
-}
 # The paper to the letter: section Training; where it is silent, what its library does by default
 # (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
 # unit weights in the units of the data, no scaling of inputs and outputs).
@@ -27,7 +20,7 @@ PAPER: dict[str, Any] = {
     "rheology.variables": "sigmoid",
     "rheology.random_start": True,
     "weights.units": "file",
-    "weights.noise_part": 0.0,
+    "weights.follow_noise": False,
     **{f"weights.sigma_{name}": 1.0 for name in terms.NAMES},
     "batch.interior": 512,
     "batch.surface": 512,
@@ -44,4 +37,4 @@ PAPER: dict[str, Any] = {
     "optimizer.epsilon": 1e-7,
     "optimizer.last_layer": False,
 }
-RECIPES: dict[str, dict[str, Any]] = {"default": {}, "noisy": NOISY, "paper": PAPER}
+RECIPES: dict[str, dict[str, Any]] = {"default": {}, "paper": PAPER}

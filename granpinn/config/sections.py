@@ -67,20 +67,13 @@ _Sigmas: Any = make_dataclass(
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
-    units: Literal["dimensionless", "file"] = setting(
-        "dimensionless", "units of the sigmas: dimensionless, or those of the flow file"
+    units: Literal["flow", "dimensionless", "file"] = setting(
+        "flow",
+        "units of the sigmas: those of the flow (velocity: its rms speed, strain rates: its rms "
+        "shear rate, the others dimensionless), dimensionless, or those of the flow file",
     )
-    noise_part: float = setting(
-        0.045,
-        "sigma_velocity rises to at least this part of the misfit left by the pre-fit",
-        low=0,
-        high=1,
-    )
-    noise_rise: float = setting(
-        0.6,
-        "part of the stage after the pre-fit in which sigma_velocity rises",
-        low=1e-6,
-        high=1,
+    follow_noise: bool = setting(
+        True, "raise sigma_velocity with the noise that is measured in the vectors"
     )
 
     def sigma(self, term: str) -> float:
@@ -96,7 +89,8 @@ class Batch:
     surface: int = setting(128, "points on the free surface", low=0, high=2**31)
     collocation: float = setting(
         1.0,
-        "random points between the vectors of a grid, for the equations alone, per vector",
+        "random points between the vectors of a grid, for the equations alone, per vector; more "
+        "where vectors are few",
         low=0,
         high=100,
     )

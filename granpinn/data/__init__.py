@@ -3,6 +3,7 @@
 from granpinn.data.collocation import with_collocation
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
 from granpinn.data.noise import add_noise, known_sd, redraw
+from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
@@ -27,5 +28,6 @@ __all__ = [
     "test_grid",
     "training_set",
     "with_collocation",
+    "with_partial_cells",
     "write_flow",
 ]

@@ -21,6 +21,7 @@ from granpinn.data import (
     redraw,
     training_set,
     with_collocation,
+    with_partial_cells,
 )
 from granpinn.data.scaling import scales_of
 from granpinn.inspection.slips import refuse_slips
@@ -38,7 +39,8 @@ class Case:
 
     Attributes:
         config: with the seed and the I0 of this case.
-        seen: the flow that training uses: with added noise, without the true values.
+        seen: the flow that training uses: with added noise and its partly filled cells under the
+            surface, without the true values.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
         redrawn: whether a second draw of the known noise was added to its data.
     """
@@ -91,6 +93,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
     scales = scales_of(seen)
+    seen = with_partial_cells(seen)
     data = training_data(seen, scales, config)
     posed = problem.build(seen, scales, data, config)
     law = LAWS[config.law]

@@ -9,8 +9,8 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
-from granpinn.inspection.gradients import Gradients
-from granpinn.inspection.view import View
+from granpinn.estimates.gradients import Gradients
+from granpinn.estimates.view import View
 
 # Between two frames the fastest grains should move less than this, in units of H0: the shear
 # layers of a collapse are about ten times thicker.

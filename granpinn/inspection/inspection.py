@@ -13,13 +13,13 @@ from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.gradients import Gradients, gradients
+from granpinn.estimates.noise import Noise, grid_noise, noise_map, particle_noise, particle_vectors
+from granpinn.estimates.view import View, view_of
 from granpinn.inspection.checks import Counts, Motion, counts, motion
-from granpinn.inspection.gradients import Gradients, gradients
-from granpinn.inspection.noise import Noise, grid_noise, noise_map, particle_noise
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.slips import Slip, slips
-from granpinn.inspection.view import View, view_of
 from granpinn.physics.scales import Scales
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
@@ -189,12 +189,10 @@ def _noise(flow: Flow, scales: Scales, view: View) -> tuple[Noise, Float64]:
     """The noise, and its map [Y, X]."""
     if flow.particles is None:
         return grid_noise(view), noise_map(view)
-    p = flow.particles
-    points = scales.points_to_dimensionless(p.x, p.y, p.t)
-    velocity = [scales.to_dimensionless(a.astype(np.float64), "velocity") for a in (p.u, p.v)]
-    noise, where, local = particle_noise(points[:, 2], points[:, 0], points[:, 1], *velocity)
-    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, points[where, 1])
-    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, points[where, 0])
+    vectors = particle_vectors(flow.particles, scales)
+    noise, where, local = particle_noise(*vectors)
+    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, vectors[2][where])
+    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, vectors[1][where])
     shape = view.count.shape[1:]
     place = np.ravel_multi_index((rows, columns), shape)
     n = np.bincount(place, minlength=shape[0] * shape[1])

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.inspection.gradients import Gradients
-from granpinn.inspection.view import View
+from granpinn.estimates.gradients import Gradients
+from granpinn.estimates.view import View
 from granpinn.physics.axes import vertical_coordinate
 
 # Least pressure, as a part of the weight of half a cell or half a grain.

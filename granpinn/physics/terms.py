@@ -19,7 +19,8 @@ class Term:
         name: in settings (`--weights.sigma_<name>`), history.csv and results.json.
         label: short, for the line that a run shows.
         quantity: physical quantity of the residual, which determines its unit.
-        sigma: its standard deviation by default, dimensionless; the term weighs 1/sigma^2.
+        sigma: its standard deviation by default, in units of the flow
+            (granpinn/training/tolerances.py); the term weighs 1/sigma^2.
         help: what the residual is, in words.
     """
 
@@ -31,12 +32,12 @@ class Term:
 
 
 TERMS: tuple[Term, ...] = (
-    Term("velocity", "vel", "velocity", 0.00316, "velocity that the network cannot resolve"),
+    Term("velocity", "vel", "velocity", 0.007, "velocity that the network cannot resolve"),
     Term("surface", "surf", "pressure", 0.002, "pressure on the free surface"),
     Term("momentum", "mom", "force", 0.05, "momentum residual"),
-    Term("continuity", "div", "rate", 0.158, "divergence of the velocity"),
+    Term("continuity", "div", "rate", 0.033, "divergence of the velocity"),
     Term(
-        "constitutive", "law", "rate", 0.158, "strain rate error in the friction law (mixed form)"
+        "constitutive", "law", "rate", 0.0165, "strain rate error in the friction law (mixed form)"
     ),
 )
 

@@ -8,7 +8,7 @@ number that a later step changes.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +16,9 @@ import torch
 
 from granpinn.arrays import Float64
 from granpinn.config import Config
-from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
 
+VelocityFactor = Callable[[float], float]  # of the misfit after the pre-fit
 ROWS = 256
 HEALTHY = torch.iinfo(torch.int64).max
 FAULTS = (
@@ -49,7 +49,7 @@ class ControlTable:
     """Tensors on the device that control the steps of E members.
 
     Args:
-        velocity_weights: 1/sigma^2 of the velocity term of every member.
+        velocity_factors: of every member, `Problem.velocity_factor`.
 
     Attributes:
         table: [ROWS, 2 + E] float64: factor on the learning rates, weight of the parameters in
@@ -61,15 +61,15 @@ class ControlTable:
     """
 
     def __init__(
-        self, velocity_weights: Sequence[float], config: Config, device: torch.device
+        self, velocity_factors: Sequence[VelocityFactor], config: Config, device: torch.device
     ) -> None:
-        E = len(velocity_weights)
+        E = len(velocity_factors)
         self.table = torch.zeros(ROWS, 2 + E, dtype=torch.float64, device=device)
         self.counter = torch.zeros(3, dtype=torch.int64, device=device)
         self.lr_scale = torch.ones(E, dtype=torch.float64, device=device)
         self.fault = torch.full((E,), HEALTHY, dtype=torch.int64, device=device)
         self.stretch = min(ROWS, config.log_every)
-        self._settings, self._velocity_weights = config.weights, list(velocity_weights)
+        self._velocity_factors = list(velocity_factors)
         self._loaded: tuple[object, ...] | None = None  # inputs of the rows on the device
         self._first = self._next = 0  # step of the first row, and step of the counter
         self._rows = np.empty((0, 2 + E))
@@ -101,17 +101,16 @@ class ControlTable:
         """The rows [stretch, 2 + E] from `at` on; those of the last call are kept."""
         if self._ahead is not None and self._ahead[0] == at:
             return self._ahead[1]
-        rows, averaged = np.ones((self.stretch, 2 + len(self._velocity_weights))), at.averaged
+        rows, averaged = np.ones((self.stretch, 2 + len(self._velocity_factors))), at.averaged
+        pairs = zip(self._velocity_factors, at.misfit, strict=True)
+        factors = [factor(misfit) for factor, misfit in pairs]
         for step, row in enumerate(rows, start=at.step):
             row[0] = at.schedule.learning_rate(step)
             averages = at.schedule.averages(step)
             averaged += averages
             row[1] = 1 / averaged if averages else 0.0
             if not at.schedule.in_prefit(step):
-                done, _ = at.schedule.stage(step)
-                row[2:] = velocity_relaxation(
-                    self._settings, self._velocity_weights, at.misfit, done
-                )
+                row[2:] = factors
         self._ahead = (at, rows)
         return rows
 

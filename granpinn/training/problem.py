@@ -9,18 +9,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from granpinn.arrays import Float64
-from granpinn.config import Config, Weights
+from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
-from granpinn.physics.terms import TERMS
+from granpinn.training.tolerances import magnitudes_of, sigmas_of
 
 
 @dataclass(frozen=True)
@@ -31,12 +27,27 @@ class Problem:
         spec: widths, input map and form of the network.
         term_weights: 1/sigma^2 of each of the `TERMS`.
         mean_length: of the mean strain rate of shear bands (`equations.py`).
+        noise, noise_share: of the vectors (`tolerances.py`).
     """
 
     spec: NetworkSpec
     physics: Physics
     term_weights: list[float]
     mean_length: float
+    noise: float = 0.0
+    noise_share: float = 1.0
+
+    def velocity_factor(self, misfit: float) -> float:
+        """Factor on the weight of the velocity after the pre-fit, 1 for clean data.
+
+        The noise counts as at most the misfit of the pre-fit. It is smaller than the measured noise
+        where frames are too far apart for a measurement, and the network still fits the vectors.
+
+        Args:
+            misfit: rms misfit of one velocity component after the pre-fit; 0: unknown.
+        """
+        sigma = self.noise_share * min(self.noise, misfit or math.inf)
+        return max(1.0, sigma * math.sqrt(self.term_weights[0])) ** -2
 
 
 def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
@@ -66,33 +77,14 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
     smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
-    return Problem(spec, physics, _term_weights(config, scales), smallest / scales.length)
-
-
-def _term_weights(config: Config, scales: Scales) -> list[float]:
-    """1/sigma^2 of every term, dimensionless."""
-    sigmas = [config.weights.sigma(term.name) for term in TERMS]
-    if config.weights.units == "file":
-        pairs = zip(sigmas, TERMS, strict=True)
-        sigmas = [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
-    return [sigma**-2 for sigma in sigmas]
-
-
-def velocity_relaxation(
-    settings: Weights, weight: npt.ArrayLike, misfit: npt.ArrayLike, done: float
-) -> Float64:
-    """Factor on the weight of the velocity term of noisy data, 1 for clean data.
-
-    sigma_velocity is the velocity that the network cannot resolve. For noisy data it is too small:
-    the strain rate of the network then follows the noise. So sigma rises geometrically over the
-    first part `noise_rise` of the stage, to the part `noise_part` of the noise. The whole noise is
-    far too large: the friction law then distorts the velocity (bench/studies/noise).
-
-    Args:
-        weight: 1/sigma_velocity^2, of one or of many members.
-        misfit: rms misfit of one velocity component after the pre-fit, of the same members.
-        done: part of the stage after the pre-fit that is over, in [0, 1].
-    """
-    ratio = settings.noise_part * np.asarray(misfit) * np.sqrt(weight)
-    relaxation = np.maximum(1.0, ratio) ** (-2 * min(1.0, done / settings.noise_rise))
-    return np.asarray(relaxation, dtype=np.float64)
+    found = magnitudes_of(flow, scales)
+    weights = [sigma**-2 for sigma in sigmas_of(config, scales, found)]
+    follows = config.weights.follow_noise
+    return Problem(
+        spec,
+        physics,
+        weights,
+        smallest / scales.length,
+        noise=found.noise if follows else 0.0,
+        noise_share=found.share,
+    )

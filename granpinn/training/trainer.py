@@ -25,7 +25,6 @@ from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
-from granpinn.training.problem import velocity_relaxation
 from granpinn.training.schedule import Schedule
 from granpinn.training.state import TrainingState
 
@@ -66,8 +65,7 @@ class Trainer:
             [m.seed for m in members],
             self.params,
         )
-        weights = [m.problem.term_weights[0] for m in members]
-        self.control = ControlTable(weights, config, device)
+        self.control = ControlTable([m.problem.velocity_factor for m in members], config, device)
         self.optimizer = BatchOptimizer(
             self.params,
             self.law_variables,
@@ -249,10 +247,9 @@ class Trainer:
 
     def final_weights(self, member: int) -> list[float]:
         """1/sigma^2 of the terms at the end of the training."""
-        weights = list(self.objective.members[member].problem.term_weights)
-        settings, misfit = self.config.weights, self.misfit[member]
-        weights[0] *= float(velocity_relaxation(settings, weights[0], misfit, 1.0))
-        return weights
+        problem = self.objective.members[member].problem
+        velocity, *others = problem.term_weights
+        return [velocity * problem.velocity_factor(self.misfit[member]), *others]
 
     def solution(self, member: int = 0) -> tuple[Tensor, Tensor]:
         """params [P] and theta [N], after the last-layer step if there was one."""

@@ -13,7 +13,6 @@ from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import training_excess
 from granpinn.physics.laws import mu_of_i
 
-MUCH_NOISE = 0.1  # of the largest speed
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
 MANY_INVALID = 0.1
@@ -112,11 +111,6 @@ def _noise(found: Inspection) -> list[str]:
         lines.append(
             f"The file states a standard deviation that the vectors contradict: they scatter "
             f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."
-        )
-    if relative > MUCH_NOISE:
-        lines.append(
-            f"Noise is {relative:.0%} of the largest speed: --recipe noisy errs half as much then, "
-            "but has no error bars."
         )
     p, free = found.precision, found.law.friction_law.free
     excesses = {n: training_excess(n) * getattr(p, n) / GOOD for n in free} if p else {"": 0.0}

@@ -22,7 +22,7 @@ LIKE = torch.zeros(0, dtype=torch.float64)
 def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
     """One step of Adam, which in its first step moves by rate * sign(gradient)."""
     E = len(law.q)
-    control = ControlTable([1.0] * E, Config(), torch.device("cpu"))
+    control = ControlTable([lambda _: 1.0] * E, Config(), torch.device("cpu"))
     control.table[0, 0] = 1
     params = torch.zeros(E, 31, dtype=torch.float64)
     settings = Optimizer(scalars_learning_rate=rate, epsilon=1e-30)

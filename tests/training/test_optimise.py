@@ -37,7 +37,7 @@ class Updates:
         seeds = range(len(params))
         fixed = [{"I0": 0.3}] * len(params)
         self.law = LawVariables(DEFAULT, Rheology(), fixed, seeds, self.params)
-        self.control = ControlTable([1.0] * len(params), Config(), self.params.device)
+        self.control = ControlTable([lambda _: 1.0] * len(params), Config(), self.params.device)
         self.control.table.fill_(1)
         self.control.table[:, 1] = 0
         self.optimizer = BatchOptimizer(

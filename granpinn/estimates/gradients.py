@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Float64, Index
-from granpinn.inspection.view import View
+from granpinn.estimates.view import View
 
 LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
 # The window grows until the error of the shear rate is below this part of its rms.

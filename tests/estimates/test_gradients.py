@@ -7,10 +7,10 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.gradients import gradients
+from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
-from granpinn.inspection.gradients import gradients
 from granpinn.inspection.pressure import estimated_pressure
-from granpinn.inspection.view import view_of
 from tests.flows import make_flow
 
 

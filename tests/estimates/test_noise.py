@@ -8,9 +8,9 @@ import pytest
 from granpinn.data import Flow, Particles, add_noise, particle_flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.noise import grid_noise, noise_map, particle_noise
+from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
-from granpinn.inspection.noise import grid_noise, noise_map, particle_noise
-from granpinn.inspection.view import view_of
 
 TOLERANCE = 0.25  # what is promised
 

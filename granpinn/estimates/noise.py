@@ -25,7 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from granpinn.arrays import Float64, Index
-from granpinn.inspection.view import View
+from granpinn.data.flow import Flow, Particles
+from granpinn.estimates.view import View
+from granpinn.physics.scales import Scales
 
 ORDER = 3
 FEWEST = 50  # differences below which there is no estimate
@@ -55,6 +57,21 @@ class Noise:
     in_time: float | None
     in_space: float | None
     vectors_per_independent: float
+
+
+def noise_of(flow: Flow, scales: Scales, view: View) -> Noise:
+    """The noise of the vectors of a flow; `view` is that of the flow."""
+    if flow.particles is None:
+        return grid_noise(view)
+    return particle_noise(*particle_vectors(flow.particles, scales))[0]
+
+
+def particle_vectors(particles: Particles, scales: Scales) -> tuple[Float64, ...]:
+    """t, x, y, u, v of scattered vectors, dimensionless, [N] each."""
+    points = scales.points_to_dimensionless(particles.x, particles.y, particles.t)
+    velocity = [a.astype(np.float64) for a in (particles.u, particles.v)]
+    u, v = (scales.to_dimensionless(a, "velocity") for a in velocity)
+    return points[:, 2], points[:, 0], points[:, 1], u, v
 
 
 def grid_noise(view: View) -> Noise:

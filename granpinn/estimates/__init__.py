@@ -1,0 +1,1 @@
+"""What the vectors of a flow say by themselves: their noise and their slopes."""
