@@ -117,6 +117,7 @@ const Physics<T>& sound(const Physics<T>& c) {
                        " and ", c.eta_max);
   GRANPINN_CHECK_VALUE(c.pressure_floor >= 0,
                        "the floor of the pressure must not be negative, got ", c.pressure_floor);
+  GRANPINN_CHECK_VALUE(c.law_rate > 0, "law_rate must be positive, got ", c.law_rate);
   return c;
 }
 

@@ -6,6 +6,7 @@
 
 #include <c10/core/DeviceGuard.h>
 
+#include <limits>
 #include <tuple>
 
 #include "arguments.h"
@@ -35,6 +36,7 @@ struct ViscosityTensors {
     a.physics.eta_min = static_cast<T>(eta_min);
     a.physics.eta_max = static_cast<T>(eta_max);
     a.physics.pressure_floor = static_cast<T>(p_floor);
+    a.physics.law_rate = std::numeric_limits<T>::infinity();
     sound(a.physics);
     a.law = law;
     a.theta = theta.const_data_ptr<T>();

@@ -20,6 +20,7 @@ PAPER: dict[str, Any] = {
     "rheology.variables": "sigmoid",
     "rheology.random_start": True,
     "weights.units": "file",
+    "weights.law_error": 0.0,
     "weights.follow_noise": False,
     **{f"weights.sigma_{name}": 1.0 for name in terms.NAMES},
     "batch.interior": 512,

@@ -72,6 +72,13 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
         "units of the sigmas: those of the flow (velocity: its rms speed, strain rates: its rms "
         "shear rate, the others dimensionless), dimensionless, or those of the flow file",
     )
+    law_error: float = setting(
+        0.03,
+        "relative error of the friction law in fast grains: above the shear rate "
+        "sigma_constitutive / law_error, the law counts by its relative error; 0: nowhere",
+        low=0,
+        high=1,
+    )
     follow_noise: bool = setting(
         True, "raise sigma_velocity with the noise that is measured in the vectors"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -14,6 +15,7 @@ class Physics(NamedTuple):
         eta_min, eta_max: bounds of the viscosity.
         velocity_scale, pressure_scale: of the network's raw outputs.
         pressure_floor: smallest pressure under the root of I = d gamma_dot / sqrt(p).
+        law_rate: shear rate above which the residual of the friction law is relative (mixed form).
     """
 
     grain_diameter: float
@@ -24,3 +26,4 @@ class Physics(NamedTuple):
     velocity_scale: float
     pressure_scale: float
     pressure_floor: float
+    law_rate: float = math.inf

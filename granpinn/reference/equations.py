@@ -101,7 +101,8 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law:
 
     $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g, $$
 
-    and of the friction law as `constitutive` writes it.
+    and of the friction law as `constitutive` writes it, times $(1 + (\dot\gamma/c)^2)^{-1/2}$ with
+    the rate c = `law_rate`.
     """
     u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
     p = pressure(z, physics.pressure_scale)
@@ -118,7 +119,8 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law:
     D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
     gamma_dot = shear_rate(D_1, D_2)
     inertia = inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
-    r_1, r_2 = constitutive(D_1, D_2, s_1, s_2, friction(law, inertia, theta))
+    limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
+    r_1, r_2 = (limit * r for r in constitutive(D_1, D_2, s_1, s_2, friction(law, inertia, theta)))
     return torch.stack([e_u, e_v, u_x + v_y, r_1, r_2], dim=1)
 
 

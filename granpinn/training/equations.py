@@ -62,7 +62,9 @@ def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Ten
     part = ill_posed(_inertial_number(local.sqrt(), p, physics), theta, law)
     gamma_dot = torch.sqrt(local + part * (mean - local))
     rate = gamma_dot / law.friction(_inertial_number(gamma_dot, p, physics), *theta.unbind(1))
-    e = [e_u, e_v, u[1] + v[2], rate * s_1[0] - two_D1, rate * s_2[0] - two_D2]
+    limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
+    law_errors = (limit * (rate * s[0] - two_D) for s, two_D in ((s_1, two_D1), (s_2, two_D2)))
+    e = [e_u, e_v, u[1] + v[2], *law_errors]
     return torch.stack(e, 1), law_weights(p.detach(), gamma_dot.detach())
 
 

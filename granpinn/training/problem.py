@@ -16,7 +16,7 @@ from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
-from granpinn.training.tolerances import magnitudes_of, sigmas_of
+from granpinn.training.tolerances import law_rate, magnitudes_of, sigmas_of
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
     material = material_of(flow, scales)
+    found = magnitudes_of(flow, scales)
+    sigmas = sigmas_of(config, scales, found)
     g_x, g_y = Axes.of(flow.gravity).gravity
     physics = Physics(
         grain_diameter=material.grain_diameter,
@@ -73,17 +75,16 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         velocity_scale=U_out,
         pressure_scale=P_out,
         pressure_floor=config.rheology.p_floor,
+        law_rate=law_rate(sigmas, config.weights.law_error),
     )
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
     smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
-    found = magnitudes_of(flow, scales)
-    weights = [sigma**-2 for sigma in sigmas_of(config, scales, found)]
     follows = config.weights.follow_noise
     return Problem(
         spec,
         physics,
-        weights,
+        [sigma**-2 for sigma in sigmas],
         smallest / scales.length,
         noise=found.noise if follows else 0.0,
         noise_share=found.share,

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from granpinn.estimates.gradients import gradients
 from granpinn.estimates.noise import noise_of
 from granpinn.estimates.view import View, view_of
 from granpinn.physics.scales import Scales
-from granpinn.physics.terms import TERMS
+from granpinn.physics.terms import NAMES, TERMS
 
 RESOLVED = 3000.0  # n
 FRAMES = 12  # at most, for the shear rate
@@ -82,6 +83,12 @@ def sigmas_of(config: Config, scales: Scales, found: Magnitudes) -> list[float]:
         unit = {"velocity": found.velocity, "rate": found.rate}
         return [s * unit.get(term.quantity, 1.0) for s, term in zip(sigmas, TERMS, strict=True)]
     return sigmas
+
+
+def law_rate(sigmas: Sequence[float], law_error: float) -> float:
+    """The shear rate above which the law counts by its relative error, dimensionless."""
+    sigma = sigmas[NAMES.index("constitutive")]
+    return sigma / law_error if law_error > 0 and math.isfinite(sigma) else math.inf
 
 
 def _some_frames(view: View) -> View:

@@ -203,7 +203,9 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
         widths=row.widths,
         input_shift=_floats(weights.uniform(-0.5, 0.5, 3)),
         input_scale=_floats(weights.uniform(0.3, 1.5, 3)),
-        physics=_floats([0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P]),
+        physics=_floats(
+            [0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P, 2 * U]
+        ),
         form=row.form,
         law=row.law,
     )

@@ -21,8 +21,9 @@ x, y, t = sp.symbols("x y t", real=True)
 D, G_X, G_Y = sp.Rational(3, 64), sp.Rational(5, 16), sp.Rational(-7, 8)
 ETA_MIN, ETA_MAX = sp.Rational(1, 8), sp.Rational(1, 2)
 U, P, P_FLOOR = sp.Rational(7, 4), sp.Rational(3, 4), sp.Rational(1, 2)
+LAW_RATE = sp.Rational(5, 4)
 MU_S, MU_2, I_0 = sp.Rational(3, 8), sp.Rational(11, 16), sp.Rational(9, 32)
-PHYSICS = [float(value) for value in (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR)]
+PHYSICS = [float(v) for v in (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE)]
 THETA = [float(value) for value in (MU_S, MU_2, I_0)]
 SMOOTHING = 1e-12
 
@@ -133,6 +134,7 @@ def manufactured(name: str, form: str) -> Manufactured:
     else:
         D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
         gamma_dot = sp.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
+        limit = 1 / sp.sqrt(1 + (gamma_dot / LAW_RATE) ** 2)
         variants = {}
         for variant, floored_p in (("flowing", p), ("floored", P_FLOOR)):
             mu = _mu(gamma_dot, floored_p)
@@ -140,8 +142,8 @@ def manufactured(name: str, form: str) -> Manufactured:
                 inertial_u - (p * s_1).diff(x) - (p * s_2).diff(y),
                 inertial_v - (p * s_2).diff(x) + (p * s_1).diff(y),
                 u_x + v_y,
-                gamma_dot * s_1 / mu - 2 * D_1,
-                gamma_dot * s_2 / mu - 2 * D_2,
+                limit * (gamma_dot * s_1 / mu - 2 * D_1),
+                limit * (gamma_dot * s_2 / mu - 2 * D_2),
             ]
         raw = [u / U, v / U, sp.log(sp.exp(p / P) - 1), s_1, s_2]
     return Manufactured(form, raw, p, gamma_dot, variants)

@@ -44,7 +44,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
         {"surface_pressure": CASE.surface_pressure[1:]}, ValueError,
         rf"surface_pressure.*\[{M}\].*\[{M - 1}\]"),
     "four terms": ({"term_weights": CASE.term_weights[:4]}, ValueError, r"\[5\].*\[4\]"),
-    "seven numbers": ({"physics": CASE.physics[:7]}, ValueError, r"physics.*pressure_floor.*7"),
+    "eight numbers": ({"physics": CASE.physics[:8]}, ValueError, r"physics.*law_rate.*8"),
     "another form": ({"form": "weak"}, ValueError, "'mixed', 'strong' or 'data', got 'weak'"),
     "five fields in the strong form": ({"form": "strong"}, ValueError, "strong.*3.*5"),
 }  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -77,7 +79,7 @@ def test_terms_by_hand() -> None:
     b = torch.tensor([0.3, -0.2, 0.0, 0.5, 0.1], dtype=torch.float64)
     params = torch.cat([torch.zeros(15, dtype=torch.float64), b])
     U, P, g_x, g_y = 2.0, 0.5, 0.6, -0.8
-    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4]
+    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf]
     p = P * np.log(2)  # softplus(0)
     one = torch.ones(2, dtype=torch.float64)
     terms = reference.loss_terms(

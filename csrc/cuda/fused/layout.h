@@ -89,7 +89,9 @@ constexpr int tile_floats(TileShape tile, int H) {
   const int ring = tile.split * H / kSlab * tile.stages * tile.stage;
   const int halves =
       tile.split * tile.parts == 1 ? 4 : (tile.split * tile.parts - 1) * tile.rows * H;
-  return tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + kConstants + 2 * kRow;
+  const int floats =
+      tile.rows * row_floats(H) + ring + halves + 7 * tile.rows + 4 + kConstants + 2 * kRow;
+  return (floats + 3) / 4 * 4;  // the struct is aligned to 16 bytes
 }
 
 // The sizes of a launch. They follow from the shape of the problem and the GPU.

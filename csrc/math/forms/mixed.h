@@ -2,11 +2,12 @@
 //   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - g_x
 //   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - g_y
 //   e_c = u_x + v_y
-//   r   = gamma_dot s / mu(I) - 2 (D_1, D_2)
+//   r   = w [gamma_dot s / mu(I) - 2 (D_1, D_2)],  w^-2 = 1 + (gamma_dot / c)^2
 // The last line is the flow rule tau = mu(I) p 2 D / gamma_dot in complementarity form, divided by
 // mu p. It is a difference of strain rates. So it has the error of the measured strain rate, which
 // is the same in fast and in slow grains. Rigid zones (gamma_dot -> 0) drop out by themselves: no
-// division by gamma_dot, no viscosity and no clamp. D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2,
+// division by gamma_dot, no viscosity and no clamp. Where grains are faster than the rate c, w makes
+// it a relative error: a law that errs by some per cent there must not outweigh slow grains. D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2,
 // gamma_dot = 2 sqrt(D_1^2 + D_2^2).
 #pragma once
 
@@ -51,16 +52,23 @@ struct MixedForm {
     const R I = inertial_number(gamma_dot, p.p, c);
     const typename Law::template Jet<R> f(I, theta);
     const R over_mu = R(T(1)) / f.mu, rate = gamma_dot * over_mu;
-    e[3] = rate * s1[kValue] - two_D1;
-    e[4] = rate * s2[kValue] - two_D2;
+    const R over_law_rate = R(T(1) / c.law_rate), fast = gamma_dot * over_law_rate;
+    const R limit = R(T(1)) / square_root(R(T(1)) + fast * fast);
+    e[3] = limit * (rate * s1[kValue] - two_D1);
+    e[4] = limit * (rate * s2[kValue] - two_D2);
 
     R a[residuals];
     for (int r = 0; r < residuals; ++r) a[r] = w[r] * e[r];
+    const R limit_a = a[3] * e[3] + a[4] * e[4];  // limit times its adjoint
+    a[3] = limit * a[3];
+    a[4] = limit * a[4];
     const R rate_a = a[3] * s1[kValue] + a[4] * s2[kValue];
     const R mu_a = -(rate_a * rate * over_mu);
     f.adjoint(mu_a, theta_a);
     const R I_I_a = mu_a * f.I_dmu;  // I times its adjoint
-    const R over_gamma_dot = (rate_a * rate + I_I_a) / (gamma_dot * gamma_dot);
+    const R by_limit = limit * over_law_rate;
+    const R over_gamma_dot =
+        (rate_a * rate + I_I_a) / (gamma_dot * gamma_dot) - limit_a * by_limit * by_limit;
     const R two_D1_a = over_gamma_dot * two_D1 - a[3], two_D2_a = over_gamma_dot * two_D2 - a[4];
     const auto above_floor = less(R(c.pressure_floor), absolute(p.p));
     const R by_I = select(above_floor, T(0.5) * I_I_a / p.p, R(T(0)));
