@@ -45,6 +45,8 @@ def origin_of(values: Float64) -> float:
         values: the coordinate [n], increasing.
     """
     low, high = float(values[0]), float(values[-1])
+    if values.size == 1:  # the time of a steady flow
+        return low
     extent = high - low
     if low - extent <= 0 <= high + extent:
         return 0.0
