@@ -10,14 +10,15 @@ import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.flow import PERIOD_X, Flow, FlowFileError, Particles, Surface
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# In the toe the layer is thinner than this many grains, and p = 0 does not hold.
+# In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
+# periodic sides has no toe.
 TOE_GRAINS = 2.0
 # Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
 # measurement. The same data in other units differ by 1e-16. After rounding they are equal, and so
@@ -226,7 +227,7 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
             "level V1"
         )
     kept = flow.after_start(surface.t)
-    if level != "V2" and surface.t.size:
+    if level != "V2" and surface.t.size and flow.stated(PERIOD_X) is None:
         h = flow.height(surface.x, surface.y)
         kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
     if not kept.any() and level != "V0":

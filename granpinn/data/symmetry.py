@@ -96,7 +96,7 @@ def _variation(rows: Float64) -> float:
     short = (X - 1) / 2 - long
     noise = float(power[long:].sum()) * long / short
     error = SURE * noise * math.sqrt((1 / long + 1 / short) / rows.shape[0])
-    return max(float(power[:long].sum()) - noise - error, 0.0)
+    return max(float(power[:long].sum() - noise - error), 0.0)
 
 
 def _is_uneven(flow: Flow) -> bool:

@@ -96,9 +96,9 @@ def _noise(found: Inspection) -> list[str]:
     steady = found.view.steady
     if steady and n.in_time and n.in_space and n.in_time > 2 * n.in_space:
         lines.append(
-            f"The frames of this steady flow differ by {n.in_time / n.in_space:.1f} times the noise "
-            "of their vectors: the flow still drifts, or the frames are means over too short a "
-            "time."
+            f"The frames of this steady flow differ by {n.in_time / n.in_space:.1f} times the "
+            "noise of their vectors: the flow still drifts, or the frames are means over too short "
+            "a time."
         )
     if not steady and n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
         larger = n.in_time > n.in_space
