@@ -134,17 +134,6 @@ def test_side_walls_and_sigma(tmp_path: Path, series: list[str], capsys: Any) ->
     assert flow.sigma_u == pytest.approx(0.1 * 0.5e-3 * 500)
 
 
-def test_one_frame_of_a_steady_chute(tmp_path: Path, capsys: Any) -> None:
-    """One averaged field is enough if the flow is said to be steady; its sides may be periodic."""
-    file, out = export(tmp_path / "mean.txt", 0), tmp_path / "flow.h5"
-    more = ["--steady", "--period-x", "2 m"]
-    assert run(file, "--out", out, *CAMERA, *MATERIAL, *more) == 0
-    flow = read_flow(out)
-    assert (flow.t.size, flow.steady, flow.stated("period_x")) == (1, True, 2.0)
-    assert run(file, "--out", tmp_path / "other.h5", *CAMERA, *MATERIAL) == 2
-    assert "at least two frames (or one and --steady) must hold" in capsys.readouterr().err
-
-
 def test_everything_that_is_missing_is_named_at_once(series: list[str], capsys: Any) -> None:
     assert run(*series, "--out", "flow.h5") == 2
     text = capsys.readouterr().err
