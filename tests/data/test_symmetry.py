@@ -49,6 +49,11 @@ def test_a_flow_file_keeps_what_it_states(tmp_path: Path, frames: int) -> None:
     np.testing.assert_array_equal(found.u, flow.u)
 
 
+def test_true_is_written_as_a_number(tmp_path: Path) -> None:
+    write_flow(make_flow(attributes={"steady": True}), tmp_path / "flow.h5")
+    assert read_flow(tmp_path / "flow.h5").steady
+
+
 @pytest.mark.parametrize("value", [np.array([1]), np.float32(1), np.int8(1)])
 def test_any_number_states_a_steady_flow(tmp_path: Path, value: Any) -> None:
     write_flow(make_flow(), tmp_path / "flow.h5")

@@ -36,6 +36,8 @@ def test_tracks_of_one_time(tmp_path: Path) -> None:
         "grain_density": "2500 kg/m^3",
         "surface": "none",
         "length_unit": "px",
+        "velocity_unit": "px/frame",
+        "flip_y": "yes",
     }
     flow = read(str(tmp_path / "tracks.csv"), frames="5:6", steady=True, **settings)
     assert flow.particles is not None
