@@ -45,6 +45,7 @@ GROUPS = {
     "files": "which files, and what of them",
     "calibration": "units: needed only where the files do not say",
     "frame": "axes: x to the right, y up",
+    "flow": "where it does not change",
     "material": "the grains",
     "grains": "where the grains end",
 }

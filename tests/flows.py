@@ -61,3 +61,43 @@ def make_flow(*, frames: int = 12, rows: int = 24, columns: int = 20, **changes:
         attributes={"source": "analytic spreading heap"},
     )
     return replace(flow, **changes)
+
+
+def make_chute(*, frames: int = 1, rows: int = 14, columns: int = 16, **changes: Any) -> Flow:
+    r"""A steady layer on a slope, periodic along x: Bagnold's flow, which solves all equations.
+
+    At the slope $\tan\theta = \mu(I)$ with $I = 0.1$, dimensionless, with d = 1, h = 12 and
+    $u = \frac{2 I}{3 d} \sqrt{g \cos\theta} (h^{3/2} - (h - y)^{3/2})$.
+
+    Args:
+        frames, rows, columns: size of the grid t from 5 on, y in 0..14, x in 0..32.
+        changes: fields of the Flow to replace.
+    """
+    number, depth, law = 0.1, 12.0, Truth(mu_s=0.3, mu_2=0.7, I0=0.3)
+    slope = 0.3 + 0.4 / (1 + 0.3 / number)
+    down, into = np.array([slope, 1.0]) / np.hypot(slope, 1.0)
+    t = 5.0 + 2.0 * np.arange(frames)
+    y = (np.arange(rows) + 0.5) * (14.0 / rows)
+    x = (np.arange(columns) + 0.5) * (32.0 / columns)
+    below = np.clip(depth - y, 0, None)
+    profile = 2 / 3 * number * np.sqrt(into) * (depth**1.5 - below**1.5)
+    shape = (frames, rows, columns)
+    full = np.broadcast_to((y + 7.0 / rows <= depth)[:, None], shape)
+    u = np.where(full, np.broadcast_to(profile[:, None], shape), np.nan)
+    time, place = (a.ravel() for a in np.meshgrid(t, x, indexing="ij"))
+    flow = Flow(
+        t=t,
+        y=y,
+        x=x,
+        u=u.astype(np.float32),
+        v=np.where(full, 0.0, np.nan).astype(np.float32),
+        c=full.astype(np.float32),
+        p=(into * np.broadcast_to(below[:, None], shape)).astype(np.float32),
+        gravity=(float(down), -float(into)),
+        density=1.0,
+        grain_diameter=1.0,
+        surface=Surface(t=time, x=place, y=np.full(place.size, depth)),
+        truth=law,
+        attributes={"period_x": 32.0} | ({"steady": 1} if frames > 1 else {}),
+    )
+    return replace(flow, **changes)

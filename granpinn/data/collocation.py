@@ -19,7 +19,8 @@ import torch
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data.flow import Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
-from granpinn.physics.axes import Axes, vertical_coordinate
+from granpinn.data.symmetry import axes_of
+from granpinn.physics.axes import vertical_coordinate
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -41,14 +42,14 @@ def with_collocation(
     """
     if flow.particles is not None:
         return training
-    above = above_ground(flow.material & (flow.t > 0)[:, None, None], flow.gravity)
+    above = above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
     vectors = len(training.points)
     least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
     x, y, t = points_between(flow, above, max(round(share * vectors), least))
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)
-    between = torch.as_tensor(turned_and_rounded(points, Axes.of(flow.gravity)))
+    between = torch.as_tensor(turned_and_rounded(points, axes_of(flow)))
     return replace(training, between=between.to(training.points))
 
 
@@ -67,10 +68,11 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
     A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
-    with a vector or without. The points are uniform over all complete cells.
+    with a vector or without; four corners in a flow of one frame. The points are uniform over all
+    complete cells.
     """
     complete = grains
-    for axis in range(3):
+    for axis in range(3) if flow.t.size > 1 else (1, 2):
         complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
     cells = np.argwhere(complete)
     rng = np.random.Generator(np.random.Philox(key=_KEY))
@@ -79,6 +81,8 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
 
     def within(edges: Floats, axis: int) -> Float64:
         values, k = edges.astype(np.float64), drawn[:, axis]
+        if values.size == 1:
+            return values[k]
         return np.asarray(values[k] + part[:, axis] * (values[k + 1] - values[k]))
 
     return within(flow.x, 2), within(flow.y, 1), within(flow.t, 0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import LARGEST, LEAST, Flow, FlowFileError, Truth
+from granpinn.data.flow import LARGEST, LEAST, PERIOD_X, STEADY, Flow, FlowFileError, Truth
 from granpinn.data.format import TRUTH
 
 LONGEST_UNIT = 64  # characters
@@ -64,6 +64,17 @@ def _check_attributes(flow: Flow) -> None:
                 f"the attribute {name!r} must be 0 or from {LEAST:g} to {LARGEST:g}, got "
                 f"{value:g}: correct it or leave it out"
             )
+    steady, period = flow.attributes.get(STEADY, 0), flow.attributes.get(PERIOD_X, 1.0)
+    if steady not in (0, 1):
+        raise FlowFileError(
+            f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
+            f"{steady!r}: correct it or leave it out"
+        )
+    if isinstance(period, str) or not LEAST <= period <= LARGEST:
+        raise FlowFileError(
+            f"the attribute {PERIOD_X} must be a length from {LEAST:g} to {LARGEST:g}, got "
+            f"{period!r}: correct it, or leave it out if the sides are not periodic"
+        )
 
 
 def _check_material_constants(flow: Flow) -> None:

@@ -16,6 +16,7 @@ from granpinn.physics.law_values import LawValues
 
 # Numbers of the material in any units; float32 holds all of them.
 LEAST, LARGEST = 1e-30, 1e30
+STEADY, PERIOD_X = "steady", "period_x"  # among the attributes
 
 
 class FlowFileError(BadInput):
@@ -88,7 +89,8 @@ class Flow:
         particles: scattered vectors.
         eta_max, eta_min: bounds of the viscosity in the solver that made the data.
         truth: friction law of the material, None if unknown.
-        attributes: further attributes of the file, such as its source.
+        attributes: further attributes of the file, such as its source. `steady` is 1 if all frames
+            show one flow; `period_x` is the length of the period along x, in the unit of x.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -137,6 +139,18 @@ class Flow:
         g_x, g_y = self.gravity
         along = g_x * np.asarray(x, dtype=np.float64) + g_y * np.asarray(y, dtype=np.float64)
         return np.asarray(-along / math.hypot(g_x, g_y))
+
+    @property
+    def steady(self) -> bool:
+        """Whether all frames show one and the same flow: it is stated, or there is one frame."""
+        return self.t.size == 1 or self.attributes.get(STEADY) == 1
+
+    def after_start(self, t: npt.NDArray[np.floating[Any]]) -> Bool:
+        """Whether data at the times t [n] count: those with t > 0, or all of a steady flow.
+
+        A flow that is not steady starts at t = 0, and the pressure of its initial state is a guess.
+        """
+        return np.ones(t.shape, bool) if self.steady else np.asarray(t > 0)
 
     def stated(self, name: str) -> float | None:
         """A positive number among `attributes`; None if there is none of that name."""

@@ -64,9 +64,11 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
         raise FlowFileError(
             f"{name} must hold at least one point, got none: leave the surface out instead"
         )
-    if len(shape) == 1 and rule.axes != ("n",) and shape[0] < 2:
+    least = 1 if rule.axes == ("T",) else 2  # one frame is a steady flow
+    if len(shape) == 1 and rule.axes != ("n",) and shape[0] < least:
         raise FlowFileError(
-            f"{name} must hold at least two values, got {shape[0]}: give more of the flow"
+            f"{name} must hold at least {('one value', 'two values')[least - 1]}, got {shape[0]}: "
+            "give more of the flow"
         )
     for axis, size in zip(rule.axes, shape, strict=True):
         sizes.setdefault(axis, size)

@@ -45,11 +45,6 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     t = np.unique(particles.t)
     if t.size > MAX_FRAMES:
         t = np.linspace(t[0], t[-1], MAX_FRAMES)
-    if t.size < 2:
-        raise FlowFileError(
-            f"particles/t must hold at least two different times, got {t.size}: give more of the "
-            "flow"
-        )
     frame = np.searchsorted((t[1:] + t[:-1]) / 2, particles.t)
     cell = _cell_size(particles, frame, t.size)
     x, column = _axis("x", particles.x, cell)

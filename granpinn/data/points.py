@@ -10,13 +10,15 @@ import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.flow import PERIOD_X, Flow, FlowFileError, Particles, Surface
+from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes, vertical_coordinate
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# In the toe the layer is thinner than this many grains, and p = 0 does not hold.
+# In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
+# periodic sides has no toe.
 TOE_GRAINS = 2.0
 # Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
 # measurement. The same data in other units differ by 1e-16. After rounding they are equal, and so
@@ -88,7 +90,9 @@ class TestGrid:
 def training_set(
     flow: Flow, scales: Scales, level: str = "V1", dtype: torch.dtype = torch.float32
 ) -> TrainingSet:
-    """The data points (t > 0, valid vector; on a grid: c = 1) and the surface points of a level.
+    """The data points (valid vector; on a grid: c = 1) and the surface points of a level.
+
+    They are at t > 0, or at any time of a steady flow.
 
     Args:
         level: "V0": velocity only, p = 0 on the upper `outline` of its points; "V1": also the line
@@ -102,7 +106,7 @@ def training_set(
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
     _require_distinct(flow, scales, dtype)
     samples = _samples(flow)
-    axes = Axes.of(flow.gravity)
+    axes = axes_of(flow)
     points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
     measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
     velocity = scales.to_dimensionless(measured, "velocity")
@@ -169,17 +173,16 @@ def _indices(mask: Bool) -> Indices:
 
 
 def _samples(flow: Flow) -> Particles:
-    """The vectors at t > 0, in the units of the file; grid vectors have the order (t, y, x).
+    """The vectors after the start, in the units of the file; on a grid in the order (t, y, x).
 
-    Vectors at t = 0 are left out, because the pressure of the initial state is a guess. A uniform
-    standard deviation does not change the weights and is left out.
+    A uniform standard deviation does not change the weights and is left out.
     """
     particles = flow.particles
     if particles is not None:
-        kept = particles.t > 0
+        kept = flow.after_start(particles.t)
         found = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
     else:
-        kept = flow.valid & (flow.t > 0)[:, None, None]
+        kept = flow.valid & flow.after_start(flow.t)[:, None, None]
         frame, row, column = _indices(kept)
         fields = {name: getattr(flow, name) for name in ("u", "v", *_sigmas_of(flow))}
         found = {name: np.broadcast_to(a, kept.shape)[kept] for name, a in fields.items()}
@@ -223,8 +226,8 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
             "level V2 needs the pressure on the free surface, got no surface_p: add it or use "
             "level V1"
         )
-    kept = surface.t > 0
-    if level != "V2" and surface.t.size:
+    kept = flow.after_start(surface.t)
+    if level != "V2" and surface.t.size and flow.stated(PERIOD_X) is None:
         h = flow.height(surface.x, surface.y)
         kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
     if not kept.any() and level != "V0":

@@ -11,7 +11,14 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.constants import check_constants_of
-from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface
+from granpinn.data.flow import (
+    PERIOD_X,
+    STEADY,
+    Flow,
+    FlowFileError,
+    FlowFileWarning,
+    Surface,
+)
 from granpinn.data.format import Layout, arrays_of, grid_arrays_of
 from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
@@ -39,6 +46,7 @@ def check_values(flow: Flow) -> None:
     check_constants_of(flow)
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
         _check_coordinate(name, values)
+    _check_symmetries(flow)
     _check_fraction(flow)
     _check_grain_size(flow)
     _check_velocity(flow)
@@ -67,13 +75,29 @@ def _check_coordinate(name: str, values: Float64) -> None:
             f"{name} must increase strictly, got {values[i]:g} then {values[i + 1]:g} at index "
             f"{i}: sort the data along {name}"
         )
-
+    if steps.size == 0:  # a steady flow: its time has no effect
+        return
     rounding = float(np.spacing(np.abs(values).max()))
     if rounding > LARGEST_ROUNDING * steps.min():
         raise FlowFileError(
             f"{name} must be far more precise than its steps, got steps down to {steps.min():g} "
             f"around {values[int(np.argmin(steps))]:g}, where float64 has a spacing of "
             f"{rounding:g}: subtract the first value before the file is written"
+        )
+
+
+def _check_symmetries(flow: Flow) -> None:
+    """What the file states about the whole flow must fit its grid."""
+    if flow.t.size == 1 and flow.attributes.get(STEADY, 1) == 0:
+        raise FlowFileError(
+            f"a flow of one frame must be steady, got the attribute {STEADY} = 0: give more "
+            "frames, or leave the attribute out"
+        )
+    period, width = flow.stated(PERIOD_X), float(flow.x[-1] - flow.x[0])
+    if period is not None and not period > width:
+        raise FlowFileError(
+            f"the attribute {PERIOD_X} must be longer than x, which spans {width:g}, got "
+            f"{period:g}: give the length of the period in the unit of x, and each place once"
         )
 
 
@@ -166,7 +190,7 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
                 f"surface_{name} must be finite, got NaN or infinity at index "
                 f"{int(np.argmin(np.isfinite(values)))}: leave this surface point out"
             )
-        if name == "p":
+        if name == "p" or (name == "t" and flow.steady):
             continue
         step, far = float(np.diff(grid[name]).min()), float(np.abs(values).max())
         with np.errstate(over="ignore"):
@@ -188,8 +212,9 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
 
 def warn_of_zeros(flow: Flow) -> None:
     """Warns if too many vectors among the grains are exactly zero after t = 0."""
-    valid = flow.valid[flow.t > 0]
-    zero = valid & (flow.u[flow.t > 0] == 0) & (flow.v[flow.t > 0] == 0)
+    later = flow.after_start(flow.t)
+    valid = flow.valid[later]
+    zero = valid & (flow.u[later] == 0) & (flow.v[later] == 0)
     n_valid, n_zero = int(valid.sum()), int(zero.sum())
     if n_zero > MAX_ZERO_SHARE * n_valid:
         warnings.warn(

@@ -61,7 +61,7 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
         if isinstance(value, str):
             _write_text(file, name, value)
         elif value is not None and not (name.startswith("sigma_") and np.ndim(value)):
-            file.attrs[name] = value
+            file.attrs[name] = int(value) if isinstance(value, bool) else value
 
 
 def _write_arrays(file: h5py.File, flow: Flow) -> None:

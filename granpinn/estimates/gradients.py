@@ -3,8 +3,9 @@ r"""Derivatives of noisy velocities with known errors, by local linear least squ
 In a window of cells around every cell, $u \approx u_0 + u_t\,\delta t + u_y\,\delta y +
 u_x\,\delta x$. The weight of a cell is its number of vectors. All windows are solved at once from
 moments, which are convolutions over cells of even spacing. An axis of two cells has no slope and an
-infinite error. With white noise of standard deviation $\sigma$ the coefficients have the covariance
-$\sigma^2 M^{-1}$, with the matrix $M$ of second moments.
+infinite error. In a steady flow $u_t = 0$ without an error. With white noise of standard deviation
+$\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, with the matrix $M$ of second
+moments.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
         return np.asarray(values)
 
     index = np.nonzero(view.there)
-    sloped = [axis for axis in range(3) if half[axis] > 0]
+    sloped = [axis for axis in range(int(view.steady), 3) if half[axis] > 0]
     base = [(0, 0, 0), *(tuple(int(a == axis) for a in range(3)) for axis in sloped)]
     matrix = np.empty((index[0].size, len(base), len(base)))
     for i, j in combinations_with_replacement(range(len(base)), 2):
@@ -120,6 +121,8 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
     solution = inverse @ right[solvable]
     slopes = np.zeros((len(solution), 3, 2))
     sd = np.full((len(solution), 3), np.inf)
+    if view.steady:
+        sd[:, 0] = 0.0
     variance = np.diagonal(inverse, axis1=1, axis2=2)
     for i, axis in enumerate(sloped, 1):
         unit = half[axis] * steps[axis]

@@ -8,6 +8,10 @@ estimate. It is smaller where the vectors of neighboring cells share pixels, and
 are wider than the shear layers. The correlation of differences in time between neighboring cells
 gives the number of independent vectors.
 
+In a steady flow the estimate is that in space, and every vector counts as independent: the frames
+are means over a time in which the whole flow may drift, and a drift is no noise of vectors. First
+differences in time, $\sqrt{2}\,\sigma$, show it. A flow of one frame has none.
+
 This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
 large (docs/guides/inspecting.md). Errors that are the same in every frame, such as means over
@@ -77,31 +81,41 @@ def particle_vectors(particles: Particles, scales: Scales) -> tuple[Float64, ...
 def grid_noise(view: View) -> Noise:
     """The noise of vectors on a grid."""
     pair = [np.where(view.there, values, np.nan) for values in (view.u, view.v)]
-    in_time = [np.diff(values, ORDER, axis=0) for values in pair]
-    factor = math.sqrt(math.comb(2 * ORDER, ORDER))
-    time = [_spread(values, factor) for values in in_time]
+    in_time = [np.diff(values, _order_in_time(view), axis=0) for values in pair]
+    time = [_spread(values, _growth(_order_in_time(view))) for values in in_time]
+    factor = _growth(ORDER)
     space = [_spread(np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2), factor**2) for a in pair]
-    chosen = time if None not in time else space
+    chosen = space if view.steady or None in time else time
     return Noise(
         sigma=_rms(chosen),
         u=chosen[0],
         v=chosen[1],
         in_time=_rms(time),
         in_space=_rms(space),
-        vectors_per_independent=_per_independent(in_time),
+        vectors_per_independent=1.0 if view.steady else _per_independent(in_time),
     )
+
+
+def _order_in_time(view: View) -> int:
+    """Of the differences in time that leave nothing but noise."""
+    return 1 if view.steady else ORDER
+
+
+def _growth(order: int) -> float:
+    """Factor on the standard deviation of white noise in differences of an order."""
+    return math.sqrt(math.comb(2 * order, order))
 
 
 def noise_map(view: View) -> Float64:
     """Noise of every cell [Y, X] from its differences in time, NaN where they are few."""
-    factor = math.sqrt(math.comb(2 * ORDER, ORDER))
+    order = _order_in_time(view)
     squares = np.zeros(view.count.shape[1:])
     enough = np.ones(squares.shape, bool)
     for values in (view.u, view.v):
-        size = np.abs(np.diff(np.where(view.there, values, np.nan), ORDER, axis=0))
+        size = np.abs(np.diff(np.where(view.there, values, np.nan), order, axis=0))
         enough &= np.isfinite(size).sum(axis=0) >= 5
         middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
-        squares += (NORMAL * middle / factor) ** 2
+        squares += (NORMAL * middle / _growth(order)) ** 2
     return np.where(enough, np.sqrt(squares / 2), np.nan)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,7 @@ class View:
         grains: cells full of grains [T, Y, X].
         gravity: unit vector.
         d: grain diameter of the inertial number (`granpinn.physics.scales.Material`).
+        steady: whether all frames show one flow.
     """
 
     t: Float64
@@ -34,6 +36,7 @@ class View:
     grains: Bool
     gravity: tuple[float, float]
     d: float
+    steady: bool
 
     @property
     def there(self) -> Bool:
@@ -43,9 +46,9 @@ class View:
 
     @property
     def steps(self) -> tuple[float, float, float]:
-        """Median spacing in t, y and x."""
-        t, y, x = (float(np.median(np.diff(axis))) for axis in (self.t, self.y, self.x))
-        return t, y, x
+        """Median spacing in t, y and x; that of t is infinite for one frame."""
+        y, x = (float(np.median(np.diff(axis))) for axis in (self.y, self.x))
+        return float(np.median(np.diff(self.t))) if self.t.size > 1 else math.inf, y, x
 
 
 def view_of(flow: Flow, scales: Scales) -> View:
@@ -69,6 +72,7 @@ def view_of(flow: Flow, scales: Scales) -> View:
         grains=flow.material,
         gravity=material.gravity,
         d=material.grain_diameter,
+        steady=flow.steady,
     )
 
 

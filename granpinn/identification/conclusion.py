@@ -57,7 +57,10 @@ def result(case: Case, run: TrainingLoop, e: int, members: Members, model: Model
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals = residuals_of(case, loss)
-    judged = of_training.judge(members, residuals, run.trainer.step, config, failure is not None)
+    symmetries = case.member.problem.symmetries
+    judged = of_training.judge(
+        members, residuals, run.trainer.step, config, failure is not None, symmetries
+    )
     fixed = case.member.fixed
     parameters = Parameters(
         (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
@@ -75,6 +78,7 @@ def result(case: Case, run: TrainingLoop, e: int, members: Members, model: Model
             n_surface=len(data.surface_points),
             noise=config.noise,
             n_frames=int(flow.t.size),
+            symmetries=symmetries,
         ),
         timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
         device=str(run.trainer.params.device),

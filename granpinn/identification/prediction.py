@@ -19,6 +19,7 @@ from torch import Tensor
 
 from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow, test_grid
+from granpinn.data.symmetry import axes_of
 from granpinn.identification.case import Model
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
@@ -42,7 +43,7 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
         chunk: points per evaluation.
     """
     scales, network = model.scales, (model.problem.spec, model.params)
-    grid, axes = test_grid(flow, scales), Axes.of(flow.gravity)
+    grid, axes = test_grid(flow, scales), axes_of(flow)
     values: dict[str, Float32] = {}
     for start in range(0, len(grid.points), chunk):
         points = _turned(grid.points[start : start + chunk], axes).to(model.params)
@@ -67,6 +68,7 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
         length=scales.length,
         time=scales.time,
         pressure=scales.pressure,
+        steady=flow.steady,
     )
 
 
@@ -76,7 +78,7 @@ def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
     if p is None:
         return None
     points = model.scales.points_to_dimensionless(p.x, p.y, p.t)
-    return velocity(points, Axes.of(flow.gravity), model)
+    return velocity(points, axes_of(flow), model)
 
 
 @torch.no_grad()

@@ -83,8 +83,8 @@ def difference(f: Floats, step: Floats | float, axis: int) -> Floats:
 
 
 def after_start(fields: Fields) -> Bool:
-    """Points [K] with t > 0: at t = 0 there is no solution to compare with."""
-    return fields.time_of_points() > 0
+    """Points [K] that count: at t = 0 there is no solution to compare with, unless it is steady."""
+    return fields.time_of_points() > 0 if not fields.steady else np.ones(fields.index.size, bool)
 
 
 def flowing(fields: Fields, d2: Floats | None = None) -> Bool:
@@ -142,7 +142,7 @@ def _velocities(flow: Flow, fields: Fields, at_particles: Floats | None) -> tupl
     """Predicted and measured (u, v) [2, n] of the valid vectors after the start."""
     if flow.particles is not None and at_particles is not None:
         p = flow.particles
-        after = p.t > 0
+        after = flow.after_start(p.t)
         return at_particles[:, after], np.stack([p.u, p.v])[:, after]
     values = fields.values
     known = np.stack([values["u_reference"], values["v_reference"]])

@@ -14,9 +14,9 @@ from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
+from granpinn.data.symmetry import axes_of
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
-from granpinn.physics.axes import Axes
 from granpinn.results.fields import Fields
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import simulated_pressure
@@ -78,7 +78,7 @@ def compared(flow: Flow, fields: Fields, record: SimulatedPressure) -> Simulated
 
 def velocity_of(flow: Flow, model: Model) -> simulated_pressure.Velocity:
     """The predicted velocity at any point, in the units and axes of a flow."""
-    axes = Axes.of(flow.gravity)
+    axes = axes_of(flow)
     one_at_a_time = threading.Lock()  # torch uses all cores for one evaluation
 
     def velocity(x: Float64, y: Float64, t: float) -> tuple[Float64, Float64]:

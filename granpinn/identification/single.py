@@ -100,6 +100,9 @@ def start(
     vectors = sum(len(data.points) for data in objective.distinct)
     between = len(objective.points) - vectors
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
+    for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
+        if words:
+            progress.message("; ".join(words))
     progress.message(
         f"{many}{len(objective.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"

@@ -39,9 +39,9 @@ def grid_flow(
     surface = line or _surface(fields, settings, frame, grains)
     usable = fields.usable & (grains.c == 1)
     kept = usable.any(axis=(1, 2))
-    if kept.sum() < 2:
+    if kept.sum() < settings.fewest_frames:
         raise DataFileError(
-            "at least two frames must hold measured vectors among the grains, got "
+            f"{settings.fewest_words} must hold measured vectors among the grains, got "
             f"{int(kept.sum())}: check the mask, the frames and the validity of the vectors"
         )
     if not kept.all():
@@ -129,6 +129,11 @@ def scattered_flow(
         _warn(
             "the free surface is not known: train with --level V0, or give --surface with the "
             "points of a line"
+        )
+    times = np.unique(fields.t[usable]).size
+    if times < settings.fewest_frames:
+        raise DataFileError(
+            f"{settings.fewest_words} must hold valid vectors, got {times}: give more of the flow"
         )
     sigmas = _sigmas(fields, settings, frame, usable)
     parts = {name: getattr(fields, name) for name in ("t", "x", "y", "u", "v")}

@@ -1,4 +1,4 @@
-"""Constants of the material, in SI or, for data without units, plain numbers."""
+"""Constants of the material and of its walls, in SI or, for data without units, plain numbers."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _EXAMPLES = {
     "grain_density": ("density", "'2500 kg/m^3'"),
     "density": ("density", "'1500 kg/m^3'"),
     "wall_gap": ("length", "'20 mm'"),
+    "period_x": ("length", "'0.5 m'"),
 }
 
 
@@ -26,12 +27,14 @@ class Material:
         density: bulk density: the density of a grain times the solid fraction.
         grain_density: of a grain; None = as the bulk density (data without units).
         wall_gap: distance between the side walls, or None.
+        period_x: length of the period along x, or None.
     """
 
     grain_diameter: float
     density: float
     grain_density: float | None
     wall_gap: float | None
+    period_x: float | None
 
 
 def missing_constants(settings: Settings) -> list[str]:
@@ -67,7 +70,8 @@ def material_of(settings: Settings) -> Material:
         grain = bulk / fraction
     if bulk is None:  # data without units: the bulk density is the unit
         bulk = 1.0
-    return Material(d, bulk, grain, _number(settings, "wall_gap"))
+    walls = _number(settings, "wall_gap"), _number(settings, "period_x")
+    return Material(d, bulk, grain, *walls)
 
 
 def _number(settings: Settings, name: str) -> float | None:

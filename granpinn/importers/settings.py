@@ -81,6 +81,16 @@ class Settings:
         "right of the upper one; rotates gravity, so a tilted camera or chute needs no rotation",
     )
 
+    steady: bool = _setting(
+        False, "flow", "the flow is steady: one frame, its mean over time, is enough"
+    )
+    period_x: str | None = _setting(
+        None,
+        "flow",
+        "length of the period along x, '0.5 m', of periodic sides; of a uniform slope any length "
+        "above that of the picture",
+    )
+
     grain_diameter: str | None = _setting(None, "material", "mean grain diameter, '0.8 mm'")
     grain_density: str | None = _setting(
         None, "material", "density of a grain, '2500 kg/m^3'; enters the inertial number"
@@ -112,6 +122,16 @@ class Settings:
         "distance between the side walls, '20 mm'; kept, and a warning if they carry weight",
     )
     note: str | None = _setting(None, "grains", "text to keep in the file")
+
+    @property
+    def fewest_frames(self) -> int:
+        """Frames that a flow needs: a single one does not show whether it is steady."""
+        return 1 if self.steady else 2
+
+    @property
+    def fewest_words(self) -> str:
+        """The same in words."""
+        return "at least one frame" if self.steady else "at least two frames (or one and --steady)"
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):

@@ -111,9 +111,9 @@ def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
     if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
         raise DataFileError(f"--frames must be FIRST:LAST:STEP, got {settings.frames!r}")
     times = np.unique(fields.t)[chosen]
-    if times.size < 2:
+    if times.size < settings.fewest_frames:
         raise DataFileError(
-            f"--frames must leave at least two frames, got {times.size} of "
+            f"--frames must leave {settings.fewest_words}, got {times.size} of "
             f"{np.unique(fields.t).size}"
         )
     keep = np.isin(fields.t, times)

@@ -57,16 +57,17 @@ class Motion:
 
     Attributes:
         speed: largest speed, in the units of the file.
-        cells_per_frame: distance of the fastest grains from one frame to the next, in cells.
-        largest_move: the same distance in units of H0, for the worst pair of frames.
+        cells_per_frame: distance of the fastest grains from one frame to the next, in cells; None
+            for a steady flow, whose frames need not follow each other.
+        largest_move: the same distance in units of H0, for the worst pair of frames, or None.
         sparse: (start, end) of the longest run of frames too far apart, in the units of the file.
         acceleration: largest (98 %) along gravity; None if noise hides it.
         tilt: degrees from gravity to the acceleration of falling grains, counter-clockwise.
     """
 
     speed: float
-    cells_per_frame: float
-    largest_move: float
+    cells_per_frame: float | None
+    largest_move: float | None
     sparse: tuple[float, float] | None
     acceleration: float | None
     tilt: float | None
@@ -76,14 +77,15 @@ def counts(flow: Flow, view: View) -> Counts:
     """Numbers of vectors, gaps, zeros and repetitions."""
     particles = flow.particles
     if particles is None:
-        later = view.there & (flow.t > 0)[:, None, None]
+        later = view.there & flow.after_start(flow.t)[:, None, None]
         u, v = view.u[later], view.v[later]
         grains = int(view.grains.sum())
         invalid = 1 - int(view.there.sum()) / grains
         shares = view.there.sum((1, 2)) / np.maximum(view.grains.sum((1, 2)), 1)
         poor = tuple(map(int, np.flatnonzero(shares < 0.5)))
     else:
-        u, v = (a[particles.t > 0].astype(np.float64) for a in (particles.u, particles.v))
+        later = flow.after_start(particles.t)
+        u, v = (a[later].astype(np.float64) for a in (particles.u, particles.v))
         invalid, poor = None, ()
     zero = int(((u == 0) & (v == 0)).sum())
     return Counts(
@@ -116,6 +118,9 @@ def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
     Args:
         speed: largest speed in the units of the file.
     """
+    acceleration, tilt = _falling(view, found)
+    if view.steady:
+        return Motion(speed, None, None, None, acceleration, tilt)
     # Of the smoothed velocity: that of single vectors contains noise.
     size = np.hypot(found.u, found.v)
     frame = found.index[0]
@@ -124,7 +129,6 @@ def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
         fastest[k] = np.quantile(size[frame == k], FASTEST)
     moves = np.diff(view.t) * np.maximum(fastest[1:], fastest[:-1])
     cell = min(view.steps[1:])
-    acceleration, tilt = _falling(view, found)
     return Motion(
         speed=speed,
         cells_per_frame=float(np.quantile(moves, FASTEST) / cell),

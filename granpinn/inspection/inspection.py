@@ -13,6 +13,7 @@ from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
+from granpinn.data.symmetry import invariant_axes, words
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.noise import Noise, grid_noise, noise_map, particle_noise, particle_vectors
 from granpinn.estimates.view import View, view_of
@@ -81,6 +82,7 @@ class Inspection:
     """Quality of a flow, and expected precision of its friction law.
 
     Attributes:
+        symmetries: in which directions the flow does not change, in words.
         slips: likely mistakes of unit, sign or order, the most certain first.
         law: the friction law for which `inertia` and `precision` hold.
         noise: dimensionless; times `scales.velocity` in the units of the file.
@@ -93,6 +95,7 @@ class Inspection:
 
     flow: Flow
     scales: Scales
+    symmetries: tuple[str, ...]
     slips: list[Slip]
     law: AssumedLaw
     counts: Counts
@@ -113,7 +116,8 @@ class Inspection:
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
         plain = ("counts", "motion", "kinematics", "inertia", "surface")
-        found: dict[str, Any] = {"slips": [dataclasses.asdict(slip) for slip in self.slips]}
+        found: dict[str, Any] = {"symmetries": list(self.symmetries)}
+        found["slips"] = [dataclasses.asdict(slip) for slip in self.slips]
         for name in plain:
             part = getattr(self, name)
             found[name] = None if part is None else dataclasses.asdict(part)
@@ -166,6 +170,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     return Inspection(
         flow=flow,
         scales=scales,
+        symmetries=words(invariant_axes(flow)),
         slips=slips(flow),
         law=law,
         counts=counts(flow, view),

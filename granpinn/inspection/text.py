@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from granpinn.inspection.checks import FREE_FALL, NEGLIGIBLE_NOISE
+from granpinn.inspection.checks import FREE_FALL, NEGLIGIBLE_NOISE, Motion
 from granpinn.inspection.inspection import Inspection
 
 WIDTH = 100
@@ -23,13 +23,15 @@ def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
         ("frames", f"{c.frames}, {len(c.repeated)} repeated, {len(c.poor_frames)} mostly empty"),
         ("vectors", f"{c.vectors} {kind}{gaps}, {c.zero_share:.1%} exactly zero"),
         ("noise", _noise(found, unit)),
-        ("motion", f"largest speed {m.speed:.3g}{unit}; {m.cells_per_frame:.2g} cells per frame"),
+        ("motion", f"largest speed {m.speed:.3g}{unit}{_moves(m)}"),
         ("gravity", _gravity(found)),
         ("flowing", f"{k.flowing:.0%} of the vectors" + _shear(found)),
         ("free surface", _surface(found)),
         ("inertial number", _inertia(found)),
         ("expected sd", _precision(found)),
     ]
+    if found.symmetries:
+        rows.insert(0, ("symmetry", "; ".join(found.symmetries)))
     lines = []
     for slip in found.slips:
         lines += textwrap.wrap(f"{slip.severity}: {slip.text}", WIDTH, subsequent_indent="  ")
@@ -57,6 +59,11 @@ def _noise(found: Inspection, unit: str) -> str:
     if found.stated_sigma is not None:
         text += f"; the file states {found.stated_sigma * found.scales.velocity:.3g}"
     return text
+
+
+def _moves(motion: Motion) -> str:
+    cells = motion.cells_per_frame
+    return "" if cells is None else f"; {cells:.2g} cells per frame"
 
 
 def _gravity(found: Inspection) -> str:

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
+from granpinn.data.flow import STEADY
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
@@ -86,6 +87,7 @@ class Fields:
         values: name (see `VARIABLES`) -> values at the points [K], in the order of `index`.
         units: units of length and time.
         length, time, pressure: the scales H0, sqrt(H0 / |g|) and rho |g| H0.
+        steady: whether the flow is steady; then its time has no origin.
     """
 
     t: Float64
@@ -97,6 +99,7 @@ class Fields:
     length: float
     time: float
     pressure: float
+    steady: bool = False
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -171,6 +174,8 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
     attributes["time_unit"] = np.bytes_(fields.units.time.encode())
     if fields.units.density is not None:
         attributes["density_unit"] = np.bytes_(fields.units.density.encode())
+    if fields.steady:
+        attributes[STEADY] = 1
     attributes["length_scale"] = fields.length
     attributes["time_scale"] = fields.time
     attributes["pressure_scale"] = fields.pressure
@@ -213,6 +218,7 @@ def _read(file: SafeFile) -> Fields:
         length=_number(attributes, "length_scale"),
         time=_number(attributes, "time_scale"),
         pressure=_number(attributes, "pressure_scale"),
+        steady=attributes.numbers(STEADY) == (1,),
     )
 
 

@@ -98,12 +98,18 @@ class InertialNumber:
 
 @dataclass(frozen=True)
 class DataSummary:
-    """The data of the training; `noise` is the added sd relative to the maximum speed."""
+    """The data of the training.
+
+    Attributes:
+        noise: the added sd, relative to the maximum speed.
+        symmetries: in which directions the flow does not change, in words.
+    """
 
     n_points: int
     n_surface: int
     noise: float
     n_frames: int
+    symmetries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.data.flow import PERIOD_X
 from granpinn.data.norms import rms
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
@@ -46,6 +47,8 @@ class Column(NamedTuple):
 
 def initial_column(flow: Flow) -> Column | str:
     """The column at the start of a flow, or the reason why there is none."""
+    if objection := not_a_collapse(flow):
+        return objection
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
@@ -77,6 +80,15 @@ def initial_column(flow: Flow) -> Column | str:
         _stated(flow, "column_width", measured.width, dx),
         _stated(flow, "column_height", measured.height, dy),
     )
+
+
+def not_a_collapse(flow: Flow) -> str | None:
+    """Why the simulator cannot have a flow, from what its file states; None if it may."""
+    if flow.steady:
+        return "the flow is steady, and the simulator has only grains that collapse from rest"
+    if flow.stated(PERIOD_X) is not None:
+        return "the sides of the flow are periodic, and the simulator has walls"
+    return None
 
 
 def spacings(flow: Flow) -> tuple[float, float]:

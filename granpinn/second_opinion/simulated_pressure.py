@@ -128,6 +128,8 @@ def collapse_over(
 
 def usable_frames(flow: Flow) -> list[int] | str:
     """The frames at which a simulation can start, or the reason why there are none."""
+    if objection := resimulation.not_a_collapse(flow):
+        return objection
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if resimulation.in_corner(flow, k)]
     if after and not standing:

@@ -80,7 +80,7 @@ def simulate(
 def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
     """Write the frames so far of a simulation that has stopped; says what was written."""
     count = len(recorder.frames)
-    if count < 2:
+    if count < 2:  # a file of one frame would be that of a steady flow
         return f"no flow file was written, since it needs two frames and there are {count}"
     write_flow(recorder.flow(), out)
     return f"{out} holds the {count} frames so far"

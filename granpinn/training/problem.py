@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
+from granpinn.data.symmetry import axes_of, invariant_axes, words
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
-from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
 from granpinn.training.tolerances import law_rate, magnitudes_of, sigmas_of
@@ -49,9 +49,17 @@ class Problem:
         sigma = self.noise_share * min(self.noise, misfit or math.inf)
         return max(1.0, sigma * math.sqrt(self.term_weights[0])) ** -2
 
+    @property
+    def symmetries(self) -> tuple[str, ...]:
+        """What the network does not depend on, in words."""
+        return words(tuple(factor == 0 for factor in self.spec.input_scale))
+
 
 def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
-    """The problem of a flow with the settings `config`."""
+    """The problem of a flow with the settings `config`.
+
+    Inputs in which the flow does not change have the factor 0: no output depends on them.
+    """
     if config.network.units == "file":
         shift = [0.0, 0.0, 0.0]
         scale = [scales.length, scales.length, scales.time]
@@ -62,10 +70,12 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
+    invariant = invariant_axes(flow)
+    scale = [0.0 if same else factor for same, factor in zip(invariant, scale, strict=True)]
     material = material_of(flow, scales)
     found = magnitudes_of(flow, scales)
     sigmas = sigmas_of(config, scales, found)
-    g_x, g_y = Axes.of(flow.gravity).gravity
+    g_x, g_y = axes_of(flow).gravity
     physics = Physics(
         grain_diameter=material.grain_diameter,
         g_x=g_x,

@@ -54,12 +54,13 @@ def _answer(found: Inspection) -> str:
 def _data(found: Inspection) -> list[str]:
     c, lines, unit = found.counts, [], found.flow.time_unit
     unit = "" if unit == "1" else f" {unit}"
-    if found.motion.sparse is not None:
+    move = found.motion.largest_move
+    if found.motion.sparse is not None and move is not None:
         start, end = found.motion.sparse
-        factor = math.ceil(found.motion.largest_move / LARGEST_MOVE)
+        factor = math.ceil(move / LARGEST_MOVE)
         lines.append(
             f"Add frames between t = {start:.4g} and {end:.4g}{unit}: grains move up to "
-            f"{found.motion.largest_move:.2f} of the initial height from one to the next; "
+            f"{move:.2f} of the initial height from one to the next; "
             f"a frame rate {factor} times higher resolves the motion."
         )
     if c.zero_share > MAX_ZERO_SHARE:
@@ -91,7 +92,14 @@ def _noise(found: Inspection) -> list[str]:
     relative = found.relative_noise
     if relative is None or relative < NEGLIGIBLE_NOISE:
         return lines
-    if n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
+    steady = found.view.steady
+    if steady and n.in_time and n.in_space and n.in_time > 2 * n.in_space:
+        lines.append(
+            f"The frames of this steady flow differ by {n.in_time / n.in_space:.1f} times the "
+            "noise of their vectors: the flow still drifts, or the frames are means over too short "
+            "a time."
+        )
+    if not steady and n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
         larger = n.in_time > n.in_space
         lines.append(
             f"Noise seen in time is {n.in_time / n.in_space:.1f} times that in space: "

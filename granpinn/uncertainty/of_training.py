@@ -31,9 +31,18 @@ class Judgement(NamedTuple):
 
 
 def judge(
-    members: Members, residuals: Residuals | None, steps: int, config: Config, diverged: bool
+    members: Members,
+    residuals: Residuals | None,
+    steps: int,
+    config: Config,
+    diverged: bool,
+    symmetries: Sequence[str] = (),
 ) -> Judgement:
-    """Error bars and verdict; without error bars, the verdict gives the reason."""
+    """Error bars and verdict; without error bars, the verdict gives the reason.
+
+    Args:
+        symmetries: of the flow, in words (granpinn/data/symmetry.py).
+    """
     law, table, changed = LAWS[config.law], calibration.load(), uncalibrated(config)
     middle = center(members, law)
 
@@ -49,6 +58,11 @@ def judge(
         return without(f"no error bars and no verdict: they are calibrated for {title} alone")
     if changed:
         return without(_why_not(changed))
+    if symmetries:
+        return without(
+            "no error bars and no verdict: they are calibrated on collapses, and this flow is "
+            + " and ".join(words.partition(":")[0] for words in symmetries)
+        )
     found = error_bars.estimate(members, residuals, steps, table)
     if any(std > value for std, value in zip(found.std, middle, strict=True)):
         return without(TOO_LITTLE)

@@ -134,7 +134,6 @@ WRONG = {
     "time of NaN": (with_nan("t"), "particles/t must be finite"),
     "sigma": ({"sigma_u": -PARTICLES.sigma_u}, "particles/sigma_u must be positive and finite"),
     "one sigma": ({"sigma_v": None}, "must come together"),
-    "one time": ({"t": np.full_like(PARTICLES.t, 0.5)}, "at least two different times, got 1"),
     "one place": (
         {"x": np.zeros_like(PARTICLES.x), "y": np.zeros_like(PARTICLES.y)},
         "spread over an area",

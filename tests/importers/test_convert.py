@@ -182,7 +182,10 @@ WRONG = {
         "--density must be grain density times solid fraction, 1500, got 1000",
     ),
     "frames": (["FILE", "--out", "f.h5", "--frames", "a:b"], "--frames must be FIRST:LAST:STEP"),
-    "one frame": (["FILE", "--out", "f.h5", "--frames", "0:1"], "leave at least two frames, got 1"),
+    "one frame": (
+        ["FILE", "--out", "f.h5", "--frames", "0:1"],
+        "leave at least two frames (or one",
+    ),
     "times": (["FILE", "--out", "f.h5", "--times", "FILE"], "--times must give one time|expected"),
     "origin": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL, "--origin", "3"],

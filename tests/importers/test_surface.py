@@ -263,5 +263,8 @@ def test_a_frame_without_vectors_is_left_out() -> None:
         flow = read(a, **MATERIAL)
     np.testing.assert_array_equal(flow.t, [1, 3])
     a["validity"][2] = 3
-    with pytest.raises(DataFileError, match="at least two frames must hold measured vectors"):
+    with pytest.raises(
+        DataFileError,
+        match=r"two frames \(or one and --steady\) must hold measured",
+    ):
         read(a, **MATERIAL)

@@ -1,0 +1,136 @@
+"""Steady flows and chutes through the whole chain: nothing depends on t, or on x."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn import results
+from granpinn.config import Config
+from granpinn.data import Flow, write_flow
+from granpinn.identification.batch import identify_many
+from granpinn.identification.case import pose
+from granpinn.identification.scoring import after_start
+from granpinn.identification.single import identify
+from granpinn.results import read_fields
+from granpinn.second_opinion.resimulation import initial_column
+from granpinn.second_opinion.simulated_pressure import usable_frames
+from granpinn.train import main
+from granpinn.training.progress import Silent
+from granpinn.uncertainty.of_training import judge
+from tests.examples import make_result
+from tests.flows import make_chute, make_flow
+from tests.runs import tiny
+
+BOTH = ("the same along x: no derivative along x", "steady: no time derivative")
+
+
+class Messages(Silent):
+    """Keeps what a run says."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def message(self, text: str) -> None:
+        self.said.append(text)
+
+
+@pytest.mark.parametrize("units", ["scaled", "file"])
+def test_the_network_gets_no_input_that_has_no_effect(units: str) -> None:
+    def scale(flow: Flow) -> tuple[float, ...]:
+        return pose(flow, tiny(network__units=units)).member.problem.spec.input_scale
+
+    for frames in (1, 3):
+        assert [factor == 0 for factor in scale(make_chute(frames=frames))] == [True, False, True]
+    only_steady = make_chute(attributes={})
+    assert [factor == 0 for factor in scale(only_steady)] == [False, False, True]
+    assert all(scale(make_flow()))
+
+
+def test_every_column_of_a_chute_is_the_same(tmp_path: Path) -> None:
+    flow, listener = make_chute(frames=2), Messages()
+    result = identify(flow, tiny(), run_dir=tmp_path / "run", progress=listener)
+    assert result.data.symmetries == BOTH
+    assert "; ".join(BOTH) in listener.said
+    assert results.read_results(tmp_path / "run" / "results.json").data.symmetries == BOTH
+    fields = read_fields(tmp_path / "run" / "fields.h5")
+    assert fields.steady
+    assert after_start(fields).all()
+    for name in ("u", "v", "p", "tau_xy", "momentum_residual_x"):
+        frames = [fields.frame(name, k) for k in range(2)]
+        np.testing.assert_array_equal(frames[0], frames[1])
+        np.testing.assert_array_equal(frames[0], np.broadcast_to(frames[0][:, :1], frames[0].shape))
+    assert result.error_percent.pressure is not None
+
+
+def test_frames_before_zero_are_scored_in_a_steady_flow() -> None:
+    flow = make_chute(frames=2)
+    early = identify(dataclasses.replace(flow, t=flow.t - 100, surface=None), tiny(level="V0"))
+    assert early.error_percent.velocity is not None
+    assert early.inertial_number is not None
+
+
+def test_flows_of_all_kinds_share_a_batch() -> None:
+    flows = [make_chute(), make_chute(frames=3, attributes={"steady": 1}), make_flow()]
+    found = identify_many(flows, tiny(), noise=[0.05, 0.0, 0.0])
+    assert [result.data.symmetries for result in found] == [BOTH, BOTH[1:], ()]
+
+
+def test_members_with_noise_share_the_problem() -> None:
+    result = identify(make_chute(), tiny(members=4, noise=0.02))
+    assert result.members is not None
+    assert any(result.members.redrawn)
+    assert result.data.symmetries == BOTH
+
+
+REASONS: dict[str, tuple[Callable[[], Flow], str]] = {
+    "steady": (make_chute, "the flow is steady, and the simulator has only grains that collapse"),
+    "periodic": (
+        lambda: make_flow(attributes={"period_x": 3.0}),
+        "the sides of the flow are periodic, and the simulator has walls",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "words"), REASONS.values(), ids=REASONS.keys())
+def test_the_simulator_says_why_it_has_no_such_flow(make: Callable[[], Flow], words: str) -> None:
+    for found in (initial_column(make()), usable_frames(make())):
+        assert isinstance(found, str)
+        assert words in found
+
+
+def test_error_bars_of_collapses_are_not_those_of_a_chute() -> None:
+    example = make_result()
+    assert example.members is not None
+    arguments = example.members, example.residuals, 40_000, Config(), False
+    assert judge(*arguments).bars is not None
+    found = judge(*arguments, BOTH)
+    assert (found.covariance, found.bars, found.verdict.follows) == (None, None, None)
+    assert found.verdict.words == (
+        "no error bars and no verdict: they are calibrated on collapses, and this flow is the same "
+        "along x and steady"
+    )
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_the_command_on_one_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Training, second opinion, figures and page of a file with a single frame."""
+    write_flow(make_chute(), tmp_path / "chute.h5")
+    flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
+    assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
+    printed = capsys.readouterr()
+    assert "no simulated pressure: the flow is steady" in printed.out
+    assert "not simulated again: the flow is steady" in printed.out
+    assert "warning" not in printed.err
+    found = results.read_results(tmp_path / "run" / "results.json")
+    assert found.not_done == ()
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "of 1 frame and" in page
+    assert "The flow was taken as the same along x" in page
+    assert "Arrow keys" not in page
+    for name in ("velocity", "pressure", "profiles", "friction_law", "momentum_residual"):
+        assert (tmp_path / "run" / "figures" / f"{name}.png").exists()

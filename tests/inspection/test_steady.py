@@ -1,0 +1,66 @@
+"""The inspection of a steady flow: noise in space, no motion between frames, no time derivative."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn.data import add_noise, write_flow
+from granpinn.data.noise import max_speed
+from granpinn.inspect import main
+from granpinn.inspection import inspect
+from granpinn.inspection.text import lines_of
+from granpinn.uncertainty.of_data import verdict
+from tests.flows import make_chute
+
+
+@pytest.mark.parametrize("frames", [1, 2, 6])
+def test_noise_and_slopes_of_a_steady_flow(frames: int, seed: int) -> None:
+    flow = make_chute(frames=frames, rows=40, columns=48)
+    sd = 0.02
+    found = inspect(add_noise(flow, sd, seed))
+    assert found.noise.sigma is not None
+    assert found.noise.sigma * found.scales.velocity == pytest.approx(
+        sd * max_speed(flow), rel=0.25
+    )
+    assert (found.noise.in_time is None) == (frames == 1)
+    assert (found.gradients.du[:, 0] == 0).all()
+    assert (found.gradients.sd[:, 0] == 0).all()
+    assert found.motion.cells_per_frame is None
+    assert found.inertia is not None
+    assert found.inertia.q50 == pytest.approx(0.1, rel=0.2)
+    assert not any("Add frames" in sentence for sentence in verdict(found))
+
+
+def test_frames_that_drift_are_named(seed: int) -> None:
+    """The frames of a steady flow are one flow; a drift is no noise of the vectors."""
+    flow = add_noise(make_chute(frames=3, rows=40, columns=48), 0.005, seed)
+    drift = 1 + 0.05 * np.arange(3)[:, None, None]
+    found = inspect(replace(flow, u=(flow.u * drift).astype(np.float32)))
+    assert found.noise.sigma == pytest.approx(inspect(flow).noise.sigma, rel=0.3)
+    assert any("still drifts" in sentence for sentence in verdict(found))
+    assert not any("still drifts" in sentence for sentence in verdict(inspect(flow)))
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_the_command(frames: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_flow(make_chute(frames=frames), tmp_path / "chute.h5")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert "the same along x: no derivative along x; steady: no time derivative" in printed
+    numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
+    assert len(numbers["symmetries"]) == 2
+    assert numbers["motion"]["largest_move"] is None
+
+
+def test_other_flows_have_no_line_for_it() -> None:
+    found = inspect(make_chute(frames=4, attributes={}))
+    assert found.symmetries == ()
+    assert not any(line.startswith("symmetry") for line in lines_of(found, []))
