@@ -37,7 +37,7 @@ TERMS: tuple[Term, ...] = (
     Term("momentum", "mom", "force", 0.05, "momentum residual"),
     Term("continuity", "div", "rate", 0.033, "divergence of the velocity"),
     Term(
-        "constitutive", "law", "rate", 0.0165, "strain rate error in the friction law (mixed form)"
+        "constitutive", "law", "rate", 0.008, "strain rate error in the friction law (mixed form)"
     ),
 )
 
