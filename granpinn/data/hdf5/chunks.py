@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Callable, Sequence
 from operator import add, lt, mod
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from h5py import h5z
 
+from granpinn.data.hdf5.content import Content
 from granpinn.data.regular import UnsafeFileError
 
 MAX_CHUNKS = 1_000_000
@@ -35,7 +37,7 @@ class Chunks:
         dataset, plan: its identifier and its creation properties.
         shape: of the dataset.
         dtype: of the stored values.
-        file_bytes: size of the file.
+        file: it holds the dataset.
     """
 
     def __init__(
@@ -45,9 +47,9 @@ class Chunks:
         plan: Any,
         shape: tuple[int, ...],
         dtype: np.dtype[Any],
-        file_bytes: int,
+        file: Content,
     ) -> None:
-        self._name, self._dataset, self._file_bytes = name, dataset, file_bytes
+        self._name, self._dataset, self._file = name, dataset, file
         self._shape, self._dtype = shape, dtype
         self._chunk: tuple[int, ...] = plan.get_chunk()
         self._filters = [plan.get_filter(i)[0] for i in range(plan.get_nfilters())]
@@ -77,8 +79,9 @@ class Chunks:
         places = {info.chunk_offset: info for info in stored if self._is_place(info.chunk_offset)}
         if len(places) != expected:
             return False
+        raw = self._source(stored)
         for place, info in places.items():
-            values = np.frombuffer(self._unpacked(info), self._dtype).reshape(chunk)
+            values = np.frombuffer(self._unpacked(info, raw(info)), self._dtype).reshape(chunk)
             target = array[tuple(map(slice, place, map(add, place, chunk)))]
             inside = values if target.shape == chunk else values[tuple(map(slice, target.shape))]
             target[...] = inside
@@ -88,11 +91,27 @@ class Chunks:
         inside = min(offset) >= 0 and all(map(lt, offset, self._shape))
         return inside and not any(map(mod, offset, self._chunk))
 
-    def _unpacked(self, info: Any) -> bytes | memoryview:
+    def _source(self, stored: Sequence[Any]) -> Callable[[Any], bytes | memoryview]:
+        """How the stored bytes of a chunk are found.
+
+        The list of chunks says where they lie. Some versions of HDF5 forget the user block there;
+        then HDF5 looks up each chunk, which takes longer.
+        """
+        if any(info.size > self._file.n_bytes for info in stored):
+            raise self._wrong_size(max(info.size for info in stored))
+
+        def looked_up(info: Any) -> bytes:
+            content: bytes = self._dataset.read_direct_chunk(info.chunk_offset)[1]
+            return content
+
+        def listed(info: Any) -> memoryview:
+            return self._file.content(info.byte_offset, info.size)
+
+        same = all(listed(info) == looked_up(info) for info in stored[:1])
+        return listed if same else looked_up
+
+    def _unpacked(self, info: Any, content: bytes | memoryview) -> bytes | memoryview:
         """The values of a chunk: its filters backwards, but those that the chunk leaves out."""
-        if info.size > self._file_bytes:
-            raise self._wrong_size(info.size)
-        content: bytes | memoryview = self._dataset.read_direct_chunk(info.chunk_offset)[1]
         applied = self._filters
         if info.filter_mask:
             applied = [f for i, f in enumerate(applied) if not info.filter_mask >> i & 1]
