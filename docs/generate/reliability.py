@@ -110,12 +110,7 @@ KEPT_BY_COMMANDS = (
         "planted_mistakes",
     ),
     Attack("T-2", "kill -9 at random moments, then the same bits", "kills-cpu.json", "kills"),
-    Attack(
-        "T-2",
-        "the same on a GPU",
-        "kills-cuda.json",
-        "kills --device cuda",
-    ),
+    Attack("T-2", "the same on a GPU", "kills-cuda.json", "kills --device cuda"),
     Attack("T-4", "a second signal ends the process at once", "signals.json", "signals"),
     Attack(
         "T-5",
