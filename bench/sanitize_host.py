@@ -40,6 +40,8 @@ TESTS = [
     "tests/kernels/test_sampling.py",
     "tests/kernels/test_viscosity.py",
 ]
+# It limits the memory of a process, and the sanitizer itself needs more than that.
+LEFT_OUT = "test_threads_that_do_not_start_are_one_sentence"
 REPORT = re.compile(r"ERROR: AddressSanitizer: .*|runtime error: .*")
 
 
@@ -74,7 +76,7 @@ def files_of(tests: Iterable[str]) -> list[str]:
 def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
     """Runs some tests with the kernels of one instruction set; what they showed."""
     begin = time.monotonic()
-    options = ["-k", "not cuda", "-o", "timeout=900", "-W", "ignore", tests]
+    options = ["-k", f"not cuda and not {LEFT_OUT}", "-o", "timeout=900", "-W", "ignore", tests]
     code, output = copied_tree.pytest(tree, options, 1800, environment(kernels))
     passed = re.search(r"(\d+) passed", output)
     reports = REPORT.findall(output)

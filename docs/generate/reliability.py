@@ -110,6 +110,7 @@ KEPT_BY_COMMANDS = (
         "planted_mistakes",
     ),
     Attack("T-2", "kill -9 at random moments, then the same bits", "kills-cpu.json", "kills"),
+    Attack("T-2", "the same on a GPU", "kills-cuda.json", "kills --device cuda"),
     Attack("T-4", "a second signal ends the process at once", "signals.json", "signals"),
     Attack(
         "T-5",
@@ -117,6 +118,7 @@ KEPT_BY_COMMANDS = (
         "non_finite-cpu.json",
         "non_finite",
     ),
+    Attack("T-5", "the same on a GPU", "non_finite-cuda.json", "non_finite --device cuda"),
     Attack(
         "T-6",
         "every flipped bit of a checkpoint is refused or harmless",
@@ -199,6 +201,8 @@ def section(found: dict[str, Any]) -> Iterator[str]:
             yield f"| {name} | {', '.join(f'{key} {shown(row[key])}' for key in row)} |"
     for name, reason in details.get("not run", {}).items():
         yield from ("", f"{name}: not run, {', '.join(reason)} is not installed.")
+    if left := details.get("not_run"):
+        yield from ("", "Not run:", "", *(f"- {name}" for name in left))
     if failures(found):
         yield from ("", "Failures:", "")
         kinds = details.get("classes") or {plain(row): 1 for row in found["failures"]}

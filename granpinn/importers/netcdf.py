@@ -69,8 +69,7 @@ def _open(xarray: Any, path: Path) -> Any:
         return xarray.open_dataset(content, engine="scipy", decode_times=False)
     found, facts = read_variables(path, VARIABLES, FACTS, MAX_BYTES)
     variables = {name: xarray.Variable(*parts) for name, parts in found.items()}
-    store = xarray.backends.InMemoryDataStore(variables, facts)
-    return xarray.open_dataset(store, decode_times=False)
+    return xarray.decode_cf(xarray.Dataset(variables, attrs=facts), decode_times=False)
 
 
 def from_dataset(data: Any, path: str = "the data set") -> VectorFields:

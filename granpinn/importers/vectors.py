@@ -202,8 +202,9 @@ def _ascending(fields: VectorFields) -> VectorFields:
             )
         changes[name] = values[order]
         orders.append(order)
+    sorted_already = all((np.diff(order) > 0).all() for order in orders)
     for name, values in fields.arrays().items():
-        changes[name] = values[np.ix_(*orders)]
+        changes[name] = np.ascontiguousarray(values) if sorted_already else values[np.ix_(*orders)]
     return replace(fields, **changes)
 
 

@@ -227,3 +227,33 @@ def test_numbers_are_those_of_hdf5(tmp_path: Path, storage: str, seed: int) -> N
                 expected = np.empty(file[kind].shape, wanted)
                 file[kind].read_direct(expected)
                 np.testing.assert_array_equal(opened.read(wanted), expected)
+
+
+FILTERS = {
+    "gzip": lambda plan: plan.set_deflate(3),
+    "shuffle": lambda plan: plan.set_shuffle(),
+    "fletcher32": lambda plan: plan.set_fletcher32(),
+}
+
+
+@pytest.mark.parametrize(
+    "order",
+    [(), ("fletcher32",), ("shuffle", "gzip", "fletcher32"), ("shuffle", "fletcher32", "gzip")],
+)
+@pytest.mark.parametrize("userblock", [0, 512])
+def test_filters_in_both_orders_behind_a_user_block(
+    tmp_path: Path, order: tuple[str, ...], userblock: int
+) -> None:
+    values = np.random.default_rng(1).normal(size=(7, 11))
+    with h5py.File(tmp_path / "a.h5", "w", userblock_size=userblock) as file:
+        plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        plan.set_chunk((3, 5))
+        for name in order:
+            FILTERS[name](plan)
+        space = h5py.h5s.create_simple(values.shape)
+        made = h5py.h5d.create(file.id, b"a", h5py.h5t.IEEE_F64LE, space, plan)
+        made.write(h5py.h5s.ALL, h5py.h5s.ALL, values)
+    with open_hdf5(tmp_path / "a.h5", 2**20) as safe:
+        opened = safe.open_dataset("a")
+        assert opened is not None
+        np.testing.assert_array_equal(opened.read(), values)

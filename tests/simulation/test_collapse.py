@@ -77,6 +77,15 @@ def test_window_does_not_change_the_grains() -> None:
         assert np.linalg.norm(difference) < 0.01 * np.linalg.norm(other.u_center[:ny, :nx][grains])
 
 
+def test_velocities_at_centers_are_means_of_two_faces() -> None:
+    u = np.array([[0.0, 2.0, 6.0], [1.0, 1.0, -3.0]])  # faces x = 0, 1, 2 of 2 x 2 cells
+    v = np.array([[0.0, 4.0], [2.0, 8.0], [5.0, -2.0]])  # faces y = 0, 1, 2
+    cells, corners = np.ones((2, 2)), np.ones((3, 3))
+    state = State(c=cells, p=cells, u=u, v=v, eta_center=cells, eta_corner=corners)
+    np.testing.assert_array_equal(state.u_center, [[1, 4], [1, -1]])
+    np.testing.assert_array_equal(state.v_center, [[1, 6], [3.5, 3]])
+
+
 def test_threads_give_the_same_bits() -> None:
     """On a grid that is large enough for its loops to be shared."""
     states = []

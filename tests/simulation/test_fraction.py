@@ -116,3 +116,22 @@ def test_straight_lines_are_carried_exactly(slope: tuple[float, float]) -> None:
     inner = slice(8, 24)
     difference = solver.state()["c"] - half_plane(0.8 / cells)
     assert np.abs(difference[inner, inner]).max() < 0.02
+
+
+def test_partly_filled_cells_have_the_viscosity_of_layers() -> None:
+    """1 / eta = c / eta_grains + (1 - c) / eta_air: grains and air under one shear stress."""
+    air = 0.01
+    s = p.parameters(12, 8, 0.1, eta_max=2.0, air_viscosity=air, **p.walls(Side.free_slip))
+    c = np.random.default_rng(1).uniform(0, 1, (8, 12))
+    c[2, 3], c[4, 5] = 0, 1
+    solver = Solver(s)
+    solver.set_state(c, np.zeros((8, 13)), np.zeros((9, 12)))
+    solver.step(1e-3)
+
+    state = solver.state()
+    np.testing.assert_array_equal(state["c"], c)  # nothing moves
+    inside = state["eta_center"][1:]  # air in the lowest row counts as grains
+    np.testing.assert_allclose(1 / inside, (c / 2 + (1 - c) / air)[1:], rtol=1e-12)
+    around = 0.25 * (c[1:-2, :-1] + c[2:-1, :-1] + c[1:-2, 1:] + c[2:-1, 1:])
+    corners = state["eta_corner"][2:-2, 1:-1]
+    np.testing.assert_allclose(1 / corners, around / 2 + (1 - around) / air, rtol=1e-12)

@@ -26,7 +26,7 @@ from typing import Any
 
 from bench import copied_tree, movable_build
 from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
-from bench.studies.reliability.record import Record, command_of, read
+from bench.studies.reliability.record import Record, command_of, joined, processor, read
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
 QUICK, WHOLE = 900.0, 3600.0  # seconds for some folders, for the suite
@@ -94,6 +94,7 @@ class Trial:
             "tests": [path for paths in tests for path in paths],
             "caught_by": caught or None,
             "seconds": round(time.monotonic() - begin, 1),
+            "device": processor(),
         }
 
     def _catch(self, tree: Path, paths: Sequence[str]) -> str:
@@ -183,21 +184,24 @@ def main() -> int:
                     tried.append(row)
                     found[row["id"]] = row
                     print(json.dumps(row), flush=True)
-                    record_of(list(found.values())).write(arguments.out)
+                    write(list(found.values()), arguments)
     survivors = [row["id"] for row in tried if not row["caught_by"]]
     print(f"{len(tried)} of {len(rows)} mistakes tried, survivors: {survivors}")
     return int(bool(survivors))
 
 
-def record_of(rows: Sequence[dict[str, Any]]) -> Record:
-    """The record of the mistakes tried so far; its time is that of all trials."""
+def write(rows: Sequence[dict[str, Any]], arguments: argparse.Namespace) -> None:
+    """The record of the mistakes tried so far, on all machines; its time is that of all trials."""
     seconds = sum(float(row["seconds"]) for row in rows)
-    record = Record("V-4", command_of("bench.studies.reliability.planted_mistakes"), seconds)
+    words = ["--quick"] * arguments.quick
+    words += ["--cuda"] * any(MISTAKES[row["id"]].needs_gpu for row in rows)
+    command = command_of("bench.studies.reliability.planted_mistakes", words)
+    record = Record("V-4", command, seconds)
     rows = sorted(rows, key=lambda row: int(row["id"]))
     for row in rows:
         record.add("caught" if row["caught_by"] else "survived", None if row["caught_by"] else row)
     record.details = {"of": len(MISTAKES), "mistakes": rows}
-    return record
+    record.write(arguments.out, joined(row["device"] for row in rows))
 
 
 if __name__ == "__main__":

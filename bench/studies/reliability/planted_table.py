@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-# Quick ones first. The operators' own checks and hostile calls take longer and see little more.
+# Those that see most come first. The operators' own checks take longer and see little more.
 KERNELS = (
-    *("viscosity", "laws", "law_update", "pointwise", "arguments", "sampling", "network", "step"),
+    *("pointwise", "viscosity", "laws", "law_update", "arguments", "sampling", "network", "step"),
     *("gradients", "orthogonalize", "determinism", "small_work", "cuda", "accuracy"),
 )
 SOLVER = ("laws", "bagnold", "fraction", "smooth_flows", "balance", "collapse")

@@ -10,7 +10,7 @@ import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -66,7 +66,7 @@ class Record:
                 "gate": self.gate,
                 "date": time.strftime("%Y-%m-%d"),
                 "versions": versions | _installed(),
-                "device": device or f"{machine['processor']}, {machine['cores']} cores",
+                "device": device or processor(),
                 "command": self.command,
                 "seconds": round(self.seconds, 1),
                 "tried": self.tried,
@@ -94,6 +94,17 @@ def read(path: Path) -> dict[str, Any]:
     if sum(found["outcomes"].values()) != found["tried"]:
         raise ValueError(f"{path}: the outcomes must add up to {found['tried']} inputs")
     return found
+
+
+def processor() -> str:
+    """The processor of this machine, and how many cores the process may use."""
+    machine = describe()
+    return f"{machine['processor']}, {machine['cores']} cores"
+
+
+def joined(values: Iterable[str]) -> str:
+    """What several runs have: each value once, in words."""
+    return " and ".join(dict.fromkeys(values))
 
 
 def command_of(module: str, argv: Sequence[str] | None = None) -> str:

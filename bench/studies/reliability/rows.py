@@ -15,9 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.studies.reliability.record import RESULTS, Record
-
-JOINED = " and "
+from bench.studies.reliability.record import RESULTS, Record, joined
 
 
 def begin(path: Path, command: str, gate: str = "F-2") -> None:
@@ -49,16 +47,12 @@ def merged(paths: Sequence[Path]) -> dict[str, Any]:
     record = kind.gather(rows.values())
     record.seconds = sum(run["seconds"] for run in runs)
     record.command = "\n".join(run["command"] for run in runs)
-    whole = record.as_json(device=_joined(run["device"] for run in runs))
-    whole["date"] = _joined(run["date"] for run in runs)
+    whole = record.as_json(device=joined(run["device"] for run in runs))
+    whole["date"] = joined(run["date"] for run in runs)
     whole["versions"] = {
-        name: _joined(run["versions"][name] for run in runs) for name in runs[0]["versions"]
+        name: joined(run["versions"][name] for run in runs) for name in runs[0]["versions"]
     }
     return whole
-
-
-def _joined(values: Iterable[str]) -> str:
-    return JOINED.join(dict.fromkeys(values))
 
 
 def _mutants(rows: Iterable[dict[str, Any]]) -> Record:

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Callable, Sequence
+from operator import add, lt, mod
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from h5py import h5z
 
+from granpinn.data.hdf5.content import Content
 from granpinn.data.regular import UnsafeFileError
 
 MAX_CHUNKS = 1_000_000
@@ -34,7 +37,7 @@ class Chunks:
         dataset, plan: its identifier and its creation properties.
         shape: of the dataset.
         dtype: of the stored values.
-        file_bytes: size of the file.
+        file: it holds the dataset.
     """
 
     def __init__(
@@ -44,9 +47,9 @@ class Chunks:
         plan: Any,
         shape: tuple[int, ...],
         dtype: np.dtype[Any],
-        file_bytes: int,
+        file: Content,
     ) -> None:
-        self._name, self._dataset, self._file_bytes = name, dataset, file_bytes
+        self._name, self._dataset, self._file = name, dataset, file
         self._shape, self._dtype = shape, dtype
         self._chunk: tuple[int, ...] = plan.get_chunk()
         self._filters = [plan.get_filter(i)[0] for i in range(plan.get_nfilters())]
@@ -76,27 +79,44 @@ class Chunks:
         places = {info.chunk_offset: info for info in stored if self._is_place(info.chunk_offset)}
         if len(places) != expected:
             return False
+        raw = self._source(stored)
         for place, info in places.items():
-            values = np.frombuffer(self._unpacked(info), self._dtype).reshape(chunk)
-            inside = tuple(slice(o, o + k) for o, k in zip(place, chunk, strict=True))
-            target = array[inside]
-            target[...] = values[tuple(slice(n) for n in target.shape)]
+            values = np.frombuffer(self._unpacked(info, raw(info)), self._dtype).reshape(chunk)
+            target = array[tuple(map(slice, place, map(add, place, chunk)))]
+            inside = values if target.shape == chunk else values[tuple(map(slice, target.shape))]
+            target[...] = inside
         return True
 
     def _is_place(self, offset: tuple[int, ...]) -> bool:
-        return all(
-            0 <= o < n and o % k == 0
-            for o, n, k in zip(offset, self._shape, self._chunk, strict=True)
-        )
+        inside = min(offset) >= 0 and all(map(lt, offset, self._shape))
+        return inside and not any(map(mod, offset, self._chunk))
 
-    def _unpacked(self, info: Any) -> bytes:
+    def _source(self, stored: Sequence[Any]) -> Callable[[Any], bytes | memoryview]:
+        """How the stored bytes of a chunk are found.
+
+        The list of chunks says where they lie. Some versions of HDF5 forget the user block there;
+        then HDF5 looks up each chunk, which takes longer.
+        """
+        if any(info.size > self._file.n_bytes for info in stored):
+            raise self._wrong_size(max(info.size for info in stored))
+
+        def looked_up(info: Any) -> bytes:
+            content: bytes = self._dataset.read_direct_chunk(info.chunk_offset)[1]
+            return content
+
+        def listed(info: Any) -> memoryview:
+            return self._file.content(info.byte_offset, info.size)
+
+        same = all(listed(info) == looked_up(info) for info in stored[:1])
+        return listed if same else looked_up
+
+    def _unpacked(self, info: Any, content: bytes | memoryview) -> bytes | memoryview:
         """The values of a chunk: its filters backwards, but those that the chunk leaves out."""
-        if info.size > self._file_bytes:
-            raise self._wrong_size(info.size)
-        _, raw = self._dataset.read_direct_chunk(info.chunk_offset)
-        content: bytes = raw
-        applied = [f for i, f in enumerate(self._filters) if not info.filter_mask >> i & 1]
-        for i, code in reversed([*enumerate(applied)]):
+        applied = self._filters
+        if info.filter_mask:
+            applied = [f for i, f in enumerate(applied) if not info.filter_mask >> i & 1]
+        for i in reversed(range(len(applied))):
+            code = applied[i]
             if code == h5z.FILTER_DEFLATE:
                 inner = _CHECKSUM_BYTES * (h5z.FILTER_FLETCHER32 in applied[:i])
                 content = zlib.decompressobj().decompress(content, self._bytes + inner + 1)
@@ -108,7 +128,7 @@ class Chunks:
             raise self._wrong_size(len(content))
         return content
 
-    def _checked(self, content: bytes) -> bytes:
+    def _checked(self, content: bytes | memoryview) -> bytes | memoryview:
         data, stored = content[:-_CHECKSUM_BYTES], content[-_CHECKSUM_BYTES:]
         if fletcher32(data) != int.from_bytes(stored, "little"):
             raise UnsafeFileError(
@@ -117,12 +137,15 @@ class Chunks:
             )
         return data
 
-    def _unshuffled(self, content: bytes) -> bytes:
+    def _unshuffled(self, content: bytes | memoryview) -> bytes | memoryview:
         """Shuffled bytes: the first of all values, then the second of all values, and so on."""
         if len(content) != self._bytes:
             raise self._wrong_size(len(content))
-        size = self._dtype.itemsize
-        return np.frombuffer(content, np.uint8).reshape(size, -1).T.tobytes()
+        parts = np.frombuffer(content, np.uint8).reshape(self._dtype.itemsize, -1)
+        values = np.empty(parts.shape[::-1], np.uint8)
+        for k, part in enumerate(parts):  # faster than a copy of the transpose
+            values[:, k] = part
+        return values.data.cast("B")
 
     def _wrong_size(self, size: int) -> UnsafeFileError:
         return UnsafeFileError(
@@ -131,9 +154,9 @@ class Chunks:
         )
 
 
-def fletcher32(data: bytes) -> int:
+def fletcher32(data: bytes | memoryview) -> int:
     """The checksum of HDF5: sums of big-endian 16-bit words, and of these sums, modulo 65535."""
-    padded = data + bytes(len(data) % 2)
+    padded = bytes(data) + bytes(len(data) % 2)
     words = np.frombuffer(padded, ">u2")
     first, second = 0, 0
     for start in range(0, words.size, _BLOCK):

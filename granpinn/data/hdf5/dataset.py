@@ -118,9 +118,7 @@ class Dataset:
         with np.errstate(over="ignore", invalid="ignore"):
             if self._chunked:
                 array = np.empty(shape, wanted)
-                chunks = Chunks(
-                    self.name, self._dataset, self._plan, shape, stored, self._file.n_bytes
-                )
+                chunks = Chunks(self.name, self._dataset, self._plan, shape, stored, self._file)
                 if not chunks.read(array):
                     raise self._incomplete()
                 return array
