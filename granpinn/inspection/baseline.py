@@ -15,15 +15,15 @@ Window and depth are taken from laws through the cells, so that they do not coun
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.results.baseline import Baseline, LawFit, Point
 
 I0 = 0.3
 BINS = 8
@@ -35,60 +35,6 @@ WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against th
 MODEL = 0.02  # of mu, relative
 LARGEST_ERROR = 0.25  # of mu at the mean I, relative
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
-
-
-class Point(NamedTuple):
-    """Friction mu in a bin of I, with its standard error, from so many cells."""
-
-    I: float  # noqa: E741 (the inertial number's own symbol)
-    mu: float
-    se: float
-    cells: int
-
-
-class LawFit(NamedTuple):
-    """mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) through the points, with standard deviations."""
-
-    mu_s: float
-    mu_2: float
-    I0: float
-    mu_s_sd: float
-    mu_2_sd: float
-
-
-@dataclass(frozen=True)
-class Baseline:
-    """What the momentum balance alone says about the friction.
-
-    Attributes:
-        reason: why the balance does not apply, in words; None if it applies.
-        points: in bins of I between its 5th and 95th percentile.
-        mean: of all cells in this range.
-        law: None where the range is narrow or fewer than three bins are filled.
-        window: cells on each side of the local fits.
-        parts: relative standard errors of `mean` by their names (see above).
-    """
-
-    reason: str | None = None
-    points: tuple[Point, ...] = ()
-    mean: Point | None = None
-    law: LawFit | None = None
-    window: int | None = None
-    parts: dict[str, float] | None = None
-
-    @property
-    def I_range(self) -> tuple[float, float] | None:
-        """I of the first and the last point."""
-        return (self.points[0].I, self.points[-1].I) if self.points else None
-
-    def __str__(self) -> str:
-        """One line for the terminal."""
-        if self.reason is not None or not self.points:
-            return f"The momentum balance alone, without a network, does not apply: {self.reason}."
-        shown = {0, len(self.points) // 2, len(self.points) - 1}
-        values = (self.points[k] for k in sorted(shown))
-        text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in values)
-        return f"The momentum balance alone, without a network, gives mu = {text}."
 
 
 def baseline(flow: Flow, I0: float = I0) -> Baseline:
@@ -131,8 +77,8 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
     total = np.sqrt(sum(part**2 for part in parts.values()))
-    points = [p._replace(se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
-    mean = mean._replace(se=float(total[-1]))
+    points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
+    mean = replace(mean, se=float(total[-1]))
     relative = {name: float(part[-1] / mean.mu) for name, part in parts.items()}
     reason = None
     if not mean.se < LARGEST_ERROR * mean.mu:
@@ -232,7 +178,7 @@ def _law(points: list[Point], I0: float) -> LawFit | None:
     """
     if len(points) < 3 or points[-1].I <= NARROW * points[0].I:
         return None
-    i, mu, se, _ = (np.array(column) for column in zip(*points, strict=True))
+    i, mu, se = (np.array([getattr(p, name) for p in points]) for name in ("I", "mu", "se"))
     if not np.isfinite(se).all() or not (se > 0).all():
         return None
     x = i / (i + I0)

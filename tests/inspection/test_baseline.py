@@ -24,7 +24,7 @@ def test_the_shipped_collapse(demo: Flow) -> None:
     assert found.law is not None
     assert found.law.mu_s == pytest.approx(0.4, abs=2 * found.law.mu_s_sd)
     assert found.I_range == (found.points[0].I, found.points[-1].I)
-    assert "without a network, gives mu = 0.4" in str(found)
+    assert "without a network, gives mu = 0.4" in found.sentence
 
 
 def test_noise_widens_windows_and_errors(demo: Flow, seed: int) -> None:
