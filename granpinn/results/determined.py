@@ -53,13 +53,15 @@ def without_raw_values(parameters: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def with_raw_values(parameters: Any) -> Any:
-    """The inverse of `without_raw_values`; anything else as it is, for the checks that follow."""
+def with_raw_values(content: dict[str, Any]) -> dict[str, Any]:
+    """The content of results.json with the raw values in their places; its form is not checked."""
+    parameters = content.get("parameters")
     if not isinstance(parameters, dict):
-        return parameters
-    return {
+        return content
+    found = {
         name: {key: v for key, v in p.items() if key != "raw_value"} | {"value": p["raw_value"]}
         if isinstance(p, dict) and p.get("determined") is False and "raw_value" in p
         else p
         for name, p in parameters.items()
     }
+    return content | {"parameters": found}

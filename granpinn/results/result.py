@@ -293,7 +293,7 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
-        content["parameters"] = with_raw_values(content.get("parameters"))
+        content = with_raw_values(content)
         content["law"] = decode(LawName, content.get("law", {}), "law").name
         return decode(Result, content)
     except ValueError as error:

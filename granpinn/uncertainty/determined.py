@@ -8,9 +8,9 @@ $$ r_s = \sqrt{1 + \bar x^2 / \mathrm{var}(x)}, \quad
    r_2 = \sqrt{1 + (1 - \bar x)^2 / \mathrm{var}(x)}. $$
 
 The covariance of a result gives two such ratios as well. The larger one counts: error bars that
-are calibrated on collapses do not contain the range of another flow. The standard deviation of mu
-in the middle is that of the result, and at least SMALLEST of mu. A parameter whose standard
-deviation would exceed LARGEST of its value is not determined.
+are calibrated on collapses do not contain the range of another flow. A parameter is not determined
+if its standard deviation would exceed LARGEST of its value where that of mu is USUAL of mu. So the
+range alone decides: an inaccurate training has wide intervals, which say so themselves.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from granpinn.results.determined import Determined
 from granpinn.results.summary import NORMAL_90, friction_sd
 
 # Relative sd of mu: the scatter of trainings without noise, 1.5 % in mu_2 (bench/studies/noise).
-SMALLEST = 0.015
-LARGEST = 0.25
+USUAL = 0.015
+LARGEST = 0.2
 
 
 def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:
@@ -61,10 +61,8 @@ def determined(result: Result, inertial_number: Floats, weight: Floats) -> Deter
             if name in reach:
                 own = np.sqrt(result.covariance.matrix[k][k]) / std
                 reach[name] = max(reach[name], float(own))
-    usual = max(std or 0.0, SMALLEST * mu)
-    lost = tuple(
-        name for name, r in reach.items() if r * usual > LARGEST * result.parameters[name].value
-    )
+    largest = {name: LARGEST * result.parameters[name].value for name in reach}
+    lost = tuple(name for name, r in reach.items() if r * USUAL * mu > largest[name])
     return Determined(low, high, float(at[0]), mu, std, interval, reach, lost)
 
 

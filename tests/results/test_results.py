@@ -192,8 +192,9 @@ def test_the_summary_is_a_table() -> None:
         "pressure, flowing                                             -",
         "pressure, stagnant                                            -",
         "nothing contradicts mu(I): a made-up example",
-        "momentum balance, no network: mu = 0.410 +- 0.010 at I = 0.01, 0.430 +- 0.010 at I = 0.05, "
-        "0.500 +- 0.010 at I = 0.2; the network's law differs by +1.5 +- 2.5 % at I = 0.05",
+        "momentum balance, no network: mu = 0.410 +- 0.010 at I = 0.01, "
+        "0.430 +- 0.010 at I = 0.05, 0.500 +- 0.010 at I = 0.2; "
+        "the network's law differs by +1.5 +- 2.5 % at I = 0.05",
     ]
 
 
