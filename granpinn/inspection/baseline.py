@@ -1,7 +1,8 @@
 """The friction law from the momentum balance alone: the baseline that needs no network.
 
-mu = <q n_xy> / <p n_xy> in bins of I, over the cells of momentum_balance. Averages are taken before
-the division, as the stress of one cell is noisy. The standard error of a bin has four parts:
+mu = <q n_xy/p> / <n_xy> in bins of I, over the cells of momentum_balance, with the sign of n_xy.
+Averages are taken before the division by n_xy. Points of a large standard error are left out. The
+standard error of a bin has four parts:
 
 - scatter: jackknife over blocks of time and space, as neighbors share their errors;
 - window: the change with windows of the local fits that are a cell wider on each side;
@@ -33,7 +34,7 @@ NARROW = 2.0  # a range of I over less than this factor holds one friction and n
 WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
 WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against the shear
 MODEL = 0.02  # of mu, relative
-LARGEST_ERROR = 0.25  # of mu at the mean I, relative
+LARGEST_ERROR = 0.25  # of mu, relative
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
@@ -78,6 +79,7 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
     total = np.sqrt(sum(part**2 for part in parts.values()))
     points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
+    points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
     mean = replace(mean, se=float(total[-1]))
     relative = {name: float(part[-1] / mean.mu) for name, part in parts.items()}
     reason = None
@@ -103,8 +105,9 @@ class _Cells:
         self.I, self.shear, self.normal = (
             a[k] for a in (stress.inertial_number, stress.shear, stress.normal)
         )
-        sign = np.where(self.normal < 0, -1.0, 1.0)
-        self.shear, self.normal = self.shear * sign, self.normal * sign
+        # Errors add up on the way down, in proportion to p at most: cells weigh 1/p.
+        p = np.where(self.normal < 0, -1.0, 1.0) * stress.p[k]
+        self.shear, self.normal = self.shear / p, self.normal / p
         self.depth = stress.depth[k]
         place = k[2] if stress.used.shape[2] > 1 else self.depth
         times = min(TIMES, len(stress.frames))

@@ -27,7 +27,7 @@ from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.coarse import coarse_grain
 from bench.studies.grains.flow_file import cropped, flow_of, write_reference
 from bench.studies.grains.lammps import Lammps
-from bench.studies.grains.law import SLOWEST, errors_percent
+from bench.studies.grains.law import SLOWEST, errors_percent, mu_of_i
 from bench.studies.grains.materials import I0, Material
 from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.scenes import SCENES
@@ -80,7 +80,9 @@ def balance_of(flow: Flow, own: dict[str, Any]) -> dict[str, Any]:
     made = baseline(flow, I0)
     found = dataclasses.asdict(made) | {"I_range": made.I_range}
     if found["mean"] is not None and own["mean"] is not None:
-        found["mean_error_percent"] = 100 * (found["mean"]["mu"] / own["mean"]["mu"] - 1)
+        mean, law = found["mean"], own["law"]
+        mu = own["mean"]["mu"] if law is None else float(mu_of_i(law, mean["I"]))
+        found["mean_error_percent"] = 100 * (mean["mu"] / mu - 1)
     if found["law"] is not None and own["law"] is not None:
         found["error_percent"] = errors_percent(found["law"], own["law"], *own["I_range"])
     return found
