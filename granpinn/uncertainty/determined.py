@@ -16,6 +16,8 @@ range alone decides: an inaccurate training has wide intervals, which say so the
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,23 +39,12 @@ def determined(result: Result, inertial_number: Floats, weight: Floats) -> Deter
         inertial_number: of the points that shear [n].
         weight: of these points in the fit [n].
     """
-    number, share = np.asarray(inertial_number, np.float64), np.asarray(weight, np.float64)
-    used = np.isfinite(number) & (number > 0) & (share > 0)
-    if result.law != mu_of_i.LAW.name or not used.any():
+    if result.law != mu_of_i.LAW.name:
         return None
-    number, share = number[used], share[used]
-    low, high = _quantiles(number, share)
-    within = (number >= low) & (number <= high)
-    number, share = number[within], share[within] / share[within].sum()
-    I0 = result.parameters["I0"].value
-    x = number / (number + I0)
-    mean = float(share @ x)
-    variance = max(float(share @ (x - mean) ** 2), 1e-12)
-    reach = {
-        "mu_s": float(np.sqrt(1 + mean**2 / variance)),
-        "mu_2": float(np.sqrt(1 + (1 - mean) ** 2 / variance)),
-    }
-    at = np.array([I0 * mean / (1 - mean)])  # the I of the mean x
+    shear = range_of(inertial_number, weight, result.parameters["I0"].value)
+    if shear is None:
+        return None
+    at, reach = np.array([shear.I]), dict(shear.reach)
     mu = float(LAWS[result.law].friction(at, *result.theta)[0])
     std, interval = _at(at, mu, result)
     if std and result.covariance is not None:
@@ -61,9 +52,42 @@ def determined(result: Result, inertial_number: Floats, weight: Floats) -> Deter
             if name in reach:
                 own = np.sqrt(result.covariance.matrix[k][k]) / std
                 reach[name] = max(reach[name], float(own))
-    largest = {name: LARGEST * result.parameters[name].value for name in reach}
-    lost = tuple(name for name, r in reach.items() if r * USUAL * mu > largest[name])
-    return Determined(low, high, float(at[0]), mu, std, interval, reach, lost)
+    lost = lost_of(reach, mu, {name: result.parameters[name].value for name in reach})
+    return Determined(shear.low, shear.high, shear.I, mu, std, interval, reach, lost)
+
+
+class Range(NamedTuple):
+    """The 5th and 95th percentile of I, the I of the mean x, and the ratios r by parameters."""
+
+    low: float
+    high: float
+    I: float  # noqa: E741 (the inertial number's own symbol)
+    reach: dict[str, float]
+
+
+def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None:
+    """The range of I of points that shear [n] with weights [n]; None without such points."""
+    number, share = np.asarray(inertial_number, np.float64), np.asarray(weight, np.float64)
+    used = np.isfinite(number) & (number > 0) & (share > 0)
+    if not used.any():
+        return None
+    number, share = number[used], share[used]
+    low, high = _quantiles(number, share)
+    within = (number >= low) & (number <= high)
+    number, share = number[within], share[within] / share[within].sum()
+    x = number / (number + I0)
+    mean = float(share @ x)
+    variance = max(float(share @ (x - mean) ** 2), 1e-12)
+    reach = {
+        "mu_s": float(np.sqrt(1 + mean**2 / variance)),
+        "mu_2": float(np.sqrt(1 + (1 - mean) ** 2 / variance)),
+    }
+    return Range(low, high, I0 * mean / (1 - mean), reach)
+
+
+def lost_of(reach: Mapping[str, float], mu: float, values: Mapping[str, float]) -> tuple[str, ...]:
+    """The parameters that are not determined, by their ratios r and values; mu is at the mean x."""
+    return tuple(name for name, r in reach.items() if r * USUAL * mu > LARGEST * values[name])
 
 
 def applied(result: Result, found: Determined) -> Result:
