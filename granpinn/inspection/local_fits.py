@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from granpinn.arrays import Bool, Float64
 
 ENOUGH = 1.5  # cells in a window per coefficient; fewer give no value
+AT_ONCE = 8192  # windows that are copied at a time
 
 
 @dataclass(frozen=True)
@@ -54,10 +55,11 @@ def smooth(
     views = [_windows(a, half, periodic) for a in (weight, *(_filled(f, weight) for f in fields))]
     whole = np.linalg.pinv(basis)
     found = np.full((len(fields), n, *weight.shape), np.nan)
-    for k in range(weight.shape[0]):
-        here = np.ones(weight.shape[1:], bool) if at is None else at[k]
-        w = views[0][k][here].reshape(-1, len(basis))
-        right = np.stack([v[k][here].reshape(-1, len(basis)) for v in views[1:]], axis=2)
+    places = np.argwhere(np.ones(weight.shape, bool) if at is None else at)
+    for begin in range(0, len(places), AT_ONCE):
+        here = tuple(places[begin : begin + AT_ONCE].T)
+        w = views[0][here].reshape(-1, len(basis))
+        right = np.stack([v[here].reshape(-1, len(basis)) for v in views[1:]], axis=2)
         solved = np.full((len(w), n, len(fields)), np.nan)
         full = (w == 1).all(axis=1)
         solved[full] = whole @ right[full]
@@ -65,7 +67,7 @@ def smooth(
         normal = (w[partly] @ products).reshape(-1, n, n)
         normal += 1e-9 * np.eye(n) * np.trace(normal, axis1=1, axis2=2)[:, None, None]
         solved[partly] = np.linalg.solve(normal, basis.T @ right[partly])
-        found[:, :, k, here] = solved.transpose(2, 1, 0)
+        found[(slice(None), slice(None), *here)] = solved.transpose(2, 1, 0)
     made = []
     for f in found:
         slopes = [
