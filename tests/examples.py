@@ -27,6 +27,8 @@ from granpinn.results import (
     Timing,
     Zones,
 )
+from granpinn.results.baseline import Baseline, Difference, LawFit, Point
+from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
 from granpinn.results.records import ErrorBars, Members, Verdict
 
@@ -34,6 +36,14 @@ PARAMETERS = Parameters(
     mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),
     mu_2=Parameter(0.61, fixed=False),
     I0=Parameter(0.3, fixed=True),
+)
+BASELINE = Baseline(
+    points=(Point(0.01, 0.41, 0.01, 40), Point(0.06, 0.44, 0.01, 40), Point(0.2, 0.5, 0.01, 40)),
+    mean=Point(0.05, 0.43, 0.01, 120),
+    law=LawFit(0.4, 0.63, 0.3, 0.01, 0.04),
+    window=2,
+    parts={"scatter": 0.01, "window": 0.0, "depth": 0.01, "model": 0.02},
+    network=(Difference(0.05, 1.5, 2.5, False),),
 )
 RATIOS: dict[str, float | None] = {"momentum": 0.9, "constitutive": 1.1}
 # Changes that leave everything unknown that may be.
@@ -46,6 +56,8 @@ SPARSE: dict[str, Any] = {
     "residuals": None,
     "error_bars": None,
     "verdict": None,
+    "baseline": None,
+    "determined": None,
     "error_percent": ErrorPercent(),
     "settings": {},
 }
@@ -90,6 +102,10 @@ def make_result(**changes: Any) -> Result:
             (0.004, 0.01), (0.011, 0.017), (8.5, 9.5), (1.8, 1.9), "made up", True
         ),
         verdict=Verdict(True, "nothing contradicts mu(I): a made-up example", RATIOS),
+        baseline=BASELINE,
+        determined=Determined(
+            0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46), {"mu_s": 1.5, "mu_2": 9.0}
+        ),
     )
     return replace(result, **changes)
 

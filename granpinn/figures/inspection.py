@@ -60,7 +60,7 @@ def noise(found: Inspection) -> Drawing:
 
 @styled
 def inertia(found: Inspection) -> Drawing:
-    """The assumed friction law, and the inertial numbers of the flowing vectors."""
+    """The assumed friction law, that of the momentum balance, and I of the flowing vectors."""
     figure = new_figure(4.6)
     law_axes, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1))
     law = found.law
@@ -74,6 +74,17 @@ def inertia(found: Inspection) -> Drawing:
         law_axes.axvline(scale, color=BLACK, ls=(0, (4, 3)), lw=1.2, label=f"$I_0$ = {scale:g}")
         axes.axvline(scale / 3, color=ORANGE, lw=1.2, label="$I_0/3$")
         axes.legend()
+    points = found.baseline.points if found.baseline.reason is None else ()
+    if points:
+        law_axes.errorbar(
+            [p.I for p in points],
+            [p.mu for p in points],
+            [p.se for p in points],
+            fmt="o",
+            ms=3,
+            color=ORANGE,
+            label="momentum balance",
+        )
     law_axes.set_ylabel(r"$\mu(I)$")
     law_axes.legend(loc="upper left")
     law_axes.set_title("(a) covered by 5 to 95 % of the flowing vectors")

@@ -12,8 +12,10 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from granpinn import results
-from granpinn.identification import conclusion, prediction, simulated_fields
+from granpinn.identification import balance, conclusion, prediction, scoring, simulated_fields
 from granpinn.identification.case import Case, Model
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
@@ -26,6 +28,8 @@ from granpinn.results import (
     write_fields,
 )
 from granpinn.results.attempt import (
+    BASELINE,
+    DETERMINED,
     FIELDS,
     SCORES,
     SIMULATED_PRESSURE,
@@ -35,6 +39,7 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty.determined import applied, determined
 
 
 class Concluded(NamedTuple):
@@ -84,6 +89,8 @@ def conclude(
         result = _scored(result, case, model, predicted)
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
+        result = _with_range(result, predicted)
+    result = _with_baseline(result, case)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -129,6 +136,27 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     if isinstance(scores, NotDone):
         return lacking(result, scores)
     return having(result, SCORES, **scores._asdict())
+
+
+def _with_range(result: Result, maps: Fields) -> Result:
+    """The result without the parameters that its range of I does not determine."""
+
+    def of_shear() -> Result:
+        points = scoring.after_start(maps) & scoring.flowing(maps)
+        number = maps.values["I"][points]  # the loss weights every vector alike
+        found = determined(result, number, np.ones(number.shape))
+        return result if found is None else applied(result, found)
+
+    made = attempt(DETERMINED, of_shear)
+    return lacking(result, made) if isinstance(made, NotDone) else made
+
+
+def _with_baseline(result: Result, case: Case) -> Result:
+    """The result with the momentum balance beside it."""
+    found = attempt(BASELINE, lambda: balance.beside(case.seen, result))
+    if isinstance(found, NotDone):
+        return lacking(result, found)
+    return having(result, BASELINE, baseline=found)
 
 
 def _write_values(result: Result, folder: Path) -> None:

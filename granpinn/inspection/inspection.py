@@ -17,11 +17,13 @@ from granpinn.data.symmetry import invariant_axes, words
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.noise import Noise, grid_noise, noise_map, particle_noise, particle_vectors
 from granpinn.estimates.view import View, view_of
+from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.slips import Slip, slips
 from granpinn.physics.scales import Scales
+from granpinn.results.baseline import Baseline
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
 # granpinn/identification/scoring.py), and this many times the shear rate that noise simulates.
@@ -91,6 +93,7 @@ class Inspection:
         I: inertial number at the cells of `gradients` [K].
         flows: whether these cells flow [K].
         noise_cells: noise of every cell [Y, X], dimensionless.
+        baseline: the friction from the momentum balance alone.
     """
 
     flow: Flow
@@ -112,6 +115,7 @@ class Inspection:
     I: Float64  # noqa: E741 (the inertial number's own symbol)
     flows: Bool
     noise_cells: Float64
+    baseline: Baseline
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
@@ -124,6 +128,7 @@ class Inspection:
         found["precision"] = None if self.precision is None else vars(self.precision)
         found["precision_refused_because"] = self.reason
         law = self.law.friction_law
+        found["momentum_balance"] = dataclasses.asdict(self.baseline)
         found["law"] = {"name": law.name, **dict(zip(law.names, self.law.theta, strict=True))}
         found["noise"] = {
             name: self._in_file_units(value) if name != "vectors_per_independent" else value
@@ -187,6 +192,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
         I=I,
         flows=flows,
         noise_cells=cells,
+        baseline=baseline(flow, law.inertial_scale or I0),
     )
 
 

@@ -1,7 +1,8 @@
 """The result of a run and its files results.json, results.csv and fields.h5.
 
 In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
-bars, verdict), findings (checks and simulations), result (all of it, and results.json), decoding
+bars, verdict), baseline (the momentum balance), determined (what a narrow range of I leaves),
+findings (checks and simulations), result (all of it, and results.json), decoding
 (its JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
 results_csv, fields.
 """

@@ -1,8 +1,7 @@
 """The result of an identification, and its file results.json.
 
-A number without a meaning is None here and null in the file, never 0: an error without a
-reference, a standard deviation without a covariance.  The file is strict JSON (no NaN, no
-Infinity), written atomically, and validated when it is read back.
+A number without a meaning is None here and null in the file, never 0: an error without a reference.
+The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
 Format version 2.  A field may be added with a default; any other change needs a new version.
 Version 2 adds the friction law (mu(I) if a file names none) and `members.diverged`.
@@ -24,7 +23,14 @@ from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
+from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import decode, encode
+from granpinn.results.determined import (
+    NOT_DETERMINED,
+    Determined,
+    with_raw_values,
+    without_raw_values,
+)
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
@@ -42,19 +48,27 @@ class ResultsFileError(BadInput):
 class Parameter:
     """One parameter of a friction law, dimensionless.
 
-    `fixed` marks a value that was given, not identified; it then has no uncertainty.
+    `fixed` marks a value that was given, not identified; it then has no uncertainty. A value that
+    is not `determined` extrapolates beyond the data: results.json has null as its `value`, and
+    the number as its `raw_value`.
     """
 
     value: float
     fixed: bool
     std: float | None = None
     interval_90: tuple[float, float] | None = None
+    determined: bool = True
 
     def __post_init__(self) -> None:
         if self.fixed and (self.std is not None or self.interval_90 is not None):
             raise ValueError(
                 "a fixed parameter was not identified: expected std and interval_90 null, "
                 f"got std {self.std} and interval_90 {self.interval_90}"
+            )
+        if not self.determined and (self.fixed or self.std is not None or self.interval_90):
+            raise ValueError(
+                "a parameter that is not determined has no error bars and was not given: expected "
+                f"fixed false, std and interval_90 null, got {self}"
             )
         if self.std is not None and self.std < 0:
             raise ValueError(f"std must not be negative, got {self.std}")
@@ -172,6 +186,8 @@ class Result:
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
     verdict: Verdict | None = None
+    baseline: Baseline | None = None
+    determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
 
     def __post_init__(self) -> None:
@@ -201,8 +217,8 @@ class Result:
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
         content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "law": None}
-        values: dict[str, Any] = plain(content | encode(self) | {"law": {"name": self.law}})
-        return values
+        values = plain(content | encode(self) | {"law": {"name": self.law}})
+        return {**values, "parameters": without_raw_values(values["parameters"])}
 
     def __str__(self) -> str:
         """The lines that a terminal shows at the end of a run."""
@@ -214,14 +230,17 @@ class Result:
             interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
             error = number(self.error_percent.get(name), ".2f")
-            lines.append(f"{name:6s}{p.value:9.4f}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}")
+            head = f"{p.value:9.4f}{std:>10s}" if p.determined else f"{NOT_DETERMINED:>19s}"
+            lines.append(f"{name:6s}{head}{interval:>19s}{true:>9s}{error:>10s}")
         for name in FIELD_ERRORS:
             error = number(self.error_percent[name], ".2f")
             if error != "-" or "simulated" not in name:
                 lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
+        if self.determined is not None and self.determined.lost:
+            lines.append(str(self.determined))
         if self.verdict is not None:
             lines.append(self.verdict.words)
-        parts = (self.simulated_pressure, self.profile, self.resimulation)
+        parts = (self.baseline, self.simulated_pressure, self.profile, self.resimulation)
         lines += [str(part) for part in (*parts, *self.not_done) if part is not None]
         return "\n".join(lines)
 
@@ -280,6 +299,7 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
+        content = with_raw_values(content)
         content["law"] = decode(LawName, content.get("law", {}), "law").name
         return decode(Result, content)
     except ValueError as error:

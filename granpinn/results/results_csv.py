@@ -12,6 +12,7 @@ from pathlib import Path
 
 from granpinn.output import write_text
 from granpinn.physics.laws import LAWS
+from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS
 from granpinn.results.result import Result
@@ -34,7 +35,7 @@ def row(result: Result) -> dict[str, Cell]:
     for name, parameter in result.parameters.items():
         low, high = parameter.interval_90 or (None, None)
         cells |= {
-            name: parameter.value,
+            name: parameter.value if parameter.determined else NOT_DETERMINED,
             f"{name}_std": parameter.std,
             f"{name}_low_90": low,
             f"{name}_high_90": high,
@@ -45,12 +46,22 @@ def row(result: Result) -> dict[str, Cell]:
     for name in (*LAWS[result.law].free, *FIELD_ERRORS):
         cells[f"error_{name}"] = result.error_percent.get(name)
     cells["error_unit"] = "%"
-    band = result.inertial_number
+    band, shear, balance = result.inertial_number, result.determined, result.baseline
+    mean = balance.mean if balance and balance.shown else None
+    nearest = [d.percent for d in balance.network if mean and d.I == mean.I] if balance else []
     cells |= {
         "I_q05": band.q05 if band else None,
         "I_median": band.median if band else None,
         "I_q95": band.q95 if band else None,
         "I_unit": "1",
+        "I_shear": shear.I if shear else None,
+        "mu_at_I_shear": shear.mu if shear else None,
+        "mu_at_I_shear_std": shear.std if shear else None,
+        "balance_I": mean.I if mean else None,
+        "balance_mu": mean.mu if mean else None,
+        "balance_mu_std": mean.se if mean else None,
+        "balance_difference": nearest[0] if nearest else None,
+        "balance_difference_unit": "%",
         "n_points": result.data.n_points,
         "n_frames": result.data.n_frames,
         "noise": result.data.noise,

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from granpinn.data.rules import MAX_ZERO_SHARE
 from granpinn.inspection.checks import FREE_FALL, LARGEST_MOVE, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import training_excess
 from granpinn.physics.laws import mu_of_i
+from granpinn.results.determined import NOT_DETERMINED
+from granpinn.uncertainty.determined import lost_of, range_of
 
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
@@ -23,7 +27,7 @@ TILT = 2.0  # degrees
 
 def verdict(found: Inspection) -> list[str]:
     """Sentences, the most important one first; without the slips of the flow file."""
-    return [_answer(found), *_data(found), *_physics(found)]
+    return [_answer(found), *_range(found), *_data(found), *_physics(found)]
 
 
 def _answer(found: Inspection) -> str:
@@ -129,6 +133,25 @@ def _noise(found: Inspection) -> list[str]:
             f"{excess:.1f} times lower, would give about {GOOD:.0%}."
         )
     return lines
+
+
+def _range(found: Inspection) -> list[str]:
+    """The parameters of mu(I) that the range of I does not determine."""
+    law = found.law
+    if law.law != mu_of_i.LAW.name:
+        return []
+    shear = range_of(found.I[found.flows], found.gradients.vectors[found.flows], law.I0)
+    if shear is None:
+        return []
+    mu = float(law.friction_law.friction(np.array([shear.I]), *law.theta)[0])
+    values = dict(zip(law.friction_law.names, law.theta, strict=True))
+    lost = lost_of(shear.reach, mu, values)
+    if not lost:
+        return []
+    return [
+        f"{' and '.join(lost)} {NOT_DETERMINED}: the grains shear at I = {shear.low:.2g} to "
+        f"{shear.high:.2g} only; a training gives mu at I = {shear.I:.2g}."
+    ]
 
 
 def _physics(found: Inspection) -> list[str]:

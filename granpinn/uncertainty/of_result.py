@@ -45,6 +45,11 @@ def assess(result: Result, summary: Summary) -> Assessment:
             f"The flow reaches only {summary.reaches:.2g} of I₀, so that μ₂ is an extrapolation: "
             "use μ(I) over the inertial numbers of the figure."
         )
+    if result.determined is not None and result.determined.lost:
+        care.append(f"{result.determined}.")
+    if result.baseline is not None and result.baseline.warning is not None:
+        text = result.baseline.warning.removeprefix("warning: ")
+        care.append(f"{text[0].upper()}{text[1:]}.")
     law = result.verdict
     if law is not None and law.follows is False:
         bad.append(f"The data contradict the friction law: {law.words}.")
@@ -80,7 +85,7 @@ def _interval(result: Result, name: str) -> tuple[bool, str]:
     """Whether the interval of a parameter needs care, and the sentence; "" if it is fixed."""
     parameter = result.parameters[name]
     symbol = LAWS[result.law].parameter(name).text
-    if parameter.fixed:
+    if parameter.fixed or not parameter.determined:
         return False, ""
     if parameter.interval_90 is None:
         return True, f"{symbol} has no interval: its digits are not its accuracy."

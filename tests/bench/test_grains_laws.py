@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains import balance, flow_file, law, score, shear_cell
+from bench.studies.grains import flow_file, law, score, shear_cell
 from bench.studies.grains.coarse import Fields
 from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, Material
 from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
@@ -69,50 +69,6 @@ def bagnold_flow(periodic: bool = True) -> Flow:
     height = np.full((2, 12), HEIGHT)
     c = fraction(fields, height)
     return flow_file.flow_of(scene, Material(0.4), fields, c, height, LAW, {"scene": "bagnold"})
-
-
-@pytest.mark.parametrize("periodic", [True, False])
-def test_the_momentum_balance_finds_bagnolds_stress(periodic: bool) -> None:
-    flow = bagnold_flow(periodic)
-    found = balance.momentum_balance(flow)
-    k = found.used
-    depth = np.broadcast_to(HEIGHT - flow.y[:, None], k.shape)
-    assert k.sum() >= 20
-    assert depth[k].max() <= (HEIGHT if periodic else balance.DEEPEST)
-    p = flow.density * depth / math.hypot(1, TANGENT)
-    # The velocity has float32 rounding errors, whose slopes enter the acceleration.
-    np.testing.assert_allclose(found.p[k], p[k], rtol=1e-4)
-    np.testing.assert_allclose(found.q[k] / found.p[k], TANGENT, rtol=1e-3)
-    # A quadratic fit over five cells of a profile with the power 1.5.
-    deep = k & (depth > 8)
-    np.testing.assert_allclose(found.inertial_number[deep], law_inverse(TANGENT), rtol=0.01)
-
-
-def test_an_accelerated_layer_has_less_friction() -> None:
-    flow = bagnold_flow()
-    faster = replace(flow, t=np.arange(6.0), c=np.repeat(flow.c[:1], 6, axis=0))
-    a = 0.05
-    u = np.repeat(flow.u[:1], 6, axis=0) + a * faster.t[:, None, None].astype(np.float32)
-    v = np.repeat(flow.v[:1], 6, axis=0)
-    assert flow.surface is not None
-    n = len(flow.x)
-    line = replace(
-        flow.surface,
-        t=np.repeat(faster.t, n),
-        x=np.tile(flow.x, 6),
-        y=np.full(6 * n, HEIGHT),
-    )
-    attributes = {k: value for k, value in flow.attributes.items() if k != "steady"}
-    faster = replace(faster, u=u, v=v, surface=line, attributes=attributes)
-    found = balance.momentum_balance(faster)
-    expected = TANGENT - a * math.hypot(1, TANGENT)
-    k = found.used
-    np.testing.assert_allclose(found.q[k] / found.p[k], expected, rtol=1e-3)
-
-
-def test_a_balance_without_a_surface_line_is_refused() -> None:
-    with pytest.raises(ValueError, match="needs a surface line"):
-        balance.momentum_balance(replace(bagnold_flow(), surface=None))
 
 
 def test_the_own_law_of_bagnolds_flow() -> None:

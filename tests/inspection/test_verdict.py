@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, add_noise
+from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.noise import max_speed
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
+from granpinn.simulation import demo_path
 from granpinn.uncertainty.of_data import LARGE_DIVERGENCE, PIV_DIVERGENCE, verdict
+from tests.inspection.chutes import chute
 
 
 def said(found: Inspection) -> str:
@@ -270,3 +272,10 @@ def test_noise_that_limits_mu_2(demo: Flow, seed: int) -> None:
     assert 0.005 < found.precision.mu_s_trained < 0.03
     assert 0.03 < found.precision.mu_2_trained < 0.15
     assert "Noise limits mu_2" in said(found)
+
+
+def test_one_inertial_number_determines_no_law() -> None:
+    """Bagnold's flow has the same I everywhere."""
+    text = said(inspect(chute(frames=12, columns=20)))
+    assert "mu_s and mu_2 not determined: the grains shear at I = 0." in text
+    assert "not determined" not in said(inspect(read_flow(demo_path())))

@@ -61,6 +61,7 @@ def test_the_file_says_what_it_is_and_keeps_every_digit(tmp_path: Path) -> None:
         "fixed": False,
         "std": 0.012,
         "interval_90": [0.39, 0.43],
+        "determined": True,
     }
     assert content["timing"]["wall_s"] == 1 / 3
     assert content["error_percent"]["pressure_stagnant"] is None
@@ -191,6 +192,9 @@ def test_the_summary_is_a_table() -> None:
         "pressure, flowing                                             -",
         "pressure, stagnant                                            -",
         "nothing contradicts mu(I): a made-up example",
+        "momentum balance, no network: mu = 0.410 +- 0.010 at I = 0.01, "
+        "0.430 +- 0.010 at I = 0.05, 0.500 +- 0.010 at I = 0.2; "
+        "the network's law differs by +1.5 +- 2.5 % at I = 0.05",
     ]
 
 

@@ -56,7 +56,6 @@ def plane_shear(load: float, speed: float, duration: float) -> Scene:
         frames=2,
         steady=True,
         surface=False,
-        balance=False,
         attributes={
             "walls": "y = 0: rough, glued grains, no slip; above: a rough plate, periodic along x",
             "period_x": LENGTH,

@@ -44,8 +44,6 @@ class Scene:
         mirror: x = 0 is a plane of symmetry.
         steady: the flow does not change during the record.
         surface: the grains have a free surface.
-        balance: their weight rests on the base below, so that the momentum balance can be
-            integrated down from the surface.
         attributes: walls and what else the flow file states.
     """
 
@@ -64,7 +62,6 @@ class Scene:
     mirror: bool = False
     steady: bool = False
     surface: bool = True
-    balance: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
 
     @property

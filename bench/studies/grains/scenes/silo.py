@@ -34,7 +34,6 @@ def silo(width: float, height: float, outlet: float, duration: float) -> Scene:
         snapshots=8 * frames,
         frames=frames,
         dropped=3.0,
-        balance=False,
         attributes={
             "walls": "x = -wall_x and x = wall_x: rough, glued grains; y = 0: rough, with a slit",
             "wall_x": half,

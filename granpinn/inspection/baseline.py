@@ -1,0 +1,192 @@
+"""The friction law from the momentum balance alone: the baseline that needs no network.
+
+mu = <q n_xy/p> / <n_xy> in bins of I, over the cells of momentum_balance, with the sign of n_xy.
+Averages are taken before the division by n_xy. Points of a large standard error are left out. The
+standard error of a bin has four parts:
+
+- scatter: jackknife over blocks of time and space, as neighbors share their errors;
+- window: the change with windows of the local fits that are a cell wider on each side;
+- depth: half the difference between the upper and the lower half of the cells;
+- model: 2 %, as the normal stresses of grains differ by some per cent, which no law with its
+  deviator along the strain rate has (bench/studies/grains).
+
+Window and depth are taken from laws through the cells, so that they do not count the scatter again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from granpinn.arrays import Bool, Float64, Index
+from granpinn.data import Flow
+from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.results.baseline import Baseline, LawFit, Point
+
+I0 = 0.3
+BINS = 8
+FEWEST_CELLS = 20  # of a bin
+NARROW = 2.0  # a range of I over less than this factor holds one friction and no law
+# Smallest windows first, with the largest error of the shear rate over its median.
+WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
+WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against the shear
+MODEL = 0.02  # of mu, relative
+LARGEST_ERROR = 0.25  # of mu, relative
+TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
+
+
+def baseline(flow: Flow, I0: float = I0) -> Baseline:
+    """The friction of a flow from the momentum balance.
+
+    Args:
+        I0: inertial scale of the law through the points.
+    """
+    window, stress = 0, None
+    for window, largest in WINDOWS:
+        found = momentum_balance(flow, window, I0)
+        if isinstance(found, str):
+            return Baseline(found)
+        stress = found
+        if found.rate_error < largest:
+            break
+    assert stress is not None
+    cells = _Cells(stress)
+    if len(cells.I) < FEWEST_CELLS:
+        return Baseline(
+            f"friction shows in {len(cells.I)} cells below the surface, and it needs {FEWEST_CELLS}"
+        )
+    wrong = float(np.mean(cells.shear * cells.normal < 0))
+    bins = list(cells.bins())
+    points = [cells.point(k, I0) for k in bins]
+    mean = cells.point(np.flatnonzero(cells.within), I0)
+    if wrong > WRONG_SIGN or not mean.mu > 0:
+        return Baseline(
+            f"the shear stress points the wrong way in {wrong:.0%} of the cells, so more than the "
+            "base carries the grains: side walls in the plane, or an obstacle",
+            window=window,
+        )
+    wider = momentum_balance(flow, window + 1, I0)
+    others = [] if isinstance(wider, str) else [_Cells(wider)]
+    upper, lower = cells.halves()
+    at = np.array([*(p.I for p in points), mean.I])
+    of_window = sum((np.abs(o.curve(at, I0) - cells.curve(at, I0)) for o in others), 0 * at)
+    of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
+    scatter = np.array([*(p.se for p in points), mean.se])
+    of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
+    parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
+    total = np.sqrt(sum(part**2 for part in parts.values()))
+    points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
+    points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
+    mean = replace(mean, se=float(total[-1]))
+    relative = {name: float(part[-1] / mean.mu) for name, part in parts.items()}
+    reason = None
+    if not mean.se < LARGEST_ERROR * mean.mu:
+        worst = max(relative, key=lambda name: relative[name])
+        reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
+    law = _law(points, I0)
+    return Baseline(reason, tuple(points), mean, law, window, relative)
+
+
+_DISAGREEMENT = {
+    "scatter": "its results in blocks of time and space differ",
+    "window": "its result changes with the smoothing of the velocity",
+    "depth": "the upper and the lower half of the cells differ",
+}
+
+
+class _Cells:
+    """The used cells of a stress, [n] each."""
+
+    def __init__(self, stress: Stress) -> None:
+        k = np.nonzero(stress.used)
+        self.I, self.shear, self.normal = (
+            a[k] for a in (stress.inertial_number, stress.shear, stress.normal)
+        )
+        # Errors add up on the way down, in proportion to p at most: cells weigh 1/p.
+        p = np.where(self.normal < 0, -1.0, 1.0) * stress.p[k]
+        self.shear, self.normal = self.shear / p, self.normal / p
+        self.depth = stress.depth[k]
+        place = k[2] if stress.used.shape[2] > 1 else self.depth
+        times = min(TIMES, len(stress.frames))
+        places = TIMES * PLACES // times
+        self.block = _parts(k[0], times) * places + _parts(place, places)
+        low, high = np.percentile(self.I, (5, 95)) if len(self.I) else (0.0, 0.0)
+        self.range = float(low), float(high)
+        self.within = (low <= self.I) & (self.I <= high)  # noqa: SIM300
+
+    def bins(self) -> Iterator[Index]:
+        """Indices of the cells of every filled bin of log I."""
+        low, high = self.range
+        count = min(BINS, len(self.I) // FEWEST_CELLS) if high > NARROW * low else 1
+        edges = np.geomspace(low, high, count + 1)
+        for a, b in pairwise(edges):
+            here = self.within if count == 1 else (a <= self.I) & (self.I < b)  # noqa: SIM300
+            if here.sum() >= FEWEST_CELLS or count == 1:
+                yield np.flatnonzero(here)
+
+    def point(self, k: Index, I0: float) -> Point:
+        """Friction of the cells k, with the jackknife's standard error over their blocks.
+
+        The jackknife takes the distance from the law of all cells, as I differs between blocks.
+        """
+        shear, normal, block = self.shear[k], self.normal[k], self.block[k]
+        rest = shear - self.curve(self.I[k], I0) * normal
+        kept = [block != name for name in np.unique(block)]
+        left = np.array([rest[b].sum() / normal[b].sum() for b in kept if b.any()])
+        n = len(left)
+        scatter = (n - 1) / n * np.sum((left - left.mean()) ** 2) if n > 1 else np.inf
+        i, mu = np.average(self.I[k], weights=normal), shear.sum() / normal.sum()
+        return Point(float(i), float(mu), float(np.sqrt(scatter)), len(k))
+
+    def halves(self) -> tuple[_Cells, _Cells]:
+        """The upper and the lower half of the cells of every bin."""
+        upper: Bool = np.zeros(len(self.I), bool)
+        for k in self.bins():
+            upper[k] = self.depth[k] < np.median(self.depth[k])
+        return self._some(upper & self.within), self._some(~upper & self.within)
+
+    def curve(self, at: Float64, I0: float) -> Float64:
+        """mu at inertial numbers, of the law that the cells within the range fit best."""
+        x, p, s = (a[self.within] for a in (self.I / (self.I + I0), self.normal, self.shear))
+        low, high = self.range
+        y = at / (at + I0)
+        if high <= NARROW * low:
+            return np.full_like(at, s.sum() / p.sum())
+        values = np.linalg.lstsq(np.stack([(1 - x) * p, x * p], axis=1), s, rcond=None)[0]
+        return np.asarray(values[0] * (1 - y) + values[1] * y)
+
+    def _some(self, k: Bool) -> _Cells:
+        some = object.__new__(_Cells)
+        for name in ("I", "shear", "normal", "depth", "block", "within"):
+            setattr(some, name, getattr(self, name)[k])
+        some.range = self.range
+        return some
+
+
+def _parts(values: Float64 | Index, count: int) -> Index:
+    """The number of the part, 0 to count - 1, of equally many values each."""
+    if len(values) == 0 or count < 2:
+        return np.zeros(len(values), np.intp)
+    edges = np.quantile(values, np.arange(1, count) / count)
+    return np.asarray(np.searchsorted(edges, values, side="right"))
+
+
+def _law(points: list[Point], I0: float) -> LawFit | None:
+    """The law through the points by weighted least squares; it is linear in (mu_s, mu_2).
+
+    Standard deviations are widened by the scatter where that is larger than `se` states.
+    """
+    if len(points) < 3 or points[-1].I <= NARROW * points[0].I:
+        return None
+    i, mu, se = (np.array([getattr(p, name) for p in points]) for name in ("I", "mu", "se"))
+    if not np.isfinite(se).all() or not (se > 0).all():
+        return None
+    x = i / (i + I0)
+    matrix = np.stack([1 - x, x], axis=1) / se[:, None]
+    values = np.linalg.lstsq(matrix, mu / se, rcond=None)[0]
+    chi2 = float(np.sum((matrix @ values - mu / se) ** 2)) / (len(points) - 2)
+    sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * max(1.0, chi2))
+    return LawFit(float(values[0]), float(values[1]), I0, float(sd[0]), float(sd[1]))

@@ -1,0 +1,133 @@
+"""A flow, turned by quarters until gravity points mostly down, for sums along vertical lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granpinn.arrays import Bool, Float64, Floats
+from granpinn.data import Flow
+
+STEEP = 2.0  # slope of the surface line from which a column is left out
+EVEN = 0.02  # largest relative difference of the spacings of a regular axis
+
+
+@dataclass(frozen=True, eq=False)
+class Upright:
+    """Vectors on a regular grid below a surface line, in units of the file.
+
+    Attributes:
+        t, y, x: axes [T], [Y], [X]; y up within 45 degrees.
+        u, v, c: [T, Y, X], as in Flow.
+        gravity: (g_x, g_y) in these axes, g_y < 0.
+        height: of the surface line in every column, [T, X]; NaN where there is no line.
+        clear: columns in whose neighbourhood the line exists and is not steep, [T, X].
+        steady: whether the flow does not change with time.
+        periodic: whether it repeats along x.
+    """
+
+    t: Float64
+    y: Float64
+    x: Float64
+    u: Floats
+    v: Floats
+    c: Floats
+    gravity: tuple[float, float]
+    height: Float64
+    clear: Bool
+    steady: bool
+    periodic: bool
+
+
+def upright(flow: Flow, reach: int) -> Upright | str:
+    """The flow in upright axes, or the reason why the momentum balance cannot use it.
+
+    Args:
+        reach: columns on each side that the balance of a column uses.
+    """
+    if flow.surface is None or flow.surface.t.size == 0:
+        return "the flow has no surface line, and the weight of the grains is counted from it"
+    if flow.particles is not None:
+        return "the vectors are scattered, and it needs vectors on a grid"
+    for name, axis in (("x", flow.x), ("y", flow.y)):
+        if len(axis) < 5:
+            return f"there are {len(axis)} cells along {name}, and it needs 5"
+        if not _even(axis):
+            return f"the cells are not evenly spaced along {name}"
+    turned = _Turn(flow.gravity)
+    x, y = turned.axes(flow.x, flow.y)
+    u, v = turned.vector(flow.u, flow.v)
+    line = turned.points(flow.surface.x, flow.surface.y)
+    height = _heights(flow.t, x, flow.surface.t, *line)
+    c = turned.grid(flow.c)
+    return Upright(
+        t=flow.t,
+        y=y,
+        x=x,
+        u=turned.grid(u),
+        v=turned.grid(v),
+        c=c,
+        gravity=turned.points(*flow.gravity),
+        height=height,
+        clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
+        steady=flow.stated("steady") is not None,
+        periodic=flow.stated("period_x") is not None and turned.quarters == 0,
+    )
+
+
+class _Turn:
+    """Quarter turns of the axes, counted so that gravity (0, -1) needs none."""
+
+    def __init__(self, gravity: tuple[float, float]) -> None:
+        g_x, g_y = gravity
+        if abs(g_y) >= abs(g_x):
+            self.quarters = 0 if g_y < 0 else 2
+        else:
+            self.quarters = 1 if g_x > 0 else 3
+
+    def points(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """(x, y) in the turned axes."""
+        return ((x, y), (y, -x), (-x, -y), (-y, x))[self.quarters]
+
+    def vector(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Components in the turned axes, on the grid as it was."""
+        return self.points(u, v)
+
+    def axes(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
+        """The turned axes x and y, ascending."""
+        new_x, new_y = self.points(x, y)
+        return np.sort(new_x), np.sort(new_y)
+
+    def grid(self, values: Floats) -> Floats:
+        """[T, Y, X] in the order of the turned axes."""
+        return np.rot90(values, self.quarters, axes=(1, 2))
+
+
+def _even(axis: Float64) -> bool:
+    step = np.diff(axis)
+    return bool(np.abs(step / step.mean() - 1).max() < EVEN)
+
+
+def _heights(t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: Float64) -> Float64:
+    """The line at the columns in every frame, from the points nearest in time."""
+    height = np.full((len(t), len(x)), np.nan)
+    frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
+    for k in range(len(t)):
+        at = frame == k
+        if at.any():
+            order = np.argsort(line_x[at])
+            points = line_x[at][order], line_y[at][order]
+            height[k] = np.interp(x, *points, left=np.nan, right=np.nan)
+    return height
+
+
+def _clear(height: Float64, grains: Bool, x: Float64, reach: int) -> Bool:
+    slope = np.abs(np.diff(height, axis=1)) / (x[1] - x[0]) > STEEP
+    bad = grains & ~np.isfinite(height)
+    bad[:, 1:] |= slope
+    bad[:, :-1] |= slope
+    wide = np.pad(bad, ((0, 0), (reach, reach)))
+    near = np.lib.stride_tricks.sliding_window_view(wide, 2 * reach + 1, axis=1)
+    return np.asarray(~near.any(axis=2) & np.isfinite(height))

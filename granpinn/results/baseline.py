@@ -1,0 +1,119 @@
+"""The record of the momentum balance, which needs no network, beside the identified law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Point:
+    """Friction mu in a bin of I, with its standard error, from so many cells."""
+
+    I: float  # noqa: E741 (the inertial number's own symbol)
+    mu: float
+    se: float
+    cells: int
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) through the points, with standard deviations."""
+
+    mu_s: float
+    mu_2: float
+    I0: float
+    mu_s_sd: float
+    mu_2_sd: float
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The law of the network against one point of the balance.
+
+    Attributes:
+        I: of the point.
+        percent: 100 (mu of the network / mu of the balance - 1).
+        se_percent: of both together: their variances are added, as the balance uses no network.
+        warns: whether they differ by more than two standard errors.
+    """
+
+    I: float  # noqa: E741
+    percent: float
+    se_percent: float
+    warns: bool
+
+    def __str__(self) -> str:
+        return f"{self.percent:+.1f} +- {self.se_percent:.1f} % at I = {self.I:.2g}"
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """What the momentum balance alone says about the friction (inspection/baseline.py).
+
+    Attributes:
+        reason: why the balance does not apply, in words; None if it applies.
+        points: in bins of I between its 5th and 95th percentile.
+        mean: of all cells in this range.
+        law: None where the range is narrow or fewer than three bins are filled.
+        window: cells on each side of the local fits.
+        parts: relative standard errors of `mean` by their sources.
+        network: the identified law against the first point, the mean and the last point; none
+            without an identification.
+    """
+
+    reason: str | None = None
+    points: tuple[Point, ...] = ()
+    mean: Point | None = None
+    law: LawFit | None = None
+    window: int | None = None
+    parts: dict[str, float] | None = None
+    network: tuple[Difference, ...] = ()
+
+    @property
+    def I_range(self) -> tuple[float, float] | None:
+        """I of the first and the last point."""
+        return (self.points[0].I, self.points[-1].I) if self.points else None
+
+    @property
+    def shown(self) -> tuple[Point, ...]:
+        """The first point, the mean and the last point; the mean alone in a narrow range."""
+        if self.reason is not None or self.mean is None:
+            return ()
+        if len(self.points) < 3:
+            return (self.mean,)
+        return (self.points[0], self.mean, self.points[-1])
+
+    @property
+    def worst(self) -> Difference | None:
+        """The largest difference that warns, in standard errors."""
+        warning = [d for d in self.network if d.warns]
+        return max(warning, key=lambda d: abs(d.percent) / d.se_percent, default=None)
+
+    @property
+    def sentence(self) -> str:
+        """The friction in a sentence, without the network."""
+        if not self.shown:
+            return f"The momentum balance alone, without a network, does not apply: {self.reason}."
+        text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        return f"The momentum balance alone, without a network, gives mu = {text}."
+
+    @property
+    def warning(self) -> str | None:
+        """A sentence where the network's law and the balance contradict each other."""
+        if self.worst is None:
+            return None
+        ratio = abs(self.worst.percent) / self.worst.se_percent
+        return (
+            f"warning: the network's law and the momentum balance differ by {self.worst}, "
+            f"{ratio:.1f} times their standard error together: one of them is wrong"
+        )
+
+    def __str__(self) -> str:
+        """The lines for the terminal."""
+        if not self.shown:
+            return f"momentum balance, no network: it does not apply: {self.reason}"
+        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        text = f"momentum balance, no network: mu = {values}"
+        if self.network:
+            text += f"; the network's law differs by {', '.join(map(str, self.network))}"
+        return text if self.warning is None else f"{text}\n{self.warning}"

@@ -1,0 +1,73 @@
+"""The momentum balance beside an identified law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from granpinn.data import Flow
+from granpinn.identification import balance, finish
+from granpinn.results import Parameter, Parameters, Result
+from granpinn.results.attempt import BASELINE, asked_for
+from granpinn.results.baseline import Baseline
+from tests.examples import make_result
+from tests.inspection.chutes import TANGENT, chute
+
+
+def result_with(factor: float) -> Result:
+    """A law whose friction is `factor` times that of the chutes, without error bars."""
+    values = {
+        "mu_s": Parameter(0.3 * factor, fixed=False),
+        "mu_2": Parameter(0.7 * factor, fixed=False),
+        "I0": Parameter(0.3, fixed=True),
+    }
+    return make_result(parameters=Parameters(values), covariance=None, baseline=None)
+
+
+def test_a_right_law_does_not_warn() -> None:
+    found = balance.beside(chute(), result_with(1.0))
+    assert [d.percent for d in found.network] == pytest.approx([0], abs=1)
+    assert found.warning is None
+    assert "the network's law differs by" in str(found)
+    assert found.mean is not None
+    assert found.mean.mu == pytest.approx(TANGENT, rel=1e-4)
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+def test_a_wrong_law_warns(factor: float) -> None:
+    found = balance.beside(chute(), result_with(factor))
+    assert found.worst is not None
+    assert found.worst.percent == pytest.approx(100 * (factor - 1), abs=1)
+    assert found.warning is not None
+    assert found.warning.startswith("warning: the network's law and the momentum balance differ")
+
+
+def test_the_error_bars_of_both_count() -> None:
+    """sd(mu)/mu of the result is 3 % here: a difference of 5 % does not warn any more."""
+    alone = balance.beside(chute(), result_with(1.05)).network[0]
+    result = replace(result_with(1.05), covariance=make_result().covariance)
+    both = balance.beside(chute(), result).network[0]
+    assert alone.percent == both.percent
+    assert both.se_percent > alone.se_percent
+
+
+def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(flow: Flow, I0: float) -> Baseline:
+        raise RuntimeError("singular")
+
+    monkeypatch.setattr(balance, "baseline", fail)
+
+    class Seen:
+        seen = chute()
+
+    result = finish._with_baseline(result_with(1.0), Seen())  # type: ignore[arg-type]
+    assert [part.what for part in result.not_done] == [BASELINE]
+    assert asked_for(result) == []
+    assert result.baseline is None
+
+
+def test_where_it_does_not_apply_there_is_no_difference() -> None:
+    found = balance.beside(replace(chute(), surface=None), result_with(1.0))
+    assert found.network == ()
+    assert "it does not apply: the flow has no surface line" in str(found)

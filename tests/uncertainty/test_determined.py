@@ -1,0 +1,104 @@
+"""What a narrow range of inertial numbers determines."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn.results import Covariance, read_results, write_csv, write_results
+from granpinn.results.result import Result
+from granpinn.results.summary import summarize
+from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.of_result import assess
+from tests.examples import make_result
+
+
+def found_in(low: float, high: float, result: Result) -> tuple[str, ...]:
+    number = np.geomspace(low, high, 400)
+    found = determined(result, number, np.ones(400))
+    assert found is not None
+    return found.lost
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "lost"),
+    [
+        (0.004, 0.3, ()),  # a collapse
+        (0.005, 0.2, ()),
+        (0.1, 0.13, ("mu_s", "mu_2")),  # a steady chute
+        (0.005, 0.02, ("mu_2",)),  # creep
+    ],
+)
+def test_the_range_decides(low: float, high: float, lost: tuple[str, ...]) -> None:
+    assert found_in(low, high, make_result()) == lost
+    assert found_in(low, high, make_result(covariance=None)) == lost
+
+
+def test_a_covariance_decides_where_it_knows_more() -> None:
+    """mu is known at I = 0.1, and what changes mu_s and mu_2 without changing it is not."""
+    x = 0.1 / 0.4
+    matrix = 0.05 * np.outer([x, x - 1], [x, x - 1]) + 1.6e-5 * np.eye(2)
+    rows = tuple(tuple(row) for row in matrix.tolist())
+    wide = make_result(covariance=Covariance(("mu_s", "mu_2"), rows))
+    assert "mu_2" in found_in(0.01, 0.4, wide)
+    assert found_in(0.01, 0.4, make_result()) == ()
+
+
+def test_weights_count() -> None:
+    number = np.geomspace(0.004, 0.3, 400)
+    weight = np.where((number > 0.1) & (number < 0.13), 1.0, 1e-9)
+    found = determined(make_result(), number, weight)
+    assert found is not None
+    assert found.lost == ("mu_s", "mu_2")
+    assert 0.1 < found.I_low < found.I < found.I_high < 0.13
+
+
+def test_the_friction_in_the_range_and_its_interval() -> None:
+    result = make_result()
+    found = determined(result, np.linspace(0.1, 0.14, 200), np.ones(200))
+    assert found is not None
+    assert pytest.approx(0.12, rel=0.01) == found.I
+    assert found.mu == pytest.approx(0.41 + 0.2 * 0.12 / 0.42, rel=1e-3)
+    x = found.I / (found.I + 0.3)
+    J = np.array([1 - x, x])
+    assert result.covariance is not None
+    variance = J @ np.array(result.covariance.matrix) @ J
+    assert found.std == pytest.approx(np.sqrt(variance))
+    assert found.interval_90 is not None
+    assert found.interval_90[0] < found.mu < found.interval_90[1]
+
+
+def test_no_answer_without_shear_or_for_other_laws() -> None:
+    assert determined(make_result(), np.zeros(5), np.ones(5)) is None
+    assert determined(make_result(), np.array([]), np.array([])) is None
+
+
+def test_the_same_words_everywhere(tmp_path: Path) -> None:
+    result = make_result()
+    found = determined(result, np.linspace(0.1, 0.14, 200), np.ones(200))
+    assert found is not None
+    made = applied(result, found)
+    assert made.theta == result.theta  # nothing is lost
+    assert made.determined is not None
+    assert made.determined.raw_interval_90 == {"mu_s": (0.39, 0.43)}
+    lines = str(made).splitlines()
+    assert "not determined" in lines[1]
+    assert "0.4100" not in lines[1]
+    assert any(line.startswith("mu_s and mu_2 not determined: ") for line in lines)
+    write_results(made, tmp_path / "results.json")
+    content = json.loads((tmp_path / "results.json").read_text())["parameters"]["mu_s"]
+    assert (content["value"], content["raw_value"], content["determined"]) == (None, 0.41, False)
+    assert content["interval_90"] is None
+    assert read_results(tmp_path / "results.json") == made
+    write_csv(made, tmp_path / "results.csv")
+    assert (tmp_path / "results.csv").read_text().count("not determined") == 2
+    assert any("not determined" in reason for reason in assess(made, summarize(made)).reasons)
+
+
+def test_a_parameter_without_value_has_no_error_bars() -> None:
+    with pytest.raises(ValueError, match="not determined has no error bars"):
+        replace(make_result().parameters.mu_s, determined=False)
