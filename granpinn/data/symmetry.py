@@ -5,9 +5,11 @@ pressure gradient along the slope, which takes a part of the weight; mu(I) is th
 than 10 %. So the network gets neither the time of a steady flow nor the x of a uniform one.
 
 - **Steady**: the file says so (`steady`), or it has one frame.
-- **The same along x**: the file states `period_x`, and the data do not contradict. They do if the
-  velocity varies along x by more than `LARGEST_VARIATION` of its rms, beyond its noise; or if the
-  free surface is uneven by more than a grain, or by more than the spacing of the grid.
+- **The same along x**: the file states `period_x` or has a free surface, and the data do not
+  contradict. They do if the velocity varies along x by more than `LARGEST_VARIATION` of its rms,
+  beyond its noise; or if the free surface is uneven by more than a grain, or by more than the
+  spacing of the grid. With p = 0 on an even surface, the weight of the grains makes the pressure
+  the same along x too.
 
 The variation along x is that of means over time, in four parts of the record, so that the random
 motion of grains cancels. It is the power of all waves longer than four columns, in excess of what
@@ -18,6 +20,7 @@ deviations of this difference on.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,6 +45,19 @@ def invariant_axes(flow: Flow) -> tuple[bool, bool, bool]:
 def words(invariant: tuple[bool, ...]) -> tuple[str, ...]:
     """What `invariant_axes` found, in words; none for a flow that depends on everything."""
     return tuple(WORDS[axis] for axis in WORDS if invariant[axis])
+
+
+def with_period(flow: Flow) -> Flow:
+    """The flow with `period_x` where only its data show that it is the same along x.
+
+    The period is the width of the grid, cells included.
+    """
+    if flow.stated(PERIOD_X) is not None or flow.surface is None or flow.particles is not None:
+        return flow
+    width = float(flow.x[-1] - flow.x[0])
+    period = width * flow.x.size / (flow.x.size - 1)
+    layer = replace(flow, attributes={**flow.attributes, PERIOD_X: period})
+    return layer if same_along_x(layer) else flow
 
 
 def axes_of(flow: Flow) -> Axes:

@@ -13,7 +13,7 @@ from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
-from granpinn.data.symmetry import invariant_axes, words
+from granpinn.data.symmetry import invariant_axes, with_period, words
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.noise import Noise, grid_noise, noise_map, particle_noise, particle_vectors
 from granpinn.estimates.view import View, view_of
@@ -162,6 +162,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
         law: for which the precision is estimated; by default mu(I) with typical parameters.
     """
     law = law or AssumedLaw()
+    flow = with_period(flow)
     scales = scales_of(flow)
     view = view_of(flow, scales)
     noise, cells = _noise(flow, scales, view)

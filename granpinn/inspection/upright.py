@@ -72,7 +72,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         gravity=turned.points(*flow.gravity),
         height=height,
         clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
-        steady=flow.stated("steady") is not None,
+        steady=flow.steady,
         periodic=flow.stated("period_x") is not None and turned.quarters == 0,
     )
 

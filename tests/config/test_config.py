@@ -26,15 +26,6 @@ from granpinn.physics.laws import LAWS
 from granpinn.physics.terms import TERMS
 
 
-def test_the_noisy_recipe_costs_half_of_the_default_one() -> None:
-    """Multiplications of a step, of the hidden layers."""
-    default, noisy = (
-        len(c.network.widths[1:]) * c.network.widths[0] ** 2 * c.batch.interior
-        for c in (Config(), Config(recipe="noisy"))
-    )
-    assert 2 * noisy == default
-
-
 def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
     paper = Config(recipe="paper")
     assert (paper.form, paper.level, paper.epochs, paper.steps) == ("strong", "V2", 20000, None)
@@ -112,7 +103,7 @@ def test_every_law_is_a_choice() -> None:
 
 BAD = {
     "choice": ({"form": "weak"}, "--form must be one of mixed, strong, got 'weak'"),
-    "recipe": ({"recipe": "best"}, "--recipe must be one of default, noisy, paper, got 'best'"),
+    "recipe": ({"recipe": "best"}, "--recipe must be one of default, paper, got 'best'"),
     "no recipe": ({"recipe": ["paper"]}, "--recipe must be one of"),
     "law": ({"law": "tresca"}, "--law must be one of mu_of_i, coulomb, got 'tresca'"),
     "unknown": ({"stepz": 3}, "unknown setting stepz"),

@@ -25,7 +25,7 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data.scaling import initial_height, scales_of
-from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, words
+from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, with_period, words
 from tests.flows import make_chute, make_flow
 
 ALL_FRAMES = 4
@@ -201,3 +201,16 @@ def test_scattered_vectors_of_one_time(tmp_path: Path, seed: int) -> None:
     noisy = redraw(add_noise(flow, 0.1, seed), 0.1, seed + 1)
     check_flow(noisy)
     assert noisy.steady
+
+
+def without_period(flow: Flow) -> Flow:
+    return replace(flow, attributes={k: v for k, v in flow.attributes.items() if k != "period_x"})
+
+
+def test_data_alone_show_a_layer_that_is_the_same_along_x() -> None:
+    layer = without_period(make_chute(frames=5))
+    found = with_period(layer)
+    assert found.stated("period_x") == pytest.approx(32)
+    assert same_along_x(found)
+    for other in (wavy(layer, 0.1), replace(layer, surface=None), make_flow()):
+        assert with_period(other) is other

@@ -103,7 +103,7 @@ def test_settings_page_has_every_setting_and_every_recipe() -> None:
     assert made.RECIPE_TABLE not in text
     for key in flatten(Config()):
         assert f"| `{key.rsplit('.', 1)[-1]}` |" in text
-    assert "| setting | default | noisy | paper |" in text
+    assert "| setting | default | paper |" in text
     assert "| `batch.interior` | `2048` | `4096` | `512` |" in text
 
 

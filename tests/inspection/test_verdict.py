@@ -50,11 +50,6 @@ def test_noise_costs_precision_in_proportion(demo: Flow, seed: int) -> None:
         assert getattr(much, name) / getattr(little, name) == pytest.approx(10, rel=0.35)
 
 
-def test_much_noise_has_its_recipe(demo: Flow, seed: int) -> None:
-    assert "--recipe noisy" in said(inspect(add_noise(demo, 0.2, seed)))
-    assert "--recipe noisy" not in said(inspect(add_noise(demo, 0.05, seed)))
-
-
 def test_precision_falls_with_the_number_of_vectors(demo: Flow, seed: int) -> None:
     flow = add_noise(demo, 0.05, seed)
     u, v = flow.u.copy(), flow.v.copy()

@@ -43,7 +43,9 @@ def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu
         torch.randn(E, n_params(widths), dtype=dtype) / 4,
         torch.tensor([[0.4, 0.7, 0.3]], dtype=dtype).repeat(E, 1),
         *(torch.rand(E, 3, dtype=dtype) for _ in range(2)),
-        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3]], dtype=dtype).repeat(E, 1),
+        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3, 2.0]], dtype=dtype).repeat(
+            E, 1
+        ),
     ]
     params, theta, *rest = (tensor.to(device) for tensor in tensors)
     return [params, theta, widths, *rest, "mixed", "mu_of_i", "fast"]

@@ -151,7 +151,7 @@ def test_the_terminal_shows_both(
         (["--out", "o", "--seeds", "two"], "invalid int value: 'two'"),
         (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
         (["--out", "o", "--level", "V1", "V1"], "--level must be levels that differ, got V1 V1"),
-        (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, noisy, paper"),
+        (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, paper"),
         (["--out", "o", "--I0", "0"], "--I0 must be positive, got 0"),
         (["flow.h5", "--out", "o", "--stride", "2"], "--stride is for simulated flows"),
         (["--out", "o", "--cells", "100"], "cells must be a multiple of 8"),

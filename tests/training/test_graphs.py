@@ -86,7 +86,7 @@ CONFIGS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("name", CONFIGS)
 def test_replayed_steps_have_the_bits_of_called_ones(name: str, flow: Flow) -> None:
-    config = tiny(weights__noise_part=1.0, **CONFIGS[name])
+    config = tiny(**CONFIGS[name])
     eager, graphs = make_trainer(config, flow), graphed(config, flow)
     stretches = []
     while not graphs.finished:
@@ -176,7 +176,7 @@ def test_the_precision_reaches_all_products_of_a_step(precision: str, flow: Flow
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 @pytest.mark.parametrize("name", CONFIGS)
 def test_cuda_graphs_make_the_steps_of_the_cpu(name: str, flow: Flow) -> None:
-    config = tiny(dtype="float64", weights__noise_part=1.0, **CONFIGS[name])
+    config = tiny(dtype="float64", **CONFIGS[name])
     cpu = make_trainer(config, flow)
     device = torch.device("cuda")
     objective = Objective(cpu.objective.members, config.batch, device)

@@ -96,7 +96,7 @@ def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
 
 
 def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> None:
-    run = make_run(tiny(weights__noise_part=0.0), flow, tmp_path / "run")
+    run = make_run(tiny(weights__follow_noise=False), flow, tmp_path / "run")
     run.train()
     prefit, whole = run.histories[0].rows[0], run.histories[0].rows[-1]
     assert math.isnan(prefit.values()["momentum"])

@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from granpinn import reference
-from granpinn.config import Config, Weights
+from granpinn.config import Config
 from granpinn.data import Flow, add_noise, training_set
 from granpinn.data.scaling import scales_of
 from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import Evaluation
-from granpinn.training.problem import velocity_relaxation
+from granpinn.training.problem import Problem
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
@@ -157,18 +157,18 @@ def test_the_misfit_is_that_of_the_velocity(flow: Flow) -> None:
     assert found == pytest.approx(float(expected), rel=0.1)
 
 
-def test_the_velocity_weighs_less_where_the_data_are_noisy() -> None:
-    settings = Weights(sigma_velocity=0.003, noise_part=0.05, noise_rise=0.5)
-    weight = 0.003**-2
+def test_the_velocity_weighs_less_where_the_data_are_noisy(flow: Flow) -> None:
+    clean = replace(posed(flow, tiny()), term_weights=[0.003**-2, 1, 1, 1, 1])
+    noisy = replace(clean, noise=0.05, noise_share=0.2)
 
-    def sigma(misfit: float, done: float) -> float:
-        return float(weight * velocity_relaxation(settings, weight, misfit, done)) ** -0.5
+    def sigma(problem: Problem, misfit: float) -> float:
+        return float(problem.term_weights[0] * problem.velocity_factor(misfit)) ** -0.5
 
-    assert [sigma(0.02, done) for done in (0, 0.3, 1)] == pytest.approx([0.003] * 3)
-    assert sigma(0.2, 0) == pytest.approx(0.003)
-    assert sigma(0.2, 0.25) == pytest.approx(math.sqrt(0.003 * 0.01))
-    assert sigma(0.2, 0.5) == sigma(0.2, 1.0) == pytest.approx(0.01)
-    assert velocity_relaxation(Weights(noise_part=0), weight, 0.2, 1.0) == 1
+    assert sigma(replace(clean, noise=0.0), 0.2) == pytest.approx(0.003)
+    assert sigma(noisy, 0.04) == pytest.approx(0.2 * 0.04)  # fitted better than the noise
+    assert sigma(noisy, 0.2) == pytest.approx(0.2 * 0.05)
+    assert sigma(noisy, 0.0) == pytest.approx(0.2 * 0.05)  # no pre-fit
+    assert sigma(noisy, 0.001) == pytest.approx(0.003)
 
 
 def test_relaxation_scales_the_velocity_term_alone(flow: Flow) -> None:

@@ -1,0 +1,11 @@
+"""The shipped collapse, with the grid and motion of a measurement."""
+
+import pytest
+
+from granpinn.data import Flow, read_flow
+from granpinn.simulation import demo_path
+
+
+@pytest.fixture(scope="session")
+def demo() -> Flow:
+    return read_flow(demo_path())
