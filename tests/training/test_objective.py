@@ -17,6 +17,7 @@ from granpinn.training import problem
 from granpinn.training.objective import Evaluation
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
+from granpinn.training.tolerances import magnitudes_of
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
 
@@ -107,7 +108,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     )
     torch.testing.assert_close(mapped.amin(0), -torch.ones(3))
     torch.testing.assert_close(mapped.amax(0), torch.ones(3))
-    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor = found.physics
+    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor, law_rate = found.physics
     scales = scales_of(flow)
     assert d == flow.grain_diameter / scales.length
     assert (g_x, g_y) == (0, -1)
@@ -116,6 +117,10 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     assert eta_max * viscosity == pytest.approx(1e4)
     assert U_out == pytest.approx(float(data.velocity.square().mean().sqrt()))
     assert (P_out, p_floor) == (0.2, 1e-6)
+    weights = Config().weights
+    ratio = weights.sigma_constitutive / weights.law_error
+    rate = magnitudes_of(flow, scales).rate
+    assert law_rate == pytest.approx(ratio * rate)
 
 
 def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
