@@ -8,6 +8,7 @@ is torch's fused one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -21,7 +22,8 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.reference import friction, inertial_number, viscosity
 
 HIDDEN = [250, 250, 250]
-D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = PHYSICS = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
+D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
+PHYSICS = [D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, math.inf]
 THETA = (0.4, 0.64, 0.3)
 SMOOTHING = 1e-12
 

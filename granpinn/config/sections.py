@@ -74,8 +74,8 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
     )
     law_error: float = setting(
         0.03,
-        "relative error of the friction law in fast grains: above the shear rate "
-        "sigma_constitutive / law_error, the law counts by its relative error; 0: nowhere",
+        "relative error of the friction law that is expected: where grains are so fast that it "
+        "exceeds the sigma of the law, the law counts by its relative error; 0: nowhere",
         low=0,
         high=1,
     )

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granpinn.arrays import Float64, Index
-from granpinn.data.flow import Flow, Particles
+from granpinn.data.flow import Particles
 from granpinn.estimates.view import View
 from granpinn.physics.scales import Scales
 
@@ -61,13 +61,6 @@ class Noise:
     in_time: float | None
     in_space: float | None
     vectors_per_independent: float
-
-
-def noise_of(flow: Flow, scales: Scales, view: View) -> Noise:
-    """The noise of the vectors of a flow; `view` is that of the flow."""
-    if flow.particles is None:
-        return grid_noise(view)
-    return particle_noise(*particle_vectors(flow.particles, scales))[0]
 
 
 def particle_vectors(particles: Particles, scales: Scales) -> tuple[Float64, ...]:
@@ -119,17 +112,28 @@ def noise_map(view: View) -> Float64:
     return np.where(enough, np.sqrt(squares / 2), np.nan)
 
 
-def particle_noise(
-    t: Float64, x: Float64, y: Float64, u: Float64, v: Float64
-) -> tuple[Noise, Index, Float64]:
-    """The noise of scattered vectors, dimensionless, all [N].
+@dataclass(frozen=True, eq=False)
+class ParticleFits:
+    """Local parabolas among scattered vectors, dimensionless.
 
-    Returns:
-        The noise, the indices [S] of the sampled vectors and the noise around each of them [S].
+    Attributes:
+        noise: the noise of a typical vector.
+        where: indices of the sampled vectors [S].
+        local: the noise around each of them [S].
+        shear_rate: at each of them, less the part of the noise [S].
     """
+
+    noise: Noise
+    where: Index
+    local: Float64
+    shear_rate: Float64
+
+
+def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> ParticleFits:
+    """Noise and shear rate of scattered vectors, dimensionless, all [N]."""
     from scipy.spatial import cKDTree
 
-    chosen, found = [], []
+    chosen, found, rates = [], [], []
     _, size = np.unique(t, return_counts=True)
     order = np.argsort(t, kind="stable")
     starts = np.concatenate([[0], np.cumsum(size)])
@@ -146,10 +150,13 @@ def particle_noise(
         distance, near = cKDTree(points).query(points[centers], k=NEIGHBORS)
         reach = np.maximum(distance[:, -1], np.finfo(float).tiny)
         offset = (points[near] - points[centers][:, None]) / reach[:, None, None]
-        found.append(_residual_variance(offset, np.stack([u, v], -1)[members][near]))
+        variance, rate = _local_parabolas(offset, np.stack([u, v], -1)[members][near], reach)
+        found.append(variance)
+        rates.append(rate)
         chosen.append(members[centers])
     if not chosen:
-        return Noise(None, None, None, None, None, 1.0), np.empty(0, np.intp), np.empty(0)
+        unknown = Noise(None, None, None, None, None, 1.0)
+        return ParticleFits(unknown, np.empty(0, np.intp), np.empty(0), np.empty(0))
     variance = np.concatenate(found)
     typical = np.sqrt(np.median(variance, axis=0))
     noise = Noise(
@@ -160,25 +167,45 @@ def particle_noise(
         in_space=float(np.sqrt(np.mean(typical**2))),
         vectors_per_independent=1.0,
     )
-    return noise, np.concatenate(chosen), np.sqrt(variance.mean(axis=1))
+    local = np.sqrt(variance.mean(axis=1))
+    return ParticleFits(noise, np.concatenate(chosen), local, np.concatenate(rates))
 
 
-def _residual_variance(offset: Float64, velocity: Float64) -> Float64:
-    """Variance about local parabolas [S, 2], scaled so that its median is the noise variance.
+def particle_noise_map(fits: ParticleFits, x: Float64, y: Float64, view: View) -> Float64:
+    """Noise of every cell of a view [Y, X], from scattered vectors at x, y [N]; NaN where none."""
+    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, y[fits.where])
+    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, x[fits.where])
+    shape = view.count.shape[1:]
+    place = np.ravel_multi_index((rows, columns), shape)
+    n = np.bincount(place, minlength=shape[0] * shape[1])
+    sums = np.bincount(place, weights=fits.local**2, minlength=n.size)
+    mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))
+    return np.asarray(mean.reshape(shape))
+
+
+def _local_parabolas(offset: Float64, velocity: Float64, reach: Float64) -> tuple[Float64, Float64]:
+    """Variance about local parabolas [S, 2], scaled to a median of the noise; shear rate [S].
 
     Args:
         offset: of the neighbors [S, k, 2], in units of the farthest.
         velocity: of the neighbors [S, k, 2].
+        reach: distance of the farthest [S].
     """
     a, b = offset[..., 0], offset[..., 1]
     basis = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1)
-    left, size, _ = np.linalg.svd(basis, full_matrices=False)
-    left = left * (size > 1e-8 * size[:, :1])[:, None, :]
-    fitted = left @ (np.swapaxes(left, 1, 2) @ velocity)
+    left, size, right = np.linalg.svd(basis, full_matrices=False)
+    used = size > 1e-8 * size[:, :1]
+    left = left * used[:, None, :]
+    in_basis = np.swapaxes(left, 1, 2) @ velocity
+    fitted = left @ in_basis
     freedom = basis.shape[1] - basis.shape[2]
     median = (1 - CHI2_MEDIAN / freedom) ** 3
     variance: Float64 = np.sum((velocity - fitted) ** 2, axis=1) / (freedom * median)
-    return variance
+    inverse = np.swapaxes(right, 1, 2) * np.where(used, 1 / np.where(used, size, 1), 0)[:, None, :]
+    slopes = (inverse @ in_basis)[:, 1:3] / reach[:, None, None]  # along x and y, of u and v
+    of_noise = np.square(inverse[:, 1:3]).sum(axis=(1, 2)) / reach**2 * variance.sum(axis=1)
+    two_D1, two_D2 = slopes[:, 0, 0] - slopes[:, 1, 1], slopes[:, 1, 0] + slopes[:, 0, 1]
+    return variance, np.sqrt(np.maximum(two_D1**2 + two_D2**2 - of_noise, 0.0))
 
 
 def _spread(values: Float64, factor: float) -> float | None:

@@ -15,7 +15,14 @@ from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import invariant_axes, with_period, words
 from granpinn.estimates.gradients import Gradients, gradients
-from granpinn.estimates.noise import Noise, grid_noise, noise_map, particle_noise, particle_vectors
+from granpinn.estimates.noise import (
+    Noise,
+    grid_noise,
+    noise_map,
+    particle_fits,
+    particle_noise_map,
+    particle_vectors,
+)
 from granpinn.estimates.view import View, view_of
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
@@ -156,11 +163,7 @@ class Inspection:
 
 
 def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
-    """Inspects a flow without any training.
-
-    Args:
-        law: for which the precision is estimated; by default mu(I) with typical parameters.
-    """
+    """Inspects a flow without any training; `law`: for which the precision is estimated."""
     law = law or AssumedLaw()
     flow = with_period(flow)
     scales = scales_of(flow)
@@ -201,16 +204,9 @@ def _noise(flow: Flow, scales: Scales, view: View) -> tuple[Noise, Float64]:
     """The noise, and its map [Y, X]."""
     if flow.particles is None:
         return grid_noise(view), noise_map(view)
-    vectors = particle_vectors(flow.particles, scales)
-    noise, where, local = particle_noise(*vectors)
-    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, vectors[2][where])
-    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, vectors[1][where])
-    shape = view.count.shape[1:]
-    place = np.ravel_multi_index((rows, columns), shape)
-    n = np.bincount(place, minlength=shape[0] * shape[1])
-    sums = np.bincount(place, weights=local**2, minlength=n.size)
-    mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))
-    return noise, mean.reshape(shape)
+    t, x, y, u, v = particle_vectors(flow.particles, scales)
+    fits = particle_fits(t, x, y, u, v)
+    return fits.noise, particle_noise_map(fits, x, y, view)
 
 
 def _largest_speed(flow: Flow, scales: Scales, found: Gradients) -> float:

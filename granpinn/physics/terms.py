@@ -42,6 +42,7 @@ TERMS: tuple[Term, ...] = (
 )
 
 NAMES: tuple[str, ...] = tuple(term.name for term in TERMS)
+LAW = NAMES.index("constitutive")  # the term of the friction law
 
 RESIDUALS: dict[str, tuple[str, ...]] = {
     "strong": ("momentum", "momentum", "continuity"),

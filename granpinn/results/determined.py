@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 NOT_DETERMINED = "not determined"
 
@@ -17,8 +16,8 @@ class Determined:
         I: their mean.
         mu, std, interval_90: friction at this I, without error bars if the law has none.
         reach: of each free parameter: its standard deviation over that of mu at I.
-        lost: names of the parameters that are not determined; their values without error bars are
-            in `parameters` under `raw_value`, and their error bars here.
+        lost: names of the parameters that are not determined. Each has `determined` = false and no
+            error bars in `parameters`; those that it had are here.
         raw_std, raw_interval_90: of the parameters in `lost` that had them.
     """
 
@@ -43,25 +42,3 @@ class Determined:
             f"{' and '.join(self.lost)} {NOT_DETERMINED}: the grains shear at I = {self.I_low:.2g} "
             f"to {self.I_high:.2g} only; mu = {self.mu:.4f} at I = {self.I:.2g}{interval}"
         )
-
-
-def without_raw_values(parameters: dict[str, Any]) -> dict[str, Any]:
-    """The entry `parameters` of results.json: null as the value of what is not determined."""
-    return {
-        name: p if p["determined"] else p | {"value": None, "raw_value": p["value"]}
-        for name, p in parameters.items()
-    }
-
-
-def with_raw_values(content: dict[str, Any]) -> dict[str, Any]:
-    """The content of results.json with the raw values in their places; its form is not checked."""
-    parameters = content.get("parameters")
-    if not isinstance(parameters, dict):
-        return content
-    found = {
-        name: {key: v for key, v in p.items() if key != "raw_value"} | {"value": p["raw_value"]}
-        if isinstance(p, dict) and p.get("determined") is False and "raw_value" in p
-        else p
-        for name, p in parameters.items()
-    }
-    return content | {"parameters": found}

@@ -25,12 +25,7 @@ from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
 from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import decode, encode
-from granpinn.results.determined import (
-    NOT_DETERMINED,
-    Determined,
-    with_raw_values,
-    without_raw_values,
-)
+from granpinn.results.determined import NOT_DETERMINED, Determined
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
@@ -49,8 +44,8 @@ class Parameter:
     """One parameter of a friction law, dimensionless.
 
     `fixed` marks a value that was given, not identified; it then has no uncertainty. A value that
-    is not `determined` extrapolates beyond the data: results.json has null as its `value`, and
-    the number as its `raw_value`.
+    is not `determined` extrapolates beyond the data: it describes the curve over the I of the data
+    together with the other parameters, and nothing by itself.
     """
 
     value: float
@@ -217,8 +212,8 @@ class Result:
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
         content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "law": None}
-        values = plain(content | encode(self) | {"law": {"name": self.law}})
-        return {**values, "parameters": without_raw_values(values["parameters"])}
+        values: dict[str, Any] = plain(content | encode(self) | {"law": {"name": self.law}})
+        return values
 
     def __str__(self) -> str:
         """The lines that a terminal shows at the end of a run."""
@@ -299,7 +294,6 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
-        content = with_raw_values(content)
         content["law"] = decode(LawName, content.get("law", {}), "law").name
         return decode(Result, content)
     except ValueError as error:

@@ -21,13 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.data import Flow, known_sd
 from granpinn.estimates.gradients import gradients
-from granpinn.estimates.noise import noise_of
+from granpinn.estimates.noise import grid_noise, particle_fits, particle_vectors
 from granpinn.estimates.view import View, view_of
 from granpinn.physics.scales import Scales
-from granpinn.physics.terms import NAMES, TERMS
+from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 3000.0  # n
 FRAMES = 12  # at most, for the shear rate
@@ -55,20 +56,25 @@ def magnitudes_of(flow: Flow, scales: Scales) -> Magnitudes:
 
     The noise is measured from the vectors; where they are too few, it is the stated one.
     """
-    view = view_of(flow, scales)
-    found = noise_of(flow, scales, view)
+    if flow.particles is not None:
+        t, x, y, u, v = particle_vectors(flow.particles, scales)
+        around = particle_fits(t, x, y, u, v)
+        found, rate = around.noise, _rms(around.shear_rate)
+        speed, vectors = _rms(np.hypot(u, v)), float(u.size)
+    else:
+        view = view_of(flow, scales)
+        found, vectors = grid_noise(view), float(view.count.sum())
+        slopes = gradients(_some_frames(view), found.sigma or 0.0)
+        rate = _rms(slopes.gamma_dot)
+        speed = _rms(np.hypot(view.u, view.v)[view.there])
     noise = found.sigma
     if noise is None or not math.isfinite(noise):
         noise = known_sd(flow) / scales.velocity
-    vectors = float(view.count.sum())
     independent = vectors / found.vectors_per_independent
-    slopes = gradients(_some_frames(view), noise)
-    rate = _rms(slopes.gamma_dot, slopes.vectors)
-    speed = _rms(np.hypot(view.u, view.v)[view.there], view.count[view.there])
     return Magnitudes(
-        velocity=speed or 1.0,
-        rate=rate or 1.0,
-        noise=noise,
+        velocity=_rounded(speed) or 1.0,
+        rate=_rounded(rate) or 1.0,
+        noise=_rounded(noise),
         share=min(1.0, math.sqrt(RESOLVED / max(1.0, independent))),
     )
 
@@ -87,7 +93,7 @@ def sigmas_of(config: Config, scales: Scales, found: Magnitudes) -> list[float]:
 
 def law_rate(sigmas: Sequence[float], law_error: float) -> float:
     """The shear rate above which the law counts by its relative error, dimensionless."""
-    sigma = sigmas[NAMES.index("constitutive")]
+    sigma = sigmas[LAW]
     return sigma / law_error if law_error > 0 and math.isfinite(sigma) else math.inf
 
 
@@ -98,6 +104,10 @@ def _some_frames(view: View) -> View:
     return dataclasses.replace(view, **{name: getattr(view, name)[k] for name in names})
 
 
-def _rms(values: np.ndarray, weights: np.ndarray) -> float:
-    total = float(weights.sum())
-    return math.sqrt(float((weights * np.square(values)).sum()) / total) if total > 0 else 0.0
+def _rms(values: Float64) -> float:
+    return math.sqrt(float(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def _rounded(value: float) -> float:
+    """To five digits, so that the same flow in other units has the same tolerances."""
+    return float(f"{value:.5g}")

@@ -91,10 +91,7 @@ def lost_of(reach: Mapping[str, float], mu: float, values: Mapping[str, float]) 
 
 
 def applied(result: Result, found: Determined) -> Result:
-    """The result whose parameters that are not determined have no error bars.
-
-    Their values stay in memory, and become `raw_value` in results.json.
-    """
+    """The result whose parameters that are not determined have no error bars."""
     values = dict(result.parameters.items())
     lost = {name: values[name] for name in found.lost if not values[name].fixed}
     for name, parameter in lost.items():

@@ -8,7 +8,7 @@ import pytest
 from granpinn.data import Flow, Particles, add_noise, particle_flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
-from granpinn.estimates.noise import grid_noise, noise_map, particle_noise
+from granpinn.estimates.noise import grid_noise, noise_map, particle_fits
 from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
 
@@ -145,6 +145,6 @@ def test_noise_map_shows_where(demo: Flow, seed: int) -> None:
 
 def test_few_vectors_have_no_noise() -> None:
     t = np.zeros(10)
-    noise, where, local = particle_noise(t, t, t, t, t)
-    assert noise.sigma is None
-    assert where.size == local.size == 0
+    found = particle_fits(t, t, t, t, t)
+    assert found.noise.sigma is None
+    assert found.where.size == found.local.size == found.shear_rate.size == 0

@@ -16,7 +16,7 @@ from granpinn.inspect import main
 from granpinn.inspection import inspect
 from granpinn.inspection.text import lines_of
 from granpinn.uncertainty.of_data import verdict
-from tests.flows import make_chute
+from tests.flows import make_chute, make_flow
 
 
 @pytest.mark.parametrize("frames", [1, 2, 6])
@@ -61,6 +61,6 @@ def test_the_command(frames: int, tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_other_flows_have_no_line_for_it() -> None:
-    found = inspect(make_chute(frames=4, attributes={}))
+    found = inspect(make_flow())
     assert found.symmetries == ()
     assert not any(line.startswith("symmetry") for line in lines_of(found, []))

@@ -91,7 +91,7 @@ def test_the_same_words_everywhere(tmp_path: Path) -> None:
     assert any(line.startswith("mu_s and mu_2 not determined: ") for line in lines)
     write_results(made, tmp_path / "results.json")
     content = json.loads((tmp_path / "results.json").read_text())["parameters"]["mu_s"]
-    assert (content["value"], content["raw_value"], content["determined"]) == (None, 0.41, False)
+    assert (content["value"], content["determined"]) == (0.41, False)
     assert content["interval_90"] is None
     assert read_results(tmp_path / "results.json") == made
     write_csv(made, tmp_path / "results.csv")

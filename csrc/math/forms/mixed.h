@@ -6,9 +6,9 @@
 // The last line is the flow rule tau = mu(I) p 2 D / gamma_dot in complementarity form, divided by
 // mu p. It is a difference of strain rates. So it has the error of the measured strain rate, which
 // is the same in fast and in slow grains. Rigid zones (gamma_dot -> 0) drop out by themselves: no
-// division by gamma_dot, no viscosity and no clamp. Where grains are faster than the rate c, w makes
-// it a relative error: a law that errs by some per cent there must not outweigh slow grains. D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2,
-// gamma_dot = 2 sqrt(D_1^2 + D_2^2).
+// division by gamma_dot, no viscosity and no clamp. Above the shear rate c it is a relative error,
+// so that a law that errs by some per cent in fast grains does not outweigh slow ones.
+// D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2, gamma_dot = 2 sqrt(D_1^2 + D_2^2).
 #pragma once
 
 #include "../fields.h"
