@@ -32,6 +32,7 @@ from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 3000.0  # n
 FRAMES = 12  # at most, for the shear rate
+STEPS = 4  # of an octave, to which magnitudes are rounded
 
 
 @dataclass(frozen=True)
@@ -109,5 +110,8 @@ def _rms(values: Float64) -> float:
 
 
 def _rounded(value: float) -> float:
-    """To five digits, so that the same flow in other units has the same tolerances."""
-    return float(f"{value:.5g}")
+    """To a quarter of an octave, so that the same flow in other units has the same tolerances.
+
+    No tolerance is known better, and equal distances of neighbors may be sorted in another order.
+    """
+    return 2 ** (round(STEPS * math.log2(value)) / STEPS) if value > 0 else 0.0
