@@ -89,8 +89,9 @@ def conclude(
         result = _scored(result, case, model, predicted)
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
-        result = _with_range(result, predicted)
     result = _with_baseline(result, case)
+    if maps is not None:
+        result = _with_range(result, maps)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -156,7 +157,7 @@ def _with_baseline(result: Result, case: Case) -> Result:
     found = attempt(BASELINE, lambda: balance.beside(case.seen, result))
     if isinstance(found, NotDone):
         return lacking(result, found)
-    return having(result, BASELINE, baseline=found)
+    return having(balance.judged(result, found), BASELINE)
 
 
 def _write_values(result: Result, folder: Path) -> None:

@@ -67,6 +67,7 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
             f"the shear stress points the wrong way in {wrong:.0%} of the cells, so more than the "
             "base carries the grains: side walls in the plane, or an obstacle",
             window=window,
+            carried=True,
         )
     wider = momentum_balance(flow, window + 1, I0)
     others = [] if isinstance(wider, str) else [_Cells(wider)]

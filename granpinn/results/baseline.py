@@ -52,6 +52,7 @@ class Baseline:
 
     Attributes:
         reason: why the balance does not apply, in words; None if it applies.
+        carried: whether that is because more than the base carries the grains.
         points: in bins of I between its 5th and 95th percentile.
         mean: of all cells in this range.
         law: None where the range is narrow or fewer than three bins are filled.
@@ -68,6 +69,7 @@ class Baseline:
     window: int | None = None
     parts: dict[str, float] | None = None
     network: tuple[Difference, ...] = ()
+    carried: bool = False
 
     @property
     def I_range(self) -> tuple[float, float] | None:

@@ -43,6 +43,27 @@ def test_a_wrong_law_warns(factor: float) -> None:
     assert found.warning.startswith("warning: the network's law and the momentum balance differ")
 
 
+def test_grains_that_walls_carry_get_no_error_bars() -> None:
+    result = make_result()
+    found = balance.beside(replace(chute(), u=-chute().u), result)
+    assert found.carried
+    made = balance.judged(result, found)
+    assert made.theta == result.theta
+    assert made.covariance is None
+    assert made.error_bars is None
+    assert made.parameters["mu_s"].interval_90 is None
+    assert made.verdict is not None
+    assert made.verdict.follows is None
+    assert "do not trust this law" in str(made)
+
+
+def test_grains_on_their_base_keep_their_error_bars() -> None:
+    result = make_result()
+    made = balance.judged(result, balance.beside(chute(), result))
+    assert made.verdict == result.verdict
+    assert made.parameters == result.parameters
+
+
 def test_the_error_bars_of_both_count() -> None:
     """sd(mu)/mu of the result is 3 % here: a difference of 5 % does not warn any more."""
     alone = balance.beside(chute(), result_with(1.05)).network[0]
