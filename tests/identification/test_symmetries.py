@@ -46,7 +46,9 @@ def test_the_network_gets_no_input_that_has_no_effect(units: str) -> None:
 
     for frames in (1, 3):
         assert [factor == 0 for factor in scale(make_chute(frames=frames))] == [True, False, True]
-    only_steady = make_chute(attributes={})
+    stated_by_nobody = make_chute(frames=3, attributes={})
+    assert [factor == 0 for factor in scale(stated_by_nobody)] == [True, False, False]
+    only_steady = make_flow(attributes={"steady": 1})
     assert [factor == 0 for factor in scale(only_steady)] == [False, False, True]
     assert all(scale(make_flow()))
 
@@ -75,7 +77,7 @@ def test_frames_before_zero_are_scored_in_a_steady_flow() -> None:
 
 
 def test_flows_of_all_kinds_share_a_batch() -> None:
-    flows = [make_chute(), make_chute(frames=3, attributes={"steady": 1}), make_flow()]
+    flows = [make_chute(), make_flow(attributes={"steady": 1}), make_flow()]
     found = identify_many(flows, tiny(), noise=[0.05, 0.0, 0.0])
     assert [result.data.symmetries for result in found] == [BOTH, BOTH[1:], ()]
 
