@@ -15,8 +15,9 @@ from typing import Any
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
+from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
-from granpinn.training.guard import NonFiniteError, Signals, require_finite, signals
+from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
@@ -89,8 +90,8 @@ class TrainingLoop:
             if not resumed:
                 self._begin()
             self.progress.start(trainer.schedule.total, trainer.step)
-            with signals() as caught:
-                self._loop(caught)
+            with caught() as signals:
+                self._loop(signals)
         finally:
             self.progress.stop()
             for history in self.histories:
@@ -138,9 +139,9 @@ class TrainingLoop:
         self.corrected_step = self.trainer.step
         self.before = self.wall_s
 
-    def _loop(self, caught: Signals) -> None:
+    def _loop(self, signals: Signals) -> None:
         trainer, config = self.trainer, self.config
-        while not trainer.finished and not self._stopping(caught):
+        while not trainer.finished and not self._stopping(signals):
             before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
@@ -160,15 +161,15 @@ class TrainingLoop:
         self._save()
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
         message = f"stopped at step {trainer.step}{where}"
-        if self._stopping(caught):
+        if self._stopping(signals):
             # None: another process received one
-            raise Interrupted(caught.received or signal.SIGTERM, message)
-        caught.stop_at_once(message)
+            raise Interrupted(signals.received or signal.SIGTERM, message)
+        signals.stop_at_once(message)
         trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
 
-    def _stopping(self, caught: Signals) -> bool:
-        return self.processes.stopping(caught.received is not None)
+    def _stopping(self, signals: Signals) -> bool:
+        return self.processes.stopping(signals.received is not None)
 
     def _log(self) -> None:
         now = time.monotonic()
