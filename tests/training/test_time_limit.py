@@ -122,8 +122,8 @@ def test_a_resumed_run_keeps_the_schedule(flow: Flow, ticking: Clock, tmp_path: 
     loop = run._loop
 
     def stop_at_once(signals: Signals) -> None:
-        caught.handle(2, None)
-        loop(caught)
+        signals.handle(2, None)
+        loop(signals)
 
     run._loop = stop_at_once  # type: ignore[method-assign]
     with pytest.raises(Interrupted):
