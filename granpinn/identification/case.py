@@ -24,7 +24,7 @@ from granpinn.data import (
     with_partial_cells,
 )
 from granpinn.data.scaling import scales_of
-from granpinn.data.symmetry import with_period
+from granpinn.data.symmetry import with_layer
 from granpinn.inspection.slips import refuse_slips
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
@@ -89,7 +89,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
         check_flow(flow)
     else:
         flow = read_flow(flow)
-    flow = with_period(flow)
+    flow = with_layer(flow)
     refuse_slips(flow)
     # Training gets neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)

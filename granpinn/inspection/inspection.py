@@ -13,7 +13,7 @@ from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
-from granpinn.data.symmetry import invariant_axes, with_period, words
+from granpinn.data.symmetry import invariant_axes, with_layer, words
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.noise import (
     Noise,
@@ -165,7 +165,7 @@ class Inspection:
 def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     """Inspects a flow without any training; `law`: for which the precision is estimated."""
     law = law or AssumedLaw()
-    flow = with_period(flow)
+    flow = with_layer(flow)
     scales = scales_of(flow)
     view = view_of(flow, scales)
     noise, cells = _noise(flow, scales, view)

@@ -74,7 +74,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         height=height,
         clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
-        periodic=flow.stated("period_x") is not None and turned.quarters == 0,
+        periodic=flow.periodic and turned.quarters == 0,
     )
 
 
