@@ -102,7 +102,8 @@ class TrainingLoop:
             schedule = time_limit.schedule_until(self.deadline, self.trainer, self.at_most)
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
-        self._open([0] * len(self.histories))
+        for history in self.histories:
+            history.open()
         self._mark()
         self._save()
 
@@ -119,14 +120,16 @@ class TrainingLoop:
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.deadline = None  # the schedule of the checkpoint stays
-        self._open(found.state.history_bytes)
+        self._open(found.state)
         self._mark()
         return True
 
-    def _open(self, offsets: Sequence[int]) -> None:
-        for history, offset in zip(self.histories, offsets, strict=True):
+    def _open(self, state: RunState) -> None:
+        """Open the histories of a checkpoint."""
+        saved = zip(self.histories, state.history_bytes, state.history_sha256, strict=True)
+        for history, length, sha256 in saved:
             try:
-                history.open(offset)
+                history.open(length, sha256)
             except (ValueError, FileNotFoundError) as error:
                 raise checkpoint.CheckpointError(
                     f"{history.path} is not the file of this checkpoint ({error}): put the file "
@@ -234,9 +237,11 @@ class TrainingLoop:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings, members, data_sha256 = self.identity
+        lengths, digests = zip(*(history.flush() for history in self.histories), strict=True)
         state = RunState(
             training=self.trainer.plain_state(),
-            history_bytes=tuple(history.flush() for history in self.histories),
+            history_bytes=lengths,
+            history_sha256=digests,
             wall_s=self.wall_s,
             stopped=self.stopped,
             settings=settings,
