@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, Surface
+from granpinn.data.surface_line import line_heights
 from granpinn.physics.axes import vertical_coordinate
 
 FILLED = 0.5  # least c of a cell that counts where there is no surface line
@@ -40,17 +41,6 @@ def _below(flow: Flow, surface: Surface) -> Bool:
     upright, downwards = vertical_coordinate(flow.gravity)
     up, along = (flow.y, flow.x) if upright else (flow.x, flow.y)
     line_up, line_along = (surface.y, surface.x) if upright else (surface.x, surface.y)
-    found = np.zeros((len(flow.t), up.size, along.size), bool)
-    for k, t in enumerate(flow.t):
-        now = _at(surface.t, t)
-        if now.sum() < 2:
-            continue
-        order = np.argsort(line_along[now], kind="stable")
-        ends = {"left": np.nan, "right": np.nan}
-        height = np.interp(along, line_along[now][order], line_up[now][order], **ends)
-        found[k] = (up[:, None] > height) if downwards else (up[:, None] < height)
+    height = line_heights(flow.t, along, surface.t, line_along, line_up)[:, None]
+    found = (up[:, None] > height) if downwards else (up[:, None] < height)
     return found if upright else found.swapaxes(1, 2)
-
-
-def _at(times: Float64, t: float) -> Bool:
-    return np.asarray(np.isclose(times, t, rtol=1e-6, atol=0.0) | (times == t))

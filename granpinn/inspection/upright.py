@@ -9,6 +9,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
+from granpinn.data.surface_line import line_heights
 
 STEEP = 2.0  # slope of the surface line from which a column is left out
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
@@ -60,7 +61,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     x, y = turned.axes(flow.x, flow.y)
     u, v = turned.vector(flow.u, flow.v)
     line = turned.points(flow.surface.x, flow.surface.y)
-    height = _heights(flow.t, x, flow.surface.t, *line)
+    height = line_heights(flow.t, x, flow.surface.t, *line)
     c = turned.grid(flow.c)
     return Upright(
         t=flow.t,
@@ -73,7 +74,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         height=height,
         clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
-        periodic=flow.stated("period_x") is not None and turned.quarters == 0,
+        periodic=flow.periodic and turned.quarters == 0,
     )
 
 
@@ -108,19 +109,6 @@ class _Turn:
 def _even(axis: Float64) -> bool:
     step = np.diff(axis)
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)
-
-
-def _heights(t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: Float64) -> Float64:
-    """The line at the columns in every frame, from the points nearest in time."""
-    height = np.full((len(t), len(x)), np.nan)
-    frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
-    for k in range(len(t)):
-        at = frame == k
-        if at.any():
-            order = np.argsort(line_x[at])
-            points = line_x[at][order], line_y[at][order]
-            height[k] = np.interp(x, *points, left=np.nan, right=np.nan)
-    return height
 
 
 def _clear(height: Float64, grains: Bool, x: Float64, reach: int) -> Bool:
