@@ -47,6 +47,11 @@ class Facts:
         return invariant_axes(self.flow)
 
     @cached_property
+    def columns(self) -> int:
+        """Columns of vectors whose mean a flow that is the same along x shows; else 1."""
+        return int(self.view.there.any(axis=(0, 1)).sum()) if self.invariant[0] else 1
+
+    @cached_property
     def view(self) -> View:
         """The flow on one grid."""
         return view_of(self.flow, self.scales)

@@ -22,6 +22,7 @@ from granpinn.data import (
     training_set,
     with_collocation,
     with_partial_cells,
+    with_surface_strip,
 )
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer
@@ -132,7 +133,8 @@ def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
         FlowFileError: the flow lacks data that the level needs.
     """
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
-    return with_collocation(data, flow, scales, config.batch.collocation)
+    data = with_collocation(data, flow, scales, config.batch.collocation)
+    return data if config.level == "V0" else with_surface_strip(data, flow, scales)
 
 
 def members(case: Case) -> list[Case]:

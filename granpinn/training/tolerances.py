@@ -10,6 +10,11 @@ $\sigma\sqrt{n/N}$, where N counts independent vectors and $\sigma$ is the noise
 A smaller tolerance lets the network follow the noise; a much larger one lets the friction law
 distort the velocity. n was chosen on flows of grains and on collapses with added noise
 (bench/studies/grains/note.md).
+
+The forces between grains fluctuate around those of the law, from place to place. A flow that is the
+same along x has a network without x: it solves the equations of the mean over N columns, whose
+momentum fluctuates less, by $\sqrt{N}$. The tolerance of the law is the error of the law itself; it
+stays.
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 3000.0  # n
+MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,11 @@ def sigmas_of(config: Config, scales: Scales, facts: Facts) -> list[float]:
         pairs = zip(sigmas, TERMS, strict=True)
         return [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
     if config.weights.units == "flow":
-        unit = {"velocity": facts.speed, "rate": facts.shear_rate}
+        unit = {
+            "velocity": facts.speed,
+            "rate": facts.shear_rate,
+            "force": min(facts.columns, MOST_COLUMNS) ** -0.5,
+        }
         return [s * unit.get(term.quantity, 1.0) for s, term in zip(sigmas, TERMS, strict=True)]
     return sigmas
 
