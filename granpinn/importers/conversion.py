@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.data.flow import PERIOD_X, STEADY, Flow, Surface
+from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Surface
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
@@ -95,7 +95,7 @@ def _attributes(
         if value is not None and value != getattr(Settings, name):
             found[name] = value
     if material.wall_gap is not None:
-        found["wall_gap"] = material.wall_gap
+        found[WALL_GAP] = material.wall_gap
     if material.period_x is not None:
         found[PERIOD_X] = material.period_x
     if settings.steady:
@@ -143,7 +143,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
     if material.wall_gap is not None:
         ratio = scales.length / material.wall_gap
         lines.append(
-            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; friction at "
-            f"the walls adds up to about (wall friction) x {ratio:.2g} to the measured friction"
+            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
+            f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
+            "--walls.friction"
         )
     return lines
