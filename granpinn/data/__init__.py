@@ -1,13 +1,22 @@
 """Flows: files, rules, synthetic noise, and the points of training and scoring."""
 
 from granpinn.data.collocation import with_collocation
-from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
+from granpinn.data.flow import (
+    Flow,
+    FlowFileError,
+    FlowFileWarning,
+    Particles,
+    Surface,
+    Truth,
+    Walls,
+)
 from granpinn.data.noise import add_noise, known_sd, redraw
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
+from granpinn.data.wall_points import with_walls
 from granpinn.data.writer import write_flow
 
 __all__ = [
@@ -19,6 +28,7 @@ __all__ = [
     "TestGrid",
     "TrainingSet",
     "Truth",
+    "Walls",
     "add_noise",
     "check_flow",
     "known_sd",
@@ -29,5 +39,6 @@ __all__ = [
     "training_set",
     "with_collocation",
     "with_partial_cells",
+    "with_walls",
     "write_flow",
 ]

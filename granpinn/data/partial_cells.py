@@ -13,9 +13,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, Surface
+from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
 FILLED = 0.5  # least c of a cell that counts where there is no surface line
@@ -24,13 +26,16 @@ FILLED = 0.5  # least c of a cell that counts where there is no surface line
 def with_partial_cells(flow: Flow) -> Flow:
     """The flow with c = 1 in its partly filled cells that have a vector and lie below the surface.
 
-    The surface is the line of the flow; without a line, such cells have c >= 0.5. Scattered vectors
-    and flows of a solver (the file states `grid_spacing_of_solver`) stay as they are.
+    The surface is the line of the flow; without a line, such cells have c >= 0.5. Cells behind a
+    wall, as seen from the nearest full one, do not count. Scattered vectors and flows of a solver
+    (the file states `grid_spacing_of_solver`) stay as they are.
     """
     if flow.particles is not None or flow.stated("grid_spacing_of_solver") is not None:
         return flow
     partial = (flow.c > 0) & (flow.c < 1) & np.isfinite(flow.u) & np.isfinite(flow.v)
     below = flow.c >= FILLED if flow.surface is None else _below(flow, flow.surface)
+    if flow.walls is not None:
+        below &= ~_behind(flow, segments_of(flow.walls), partial & below)
     c = np.where(partial & below, np.ones_like(flow.c), flow.c)
     return replace(flow, c=c)
 
@@ -54,3 +59,16 @@ def _below(flow: Flow, surface: Surface) -> Bool:
 
 def _at(times: Float64, t: float) -> Bool:
     return np.asarray(np.isclose(times, t, rtol=1e-6, atol=0.0) | (times == t))
+
+
+def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
+    """Cells of `partial` [T, Y, X] from which a wall hides the nearest full cell."""
+    behind = np.zeros_like(partial)
+    for k, t in enumerate(flow.t):
+        cells, full = np.argwhere(partial[k]), np.argwhere(flow.material[k])
+        if len(cells) == 0 or len(full) == 0:
+            continue
+        here, there = (np.stack([flow.x[a[:, 1]], flow.y[a[:, 0]]], 1) for a in (cells, full))
+        nearest = cKDTree(there).query(here)[1]
+        behind[k][tuple(cells.T)] = crossed(here, there[nearest], segments.at(float(t)))
+    return behind
