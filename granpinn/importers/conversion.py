@@ -10,7 +10,6 @@ import numpy as np
 
 from granpinn.data.flow import PERIOD_X, STEADY, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
-from granpinn.data.walls import segments_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
 from granpinn.importers.building import grid_flow, scattered_flow
@@ -152,8 +151,7 @@ def _summary(flow: Flow, material: Material) -> list[str]:
         + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
     ]
     if flow.walls is not None:
-        pieces = len(np.unique(segments_of(flow.walls).wall))
-        lines.append(f"walls: {pieces}, {int(np.isfinite(flow.walls.x).sum())} points")
+        lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
     if material.wall_gap is not None:
         ratio = scales.length / material.wall_gap
         lines.append(

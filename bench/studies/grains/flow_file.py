@@ -1,8 +1,7 @@
 """The flow file of a scene, and the reference beside it.
 
-flow.h5 has what a camera would give: velocity, c, the surface line, gravity, diameter and bulk
-density. Stress is in reference.npz, for scoring only. Flow-file format version 1 has no entries yet
-for walls, steadiness or the averaging kernel: they are attributes.
+flow.h5 has what a camera would give: velocity, c, the surface line, walls, gravity,
+diameter and bulk density. Stress is in reference.npz, for scoring only. The averaging kernel is an attribute.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Mate
 from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
+from bench.studies.grains.walls import walls_of
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface, Truth
 
@@ -66,6 +66,7 @@ def flow_of(
         density=BULK_DENSITY,
         grain_diameter=1.0,
         surface=surface,
+        walls=walls_of(scene.attributes, fields.x, fields.y),
         truth=None if truth is None else Truth(mu_s=truth["mu_s"], mu_2=truth["mu_2"], I0=I0),
         attributes=stated | scene.attributes | dict(origin),
     )
