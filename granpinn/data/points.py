@@ -238,7 +238,7 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
     if surface is None:
         raise FlowFileError(
             f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
-            "them or use level V0"
+            "them or use level V0; a flow without any free surface needs a wall with wall_p there"
         )
     if level == "V2" and surface.p is None:
         raise FlowFileError(

@@ -13,6 +13,7 @@ warning.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ from granpinn.data.flow import Flow, FlowFileWarning
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, crossed, samples, segments_of
+from granpinn.physics.terms import TERMS
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -34,6 +36,7 @@ NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
 WIDE = 4.0  # spacings to the farthest vector of a fit
 FEWEST = 6  # vectors of a fit
 SURE = 3.0  # standard errors
+TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
 PLACE = 0.25  # spacings by which the place of a wall may be wrong
 
 
@@ -49,7 +52,8 @@ class Touch:
         sticks: whether the file states that grains do not slip there [n].
         p: known normal stress [n], or NaN.
         of_grains: velocity of the vectors around, extrapolated to the wall [n, 2]; NaN: too few.
-        error: of it that noise, its extrapolation and the place of the wall explain [n, 2].
+        error: of it that noise, its extrapolation and the place of the wall explain [n, 2], and the
+            tolerance of the velocity in a training.
     """
 
     x: Float64
@@ -98,7 +102,8 @@ def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Tou
     closer[:, NEAREST:] = False
     other, _, _ = _fit(step, vectors[nearest], closer)
     change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
-    error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2)
+    least = TOLERANCE * float(np.sqrt(np.mean(np.square(vectors).sum(axis=1))))
+    error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
     return Touch(
         x=point[:, 0],
         y=point[:, 1],
@@ -232,7 +237,7 @@ def _share(those: Bool) -> float:
     return float(those.mean()) if those.size else 1.0
 
 
-def contradictions(facts: list[WallFacts]) -> list[str]:
+def contradictions(facts: Sequence[WallFacts]) -> list[str]:
     """The conditions that the vectors contradict, one sentence each."""
     found = []
     for wall in facts:

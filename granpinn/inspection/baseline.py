@@ -23,7 +23,9 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
+from granpinn.inspection.hanging import hanging
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.inspection.upright import upright
 from granpinn.results.baseline import Baseline, LawFit, Point
 
 I0 = 0.3
@@ -44,6 +46,10 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
     Args:
         I0: inertial scale of the law through the points.
     """
+    pose = upright(flow, 0)
+    held = None if isinstance(pose, str) else hanging(flow, pose)
+    if held is not None:
+        return Baseline(held, carried=True)
     window, stress = 0, None
     for window, largest in WINDOWS:
         found = momentum_balance(flow, window, I0)

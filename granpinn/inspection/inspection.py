@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.data import Flow
+from granpinn.data import Flow, with_partial_cells
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import invariant_axes, with_period, words
+from granpinn.data.wall_points import WallFacts, walls_of
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.noise import (
     Noise,
@@ -26,6 +27,7 @@ from granpinn.estimates.noise import (
 from granpinn.estimates.view import View, view_of
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
+from granpinn.inspection.confined import undetermined
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.slips import Slip, slips
@@ -101,6 +103,8 @@ class Inspection:
         flows: whether these cells flow [K].
         noise_cells: noise of every cell [Y, X], dimensionless.
         baseline: the friction from the momentum balance alone.
+        walls: what the vectors show of each wall of the file.
+        undetermined: why the flow gives no friction coefficient, or None (confined.py).
     """
 
     flow: Flow
@@ -123,6 +127,8 @@ class Inspection:
     flows: Bool
     noise_cells: Float64
     baseline: Baseline
+    walls: tuple[WallFacts, ...] = ()
+    undetermined: str | None = None
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
@@ -135,6 +141,8 @@ class Inspection:
         found["precision"] = None if self.precision is None else vars(self.precision)
         found["precision_refused_because"] = self.reason
         law = self.law.friction_law
+        found["walls"] = [dataclasses.asdict(wall) for wall in self.walls]
+        found["friction_refused_because"] = self.undetermined
         found["momentum_balance"] = dataclasses.asdict(self.baseline)
         found["law"] = {"name": law.name, **dict(zip(law.names, self.law.theta, strict=True))}
         found["noise"] = {
@@ -176,6 +184,10 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     flows = gamma_dot > np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
     I = inertial_number(view, found, estimated_pressure(view, found))  # noqa: E741
     precision, reason = _precision(found, I, flows, noise, law)
+    walls = walls_of(with_partial_cells(flow))
+    refused = undetermined(flow, "V0" if flow.surface is None else "V1")
+    if refused is not None:
+        precision, reason = None, refused
     return Inspection(
         flow=flow,
         scales=scales,
@@ -197,6 +209,8 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
         flows=flows,
         noise_cells=cells,
         baseline=baseline(flow, law.inertial_scale or I0),
+        walls=() if walls is None else tuple(walls[2]),
+        undetermined=refused,
     )
 
 

@@ -105,6 +105,11 @@ class _Turn:
         return np.rot90(values, self.quarters, axes=(1, 2))
 
 
+def turned_walls(gravity: tuple[float, float], places: Float64) -> Float64:
+    """Places (x, y) on the last axis, in the axes of `upright`."""
+    return np.stack(_Turn(gravity).points(places[..., 0], places[..., 1]), -1)
+
+
 def _even(axis: Float64) -> bool:
     step = np.diff(axis)
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)

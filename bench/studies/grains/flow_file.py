@@ -1,7 +1,8 @@
 """The flow file of a scene, and the reference beside it.
 
 flow.h5 has what a camera would give: velocity, c, the surface line, walls, gravity,
-diameter and bulk density. Stress is in reference.npz, for scoring only. The averaging kernel is an attribute.
+diameter and bulk density. Stress is in reference.npz, for scoring only. The averaging kernel is an
+attribute.
 """
 
 from __future__ import annotations
