@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, Surface
+from granpinn.data.surface_line import folded
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
@@ -26,7 +27,8 @@ FILLED = 0.5  # least c of a cell that counts where there is no surface line
 def with_partial_cells(flow: Flow) -> Flow:
     """The flow with c = 1 in its partly filled cells that have a vector and lie below the surface.
 
-    The surface is the line of the flow; without a line, such cells have c >= 0.5. Cells behind a
+    The surface is the line of the flow; without a line, such cells have c >= 0.5. Where the line is
+    vertical or folds, those count that lie on the side of the nearest full cell. Cells behind a
     wall, as seen from the nearest full one, do not count. Scattered vectors and flows of a solver
     (the file states `grid_spacing_of_solver`) stay as they are.
     """
@@ -54,7 +56,27 @@ def _below(flow: Flow, surface: Surface) -> Bool:
         ends = {"left": np.nan, "right": np.nan}
         height = np.interp(along, line_along[now][order], line_up[now][order], **ends)
         found[k] = (up[:, None] > height) if downwards else (up[:, None] < height)
+        steep = folded(along, line_along[now], line_up[now])
+        if steep.any():
+            full = flow.material[k] if upright else flow.material[k].T
+            line = np.stack([line_along[now], line_up[now]], 1)
+            found[k][:, steep] = _beside(along, up, full, line)[:, steep]
     return found if upright else found.swapaxes(1, 2)
+
+
+def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
+    """Cells on the same side of the nearest point of the line [n, 2] as the nearest full cell.
+
+    None [Y, X] if no cell is full.
+    """
+    rows, columns = np.nonzero(full)
+    if rows.size == 0:
+        return np.zeros_like(full)
+    cells = np.stack(np.broadcast_arrays(along[None, :], up[:, None]), -1)
+    grains = np.stack([along[columns], up[rows]], 1)
+    nearest = line[cKDTree(line).query(cells)[1]]
+    inside = grains[cKDTree(grains).query(cells)[1]] - nearest
+    return np.asarray(np.sum((cells - nearest) * inside, axis=-1) > 0)
 
 
 def _at(times: Float64, t: float) -> Bool:

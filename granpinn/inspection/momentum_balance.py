@@ -98,7 +98,7 @@ def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str
     if not pose.periodic:
         full &= pose.clear[chosen][:, None]
     if not full.any():
-        return "no full cell lies below a surface line that is not steep"
+        return "no full cell lies below a surface line that is not steep and does not fold"
     of_slope = noise_of(_windows(pose, half), spacing)
     sigma = float(np.sqrt(rest[full].mean()) / of_slope[3])
     error = sigma * float(np.hypot(of_slope[1], of_slope[2]))

@@ -9,8 +9,8 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
+from granpinn.data.surface_line import STEEP, folded
 
-STEEP = 2.0  # slope of the surface line from which a column is left out
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
 
@@ -23,7 +23,8 @@ class Upright:
         u, v, c: [T, Y, X], as in Flow.
         gravity: (g_x, g_y) in these axes, g_y < 0.
         height: of the surface line in every column, [T, X]; NaN where there is no line.
-        clear: columns in whose neighbourhood the line exists and is not steep, [T, X].
+        clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
+            [T, X].
         steady: whether the flow does not change with time.
         periodic: whether it repeats along x.
     """
@@ -60,7 +61,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     x, y = turned.axes(flow.x, flow.y)
     u, v = turned.vector(flow.u, flow.v)
     line = turned.points(flow.surface.x, flow.surface.y)
-    height = _heights(flow.t, x, flow.surface.t, *line)
+    height, steep = _heights(flow.t, x, flow.surface.t, *line)
     c = turned.grid(flow.c)
     return Upright(
         t=flow.t,
@@ -71,7 +72,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         c=c,
         gravity=turned.points(*flow.gravity),
         height=height,
-        clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
+        clear=_clear(height, steep, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
         periodic=flow.stated("period_x") is not None and turned.quarters == 0,
     )
@@ -115,9 +116,13 @@ def _even(axis: Float64) -> bool:
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)
 
 
-def _heights(t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: Float64) -> Float64:
-    """The line at the columns in every frame, from the points nearest in time."""
+def _heights(
+    t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: Float64
+) -> tuple[Float64, Bool]:
+    """The line at the columns in every frame, from the points nearest in time; and where it folds,
+    so that it has no single height there [T, X]."""
     height = np.full((len(t), len(x)), np.nan)
+    steep = np.zeros(height.shape, bool)
     frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
     for k in range(len(t)):
         at = frame == k
@@ -125,12 +130,13 @@ def _heights(t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: F
             order = np.argsort(line_x[at])
             points = line_x[at][order], line_y[at][order]
             height[k] = np.interp(x, *points, left=np.nan, right=np.nan)
-    return height
+            steep[k] = folded(x, *points)
+    return height, steep
 
 
-def _clear(height: Float64, grains: Bool, x: Float64, reach: int) -> Bool:
+def _clear(height: Float64, steep: Bool, grains: Bool, x: Float64, reach: int) -> Bool:
     slope = np.abs(np.diff(height, axis=1)) / (x[1] - x[0]) > STEEP
-    bad = grains & ~np.isfinite(height)
+    bad = steep | (grains & ~np.isfinite(height))
     bad[:, 1:] |= slope
     bad[:, :-1] |= slope
     wide = np.pad(bad, ((0, 0), (reach, reach)))

@@ -38,7 +38,7 @@ def _answer(found: Inspection) -> str:
     if found.undetermined is not None:
         return f"No friction coefficient can be given: {found.undetermined}."
     if found.baseline.carried:
-        return f"Do not trust a law from these data: {found.baseline.reason}."
+        return "Do not trust a law from these data: more than the base carries the grains."
     if p is None:
         return f"No precision can be given: {found.reason}."
     level, law = "V1" if found.surface else "V0", found.law.friction_law
