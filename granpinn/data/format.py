@@ -72,7 +72,7 @@ SURFACE_DATASETS = (
 )
 WALL_DATASETS = (
     *(DatasetRule(f"wall_{name}", ("m",), ("float64",)) for name in "xyt"),
-    *(DatasetRule(f"wall_{name}", ("m",), FLOATS) for name in ("u", "v", "slip", "p")),
+    *(DatasetRule(f"wall_{name}", ("m",), FLOATS) for name in ("u", "v", "slip", "p", "tau")),
 )
 DATASETS = (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS, *WALL_DATASETS)
 
@@ -97,7 +97,7 @@ def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a flow by the names of their datasets."""
     own = grid_arrays_of(flow) if flow.particles is None else _particle_arrays_of(flow.particles)
     own |= _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
-    return own | _arrays(("x", "y", "t", "u", "v", "slip", "p"), "wall_", flow.walls)
+    return own | _arrays(("x", "y", "t", "u", "v", "slip", "p", "tau"), "wall_", flow.walls)
 
 
 def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:

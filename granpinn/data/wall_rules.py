@@ -79,19 +79,24 @@ def _check_values(walls: Walls, parts: Bool) -> None:
                 f"wall_{name} must be finite at every point of a wall, got NaN or infinity at "
                 f"index {int(np.argmax(~parts & ~np.isfinite(values)))}: give a value there"
             )
-    slip, p = walls.slip, walls.p
+    slip = walls.slip
     if slip is not None and not np.isin(slip[~parts], (0.0, 1.0)).all():
         wrong = slip[~parts][~np.isin(slip[~parts], (0.0, 1.0))][0]
         raise FlowFileError(
             "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
             f"it, got {wrong:g}: correct it"
         )
-    if p is not None and not (np.isnan(p) | (np.isfinite(p) & (p >= 0)))[~parts].all():
-        raise FlowFileError(
-            "wall_p must be a pressure of at least 0, or NaN where it is not known, got "
-            f"{float(np.nanmin(p[~parts])):g} to {float(np.nanmax(p[~parts])):g}: grains do not "
-            "pull on a wall; correct it"
-        )
+    for name in ("p", "tau"):
+        stress = getattr(walls, name)
+        if stress is None:
+            continue
+        stress = stress[~parts]
+        if not (np.isnan(stress) | (np.isfinite(stress) & (stress >= 0))).all():
+            raise FlowFileError(
+                f"wall_{name} must be a stress of at least 0, or NaN where it is not known, got "
+                f"{float(np.nanmin(stress)):g} to {float(np.nanmax(stress)):g}: grains do not pull "
+                "on a wall, and of a shear stress give the size"
+            )
 
 
 def _check_times(flow: Flow, walls: Walls, parts: Bool) -> None:

@@ -24,7 +24,7 @@ class Segments:
         normal: of the wall there, unit vectors [K, 2, 2], on its left. Those of a curved wall are
             the means of neighboring segments.
         sticks: whether grains move with the segment [K].
-        p: known normal stress at the points [K, 2], or NaN.
+        p, tau: known normal and shear stress at the points [K, 2], or NaN.
         t: the time of the segment [K], NaN = at all times.
         wall: number of its wall [K]. Pieces of different times in the same order are one wall.
     """
@@ -34,6 +34,7 @@ class Segments:
     normal: Float64
     sticks: Bool
     p: Float64
+    tau: Float64
     t: Float64
     wall: Index
 
@@ -71,7 +72,7 @@ def segments_of(walls: Walls) -> Segments:
     velocity = np.stack([zero if a is None else a for a in (walls.u, walls.v)], 1)
     t = unknown if walls.t is None else walls.t
     sticks = zero if walls.slip is None else 1.0 - walls.slip
-    p = unknown if walls.p is None else walls.p.astype(np.float64)
+    p, tau = (unknown if a is None else a.astype(np.float64) for a in (walls.p, walls.tau))
     parts = np.isnan(walls.x)
     edges = np.flatnonzero(np.concatenate([[True], parts, [True]]))
     pieces = [slice(a, b - 1) for a, b in pairwise(edges) if b - a > 1]
@@ -93,6 +94,7 @@ def segments_of(walls: Walls) -> Segments:
                 _normals(place[k]),
                 np.asarray((sticks[pair] > 0).all(axis=1)),
                 p[pair],
+                tau[pair],
                 t[k[:-1]],
                 np.full(len(pair), number),
             ]

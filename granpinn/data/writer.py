@@ -99,7 +99,7 @@ def _units(flow: Flow) -> dict[str, str]:
         **dict.fromkeys(("x", "y", "surface_x", "surface_y", "wall_x", "wall_y"), length),
         **dict.fromkeys(("u", "v", "sigma_u", "sigma_v", "wall_u", "wall_v"), velocity),
         **dict.fromkeys(("c", "wall_slip"), "1"),
-        **(dict.fromkeys(("p", "surface_p", "wall_p"), "1") if dimensionless else {}),
+        **(dict.fromkeys(("p", "surface_p", "wall_p", "wall_tau"), "1") if dimensionless else {}),
     }
 
 

@@ -120,7 +120,7 @@ class Settings:
         None,
         "grains",
         "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
-        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p (pressure)",
+        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p, tau (normal, shear stress)",
     )
     wall_gap: str | None = _setting(
         None,

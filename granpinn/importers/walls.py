@@ -14,16 +14,16 @@ from granpinn.importers.frame import Frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import LARGEST, DataFileError
 
-COLUMNS = ("x", "y", "t", "u", "v", "slip", "p")
+COLUMNS = ("x", "y", "t", "u", "v", "slip", "p", "tau")
 DIMENSIONS = {"x": "length", "y": "length", "t": "time", "u": "velocity", "v": "velocity"}
 _COLUMN = re.compile(r"\s*(\w+)\s*(?:[\[(]([^\])]*)[\])])?\s*")
 
 
 def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
-    """The walls of a CSV file with the columns x, y, and t, u, v, slip, p where known.
+    """The walls of a CSV file with the columns x, y, and t, u, v, slip, p, tau where known.
 
-    A column with a unit in brackets is in that unit; the others have the units of the vectors, and
-    p the unit of pressure of the flow file.
+    A column with a unit in brackets is in that unit; the others have the units of the vectors, and p
+    and tau the unit of pressure of the flow file.
 
     Args:
         frame: of the vectors, in whose axes the points are given.
@@ -39,7 +39,7 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
     found_units = {name: cell[2] for name, cell in zip(names, cells, strict=True) if cell}
     if not {"x", "y"} <= set(names) <= set(COLUMNS) or len(set(names)) < len(names):
         raise DataFileError(
-            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, got "
+            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, tau, got "
             f"{head[:60]!r}: name the columns so"
         )
     table = text.numbers(1)
@@ -68,6 +68,7 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
         v=_scaled(columns.get("v"), frame.up * frame.velocity),
         slip=_single(columns.get("slip")),
         p=_single(columns.get("p")),
+        tau=_single(columns.get("tau")),
     )
 
 
