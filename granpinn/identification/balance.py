@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import cast
 
 import numpy as np
 
+from granpinn.config import Level
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
+from granpinn.inspection.confined import undetermined
 from granpinn.physics.laws import LAWS
 from granpinn.results import Parameters, Result
 from granpinn.results.baseline import Baseline, Difference, Point
@@ -29,6 +32,8 @@ def beside(flow: Flow, result: Result) -> Baseline:
     """
     name = LAWS[result.law].inertial_scale
     found = baseline(flow, I0 if name is None else result.parameters[name].value)
+    if undetermined(flow, cast(Level, result.level)) is not None:
+        return found  # the network's law has no meaning
     differences = tuple(_difference(point, result) for point in found.shown)
     return dataclasses.replace(found, network=differences)
 

@@ -120,7 +120,8 @@ class Settings:
         None,
         "grains",
         "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
-        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p, tau (normal, shear stress)",
+        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
+        "(normal and shear stress)",
     )
     wall_gap: str | None = _setting(
         None,

@@ -22,8 +22,8 @@ _COLUMN = re.compile(r"\s*(\w+)\s*(?:[\[(]([^\])]*)[\])])?\s*")
 def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
     """The walls of a CSV file with the columns x, y, and t, u, v, slip, p, tau where known.
 
-    A column with a unit in brackets is in that unit; the others have the units of the vectors, and p
-    and tau the unit of pressure of the flow file.
+    A column with a unit in brackets is in that unit; the others have the units of the vectors.
+    p and tau have the unit of pressure of the flow file.
 
     Args:
         frame: of the vectors, in whose axes the points are given.
@@ -39,8 +39,8 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
     found_units = {name: cell[2] for name, cell in zip(names, cells, strict=True) if cell}
     if not {"x", "y"} <= set(names) <= set(COLUMNS) or len(set(names)) < len(names):
         raise DataFileError(
-            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, tau, got "
-            f"{head[:60]!r}: name the columns so"
+            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, "
+            f"tau, got {head[:60]!r}: name the columns so"
         )
     table = text.numbers(1)
     if table.shape[1] != len(names):

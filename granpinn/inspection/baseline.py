@@ -31,6 +31,7 @@ from granpinn.results.baseline import Baseline, LawFit, Point
 I0 = 0.3
 BINS = 8
 FEWEST_CELLS = 20  # of a bin
+FEWEST_ROWS = 3  # of a bin where each is the mean over all columns and there are few
 NARROW = 2.0  # a range of I over less than this factor holds one friction and no law
 # Smallest windows first, with the largest error of the shear rate over its median.
 WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
@@ -60,9 +61,9 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
             break
     assert stress is not None
     cells = _Cells(stress)
-    if len(cells.I) < FEWEST_CELLS:
+    if len(cells.I) < cells.fewest:
         return Baseline(
-            f"friction shows in {len(cells.I)} cells below the surface, and it needs {FEWEST_CELLS}"
+            f"friction shows in {len(cells.I)} cells below the surface, and it needs {cells.fewest}"
         )
     wrong = float(np.mean(cells.shear * cells.normal < 0))
     bins = list(cells.bins())
@@ -116,6 +117,8 @@ class _Cells:
         p = np.where(self.normal < 0, -1.0, 1.0) * stress.p[k]
         self.shear, self.normal = self.shear / p, self.normal / p
         self.depth = stress.depth[k]
+        few = FEWEST_ROWS if stress.used.shape[2] == 1 else FEWEST_CELLS
+        self.fewest = min(FEWEST_CELLS, max(few, len(self.I) // 4))
         place = k[2] if stress.used.shape[2] > 1 else self.depth
         times = min(TIMES, len(stress.frames))
         places = TIMES * PLACES // times
@@ -127,11 +130,11 @@ class _Cells:
     def bins(self) -> Iterator[Index]:
         """Indices of the cells of every filled bin of log I."""
         low, high = self.range
-        count = min(BINS, len(self.I) // FEWEST_CELLS) if high > NARROW * low else 1
+        count = min(BINS, len(self.I) // self.fewest) if high > NARROW * low else 1
         edges = np.geomspace(low, high, count + 1)
         for a, b in pairwise(edges):
             here = self.within if count == 1 else (a <= self.I) & (self.I < b)  # noqa: SIM300
-            if here.sum() >= FEWEST_CELLS or count == 1:
+            if here.sum() >= self.fewest or count == 1:
                 yield np.flatnonzero(here)
 
     def point(self, k: Index, I0: float) -> Point:
@@ -169,7 +172,7 @@ class _Cells:
         some = object.__new__(_Cells)
         for name in ("I", "shear", "normal", "depth", "block", "within"):
             setattr(some, name, getattr(self, name)[k])
-        some.range = self.range
+        some.range, some.fewest = self.range, self.fewest
         return some
 
 

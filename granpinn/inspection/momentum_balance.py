@@ -1,4 +1,4 @@
-"""Stress from the momentum balance alone, without a network and without a measured pressure.
+"""Stress from the momentum balance alone, without a network and without measured pressures inside.
 
 Gravity and the measured acceleration fix the stress below a free surface. With the deviator along
 the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on the surface y = h,
@@ -6,11 +6,12 @@ the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on th
     N = p + q n_xx = int_y^h [rho (a_y - g_y) - d_x (q n_xy)] dy
     q n_xy         = int_y^h [-rho (a_x - g_x) - d_x (p - q n_xx)] dy
 
-go down every vertical line of cells. d_x is taken of the integrals, which vanish at the surface. In
-the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits
-the second line best. Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach
-the cells below it, nor those where the shear is not parallel to the axes, |n_xy| << 1. A flow that
-is periodic along x is averaged along x first: then d_x = 0.
+go down every vertical line of cells. Under a plate on the grains, its pressure and shear stress are
+added. d_x is taken of the integrals, which vanish at the surface. In the terms with q itself,
+q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits the second line best.
+Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach the cells below it, nor
+those where the shear is not parallel to the axes, |n_xy| << 1. A flow that is periodic along x is
+averaged along x first: then d_x = 0.
 
 Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
 the fits leave, and its square is subtracted from that of the shear rate.
@@ -106,10 +107,11 @@ def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str
     full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
     gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
     density = flow.density if flow.grain_density is None else flow.grain_density
+    pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=-_integral(flow.density * (_nearest(a_x) - pose.gravity[0]), below, dy),
-        weight=_integral(flow.density * (_nearest(a_y) - pose.gravity[1]), below, dy),
-        hydrostatic=-pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
+        drag=drag - _integral(flow.density * (_nearest(a_x) - pose.gravity[0]), below, dy),
+        weight=pressure + _integral(flow.density * (_nearest(a_y) - pose.gravity[1]), below, dy),
+        hydrostatic=pressure - pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
         rate=gdot * flow.grain_diameter * np.sqrt(density),
@@ -123,6 +125,18 @@ def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str
     return Stress(
         chosen, p, side * shear, p * np.abs(n_xy), number, below, used, sigma, error / usual
     )
+
+
+def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
+    """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
+    of the grains between both. Zero for a free surface."""
+    p, tau = pose.load
+    if p == 0 and tau == 0:
+        return 0.0, 0.0
+    dy = float(np.diff(pose.y).mean())
+    between = max(0.0, float(pose.height.max() - pose.y[-1]) - dy / 2) * density
+    side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
+    return p - pose.gravity[1] * between, side * tau + pose.gravity[0] * between
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,13 @@ import numpy as np
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
 from granpinn.data.surface_line import STEEP, folded
+from granpinn.data.walls import segments_of
+from granpinn.inspection.plate import Plate, plate_on
 
+NO_TOP = (
+    "the flow has neither a surface line nor, with periodic sides, a plate of known pressure and "
+    "shear stress, from which the stress is counted"
+)
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
 
@@ -22,11 +28,13 @@ class Upright:
         t, y, x: axes [T], [Y], [X]; y up within 45 degrees.
         u, v, c: [T, Y, X], as in Flow.
         gravity: (g_x, g_y) in these axes, g_y < 0.
-        height: of the surface line in every column, [T, X]; NaN where there is no line.
+        height: of the surface line in every column, [T, X]; NaN where there is no line. Without a
+            line, of a plate on the grains.
         clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
             [T, X].
         steady: whether the flow does not change with time.
         periodic: whether it repeats along x.
+        load: pressure and size of the shear stress at `height`; 0 on a free surface.
     """
 
     t: Float64
@@ -40,6 +48,7 @@ class Upright:
     clear: Bool
     steady: bool
     periodic: bool
+    load: tuple[float, float] = (0.0, 0.0)
 
 
 def upright(flow: Flow, reach: int) -> Upright | str:
@@ -48,8 +57,9 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     Args:
         reach: columns on each side that the balance of a column uses.
     """
-    if flow.surface is None or flow.surface.t.size == 0:
-        return "the flow has no surface line, and the weight of the grains is counted from it"
+    free = flow.surface is not None and flow.surface.t.size > 0
+    if not free and flow.walls is None:
+        return NO_TOP
     if flow.particles is not None:
         return "the vectors are scattered, and it needs vectors on a grid"
     for name, axis in (("x", flow.x), ("y", flow.y)):
@@ -60,9 +70,17 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     turned = _Turn(flow.gravity)
     x, y = turned.axes(flow.x, flow.y)
     u, v = turned.vector(flow.u, flow.v)
-    line = turned.points(flow.surface.x, flow.surface.y)
-    height, steep = _heights(flow.t, x, flow.surface.t, *line)
     c = turned.grid(flow.c)
+    plate = None
+    if free and flow.surface is not None:
+        line = turned.points(flow.surface.x, flow.surface.y)
+        height, steep = _heights(flow.t, x, flow.surface.t, *line)
+    else:
+        plate = _plate(flow, turned, float(y[np.flatnonzero((c > 0).any(axis=(0, 2)))[-1]]))
+        if plate is None:
+            return NO_TOP
+        height = np.full((len(flow.t), len(x)), plate.height)
+        steep = np.zeros(height.shape, bool)
     return Upright(
         t=flow.t,
         y=y,
@@ -74,8 +92,20 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         height=height,
         clear=_clear(height, steep, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
-        periodic=flow.stated("period_x") is not None and turned.quarters == 0,
+        periodic=_periodic(flow, turned),
+        load=(0.0, 0.0) if plate is None else (plate.p, plate.tau),
     )
+
+
+def _periodic(flow: Flow, turned: _Turn) -> bool:
+    return flow.stated("period_x") is not None and turned.quarters == 0
+
+
+def _plate(flow: Flow, turned: _Turn, top: float) -> Plate | None:
+    """The plate on a flow with periodic sides."""
+    if flow.walls is None or not _periodic(flow, turned):
+        return None
+    return plate_on(flow, turned_walls(flow.gravity, segments_of(flow.walls).ends), top)
 
 
 class _Turn:

@@ -18,6 +18,7 @@ from granpinn.physics.laws import mu_of_i
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.uncertainty.determined import lost_of, range_of
 
+NO_FRICTION = "No friction coefficient can be given"
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
 MANY_INVALID = 0.1
@@ -36,7 +37,8 @@ def _answer(found: Inspection) -> str:
     if any(slip.severity == "impossible" for slip in found.slips):
         return "These data are impossible, and training refuses them: mend the flow file first."
     if found.undetermined is not None:
-        return f"No friction coefficient can be given: {found.undetermined}."
+        what = "The velocity gives no friction coefficient"
+        return f"{what if found.baseline.shown else NO_FRICTION}: {found.undetermined}."
     if found.baseline.carried:
         return "Do not trust a law from these data: more than the base carries the grains."
     if p is None:

@@ -18,7 +18,7 @@ from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Mate
 from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
-from bench.studies.grains.walls import walls_of
+from bench.studies.grains.walls import plate_of, walls_of
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface, Truth
 
@@ -56,6 +56,7 @@ def flow_of(
     }
     stated |= {} if surface is None else {"surface_sd": UNCERTAINTY}
     stated |= {"steady": 1} if scene.steady else {}
+    plate = plate_of(scene.attributes, fields.stress[..., YY], fields.stress[..., XY], fields.y)
     return Flow(
         t=fields.t,
         y=fields.y,
@@ -67,7 +68,7 @@ def flow_of(
         density=BULK_DENSITY,
         grain_diameter=1.0,
         surface=surface,
-        walls=walls_of(scene.attributes, fields.x, fields.y),
+        walls=walls_of(scene.attributes, fields.x, fields.y, plate),
         truth=None if truth is None else Truth(mu_s=truth["mu_s"], mu_2=truth["mu_2"], I0=I0),
         attributes=stated | scene.attributes | dict(origin),
     )

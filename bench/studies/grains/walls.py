@@ -26,12 +26,15 @@ STICKS, SLIPS = 0.0, 1.0
 NAME = "flow_walls.h5"
 
 
-def walls_of(stated: Mapping[str, Any], x: Float64, y: Float64) -> Walls | None:
+def walls_of(
+    stated: Mapping[str, Any], x: Float64, y: Float64, plate: tuple[float, float] | None = None
+) -> Walls | None:
     """The walls of a scene; None if its attributes name none.
 
     Args:
         stated: attributes of the scene.
         x, y: axes of its flow file.
+        plate: its height and drag (`plate_of`).
     """
     if "wall_radius" in stated:
         return _drum(float(stated["wall_radius"]), float(stated["wall_rotation"]))
@@ -43,14 +46,47 @@ def walls_of(stated: Mapping[str, Any], x: Float64, y: Float64) -> Walls | None:
         left = tuple((-a, b) for a, b in side)
         return _lines((side, STICKS), (left, STICKS))
     if "plate_load" in stated:
-        # The plate floats: it is where the weight below it reaches the load, a cell above the last
-        # vectors. Its height is not recorded, so that it is no wall here.
-        return _lines((((0.0, 0.0), (float(stated["period_x"]), 0.0)), STICKS))
+        return _under_plate(stated, plate)
     if "slope" in stated:
         return _lines((((0.0, 0.0), (float(stated["period_x"]), 0.0)), STICKS))
     if "column_width" in stated:
         return _lines((((0.0, 0.0), (far, 0.0)), STICKS), (((0.0, 0.0), (0.0, high)), SLIPS))
     return None
+
+
+def _under_plate(stated: Mapping[str, Any], plate: tuple[float, float] | None) -> Walls:
+    """The bed, and the plate with its load and its drag; without `plate` the bed alone."""
+    far, load, speed = (float(stated[k]) for k in ("period_x", "plate_load", "plate_speed"))
+    bed = _lines((((0.0, 0.0), (far, 0.0)), STICKS))
+    if plate is None:
+        return bed
+    height, drag = plate
+    nan = math.nan
+    return Walls(
+        x=np.array([0, far, nan, 0, far]),
+        y=np.array([0, 0, nan, height, height]),
+        u=np.array([0, 0, nan, speed, speed]),
+        v=np.array([0, 0, nan, 0, 0]),
+        slip=np.array([STICKS, STICKS, nan, STICKS, STICKS], np.float32),
+        p=np.array([nan, nan, nan, load, load], np.float32),
+        tau=np.array([nan, nan, nan, drag, drag], np.float32),
+    )
+
+
+def plate_of(
+    stated: Mapping[str, Any], sigma_yy: Float64, sigma_xy: Float64, y: Float64
+) -> tuple[float, float] | None:
+    """Height and drag of the plate, from the stress [T, Y, X] of the grains; None without one.
+
+    An experiment reads both from its plate. Here the plate is where the stress reaches its load,
+    and its drag is the shear stress, which is the same at all heights.
+    """
+    if "plate_load" not in stated:
+        return None
+    normal = np.nanmean(sigma_yy, axis=(0, 2))
+    slope, start = np.polyfit(y, normal, 1)
+    height = (float(stated["plate_load"]) - start) / slope
+    return float(height), abs(float(np.nanmean(sigma_xy)))
 
 
 def _drum(radius: float, rate: float) -> Walls:
@@ -70,9 +106,11 @@ def _lines(*pieces: tuple[tuple[tuple[float, float], ...], float]) -> Walls:
     return Walls(x=x.copy(), y=y.copy(), slip=slips.astype(np.float32))
 
 
-def with_walls(flow: Flow) -> Flow:
-    """The flow of a scene with its walls."""
-    return replace(flow, walls=walls_of(flow.attributes, flow.x, flow.y))
+def with_walls(flow: Flow, reference: Path) -> Flow:
+    """The flow of a scene with its walls; its stress is read only for the drag of a plate."""
+    with np.load(reference) as stress:
+        plate = plate_of(flow.attributes, stress["sigma_yy"], stress["sigma_xy"], flow.y)
+    return replace(flow, walls=walls_of(flow.attributes, flow.x, flow.y, plate))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -80,7 +118,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Write flow files of scenes with their walls.")
     parser.add_argument("scenes", nargs="+", type=Path)
     for scene in parser.parse_args(argv).scenes:
-        write_flow(with_walls(read_flow(scene / "flow.h5")), scene / NAME)
+        write_flow(with_walls(read_flow(scene / "flow.h5"), scene / "reference.npz"), scene / NAME)
         print(scene / NAME)
     return 0
 
