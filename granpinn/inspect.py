@@ -63,7 +63,7 @@ def _run(argv: Sequence[str]) -> int:
         # Exact zeros have their own line in what is printed.
         warnings.simplefilter("ignore", FlowFileWarning)
         flow = read_flow(data)
-    found = inspect(flow, options["law"], options["walls"])
+    found = inspect(flow, options["law"], options["side_walls"])
     sentences = verdict(found)
     numbers = found.numbers() | {"verdict": sentences}
     if options["out"] is not None:
@@ -79,7 +79,7 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
-    """Options of a command line: data, out, json, law and walls."""
+    """Options of a command line: data, out, json, law and side_walls."""
     parser = Parser(
         prog="python -m granpinn.inspect",
         usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
@@ -108,8 +108,9 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     out = values["out"]
     if out is not None and (objection := objection_to_folder(out)):
         raise ConfigError(f"--out {objection}")
-    walls = Walls(**{name: _of_walls(name, values[name]) for name in settings_of(Walls)})
-    return {key: values[key] for key in ("data", "out", "json")} | {"law": law, "walls": walls}
+    side_walls = Walls(**{name: _of_walls(name, values[name]) for name in settings_of(Walls)})
+    made = {"law": law, "side_walls": side_walls}
+    return {key: values[key] for key in ("data", "out", "json")} | made
 
 
 def _of_walls(name: str, text: Any) -> float:

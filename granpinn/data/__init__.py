@@ -1,7 +1,15 @@
 """Flows: files, rules, synthetic noise, and the points of training and scoring."""
 
 from granpinn.data.collocation import with_collocation
-from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Particles, Surface, Truth
+from granpinn.data.flow import (
+    Flow,
+    FlowFileError,
+    FlowFileWarning,
+    Particles,
+    Surface,
+    Truth,
+    Walls,
+)
 from granpinn.data.noise import add_noise, known_sd, redraw
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.particles import particle_flow
@@ -9,6 +17,7 @@ from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
 from granpinn.data.surface_strip import with_surface_strip
+from granpinn.data.wall_points import with_walls
 from granpinn.data.writer import write_flow
 
 __all__ = [
@@ -20,6 +29,7 @@ __all__ = [
     "TestGrid",
     "TrainingSet",
     "Truth",
+    "Walls",
     "add_noise",
     "check_flow",
     "known_sd",
@@ -31,5 +41,6 @@ __all__ = [
     "with_collocation",
     "with_partial_cells",
     "with_surface_strip",
+    "with_walls",
     "write_flow",
 ]

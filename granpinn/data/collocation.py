@@ -11,6 +11,7 @@ Tracked particles need no such points, since their vectors are at random places.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data.flow import Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.data.symmetry import axes_of
+from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
 if TYPE_CHECKING:
@@ -68,12 +70,14 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
     A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
-    with a vector or without; four corners in a flow of one frame. The points are uniform over all
-    complete cells.
+    with a vector or without; four corners in a flow of one frame. No wall passes through it. The
+    points are uniform over all complete cells.
     """
     complete = grains
     for axis in range(3) if flow.t.size > 1 else (1, 2):
         complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
+    if flow.walls is not None:
+        complete &= ~_cut(flow, segments_of(flow.walls))
     cells = np.argwhere(complete)
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     drawn = cells[rng.integers(len(cells), size=count)] if len(cells) else cells
@@ -86,3 +90,24 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
         return np.asarray(values[k] + part[:, axis] * (values[k + 1] - values[k]))
 
     return within(flow.x, 2), within(flow.y, 1), within(flow.t, 0)
+
+
+def _cut(flow: Flow, segments: Segments) -> Bool:
+    """Cells between the grid points through which a wall passes: [T - 1, Y - 1, X - 1].
+
+    A wall that passes through a cell separates two of its corners. In a flow of one frame the first
+    axis has one element.
+    """
+    y, x = np.meshgrid(flow.y, flow.x, indexing="ij")
+    place = np.stack([x, y], -1)
+    corners = [place[a : len(y) - 1 + a, b : x.shape[1] - 1 + b] for a in (0, 1) for b in (0, 1)]
+
+    def at(time: float) -> Bool:
+        there = segments.at(time)
+        pairs = ((a.reshape(-1, 2), b.reshape(-1, 2)) for a, b in combinations(corners, 2))
+        found = np.any([crossed(a, b, there) for a, b in pairs], axis=0)
+        return np.asarray(found.reshape(corners[0].shape[:2]))
+
+    times = flow.t if np.isfinite(segments.t).any() else flow.t[:1]
+    cut = np.stack([at(float(t)) for t in times])
+    return cut if len(cut) == 1 else cut[1:] | cut[:-1]

@@ -43,6 +43,33 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
+class Walls:
+    """Walls, obstacles and plates as polylines.
+
+    The points of a piece lie in order along it. A point with x and y of NaN separates two pieces.
+
+    Attributes:
+        x, y: positions [m].
+        t: times [m], the same in all of a piece; NaN or None: the piece is there at all times.
+            At a time, of the pieces with a time those of the nearest time are there.
+        u, v: velocity of the wall at its points [m], None = at rest.
+        slip: [m], 0 where grains move with the wall, 1 where none flow through it and nothing more
+            is known; None = 1.
+        p, tau: measured normal stress on the wall, and size of the shear stress [m]; NaN or None =
+            not known.
+    """
+
+    x: Float64
+    y: Float64
+    t: Float64 | None = None
+    u: Float64 | None = None
+    v: Float64 | None = None
+    slip: Float32 | None = None
+    p: Float32 | None = None
+    tau: Float32 | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Particles:
     """Scattered vectors, one per grain and time, in any order.
 
@@ -85,6 +112,7 @@ class Flow:
         grain_density: density of a grain, for the inertial number; None = `density`.
         p: reference pressure [T, Y, X]: for scoring, never for training.
         surface: observed points of the free surface.
+        walls: walls that touch the grains, None if the file states none.
         sigma_u, sigma_v: standard deviation of u and v, one number or [T, Y, X].
         particles: scattered vectors.
         eta_max, eta_min: bounds of the viscosity in the solver that made the data.
@@ -113,6 +141,7 @@ class Flow:
     grain_density: float | None = None
     p: Float32 | None = None
     surface: Surface | None = None
+    walls: Walls | None = None
     sigma_u: float | Float32 | None = None
     sigma_v: float | Float32 | None = None
     particles: Particles | None = None

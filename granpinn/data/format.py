@@ -1,7 +1,8 @@
 """The flow file, version 1, as a table of datasets with their shapes and types.
 
 The reader, the writer and the rules all use this table. Axes: T times, Y rows, X columns,
-N scattered vectors, n points of the free surface. A file has either the grid or the particles.
+N scattered vectors, n points of the free surface, m points of walls. A file has either the grid or
+the particles.
 """
 
 from __future__ import annotations
@@ -69,7 +70,11 @@ SURFACE_DATASETS = (
     DatasetRule("surface_y", ("n",), ("float64", "float32")),
     DatasetRule("surface_p", ("n",), ("float32", "float64")),
 )
-DATASETS = (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS)
+WALL_DATASETS = (
+    *(DatasetRule(f"wall_{name}", ("m",), ("float64",)) for name in "xyt"),
+    *(DatasetRule(f"wall_{name}", ("m",), FLOATS) for name in ("u", "v", "slip", "p", "tau")),
+)
+DATASETS = (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS, *WALL_DATASETS)
 
 # Root attributes with a meaning of their own; all others are kept in Flow.attributes.
 NUMBERS = ("density", "grain_diameter")
@@ -92,7 +97,8 @@ KNOWN_ATTRIBUTES = frozenset(
 def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a flow by the names of their datasets."""
     own = grid_arrays_of(flow) if flow.particles is None else _particle_arrays_of(flow.particles)
-    return own | _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
+    own |= _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
+    return own | _arrays(("x", "y", "t", "u", "v", "slip", "p", "tau"), "wall_", flow.walls)
 
 
 def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:

@@ -9,6 +9,7 @@ from granpinn.data.format import (
     GRID_DATASETS,
     PARTICLE_DATASETS,
     SURFACE_DATASETS,
+    WALL_DATASETS,
     DatasetRule,
     Layout,
 )
@@ -31,7 +32,7 @@ def check_layout(found: Mapping[str, Layout]) -> None:
             f"{scattered[0]}: leave one of them out"
         )
     own = PARTICLE_DATASETS if scattered else GRID_DATASETS
-    for rule in (*own, *SURFACE_DATASETS):
+    for rule in (*own, *SURFACE_DATASETS, *WALL_DATASETS):
         if rule.name in found:
             _check_one_layout(rule, found[rule.name], sizes)
         elif rule.required:
@@ -46,6 +47,13 @@ def check_layout(found: Mapping[str, Layout]) -> None:
             "surface_t, surface_x and surface_y must come together, got "
             f"{' and '.join(surface) or 'surface_p'} alone: add the others or leave all out"
         )
+    walls = [rule.name for rule in WALL_DATASETS if rule.name in found]
+    for first, second in (("wall_x", "wall_y"), ("wall_u", "wall_v")):
+        if (first in walls) != (second in walls) or (walls and "wall_x" not in walls):
+            raise FlowFileError(
+                f"{first} and {second} must come together, and with every other dataset of walls "
+                f"wall_x and wall_y, got {' and '.join(walls)}: add the others or leave them out"
+            )
 
 
 def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) -> None:
@@ -60,12 +68,13 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
         raise FlowFileError(
             f"{name} must be {rule}, got {len(shape)} dimensions {list(shape)}: reshape it"
         )
-    if rule.axes == ("n",) and shape[0] == 0:
+    points = {"n": "surface", "m": "walls"}.get(rule.axes[0])
+    if points and shape[0] == 0:
         raise FlowFileError(
-            f"{name} must hold at least one point, got none: leave the surface out instead"
+            f"{name} must hold at least one point, got none: leave the {points} out instead"
         )
     least = 1 if rule.axes == ("T",) else 2  # one frame is a steady flow
-    if len(shape) == 1 and rule.axes != ("n",) and shape[0] < least:
+    if len(shape) == 1 and not points and shape[0] < least:
         raise FlowFileError(
             f"{name} must hold at least {('one value', 'two values')[least - 1]}, got {shape[0]}: "
             "give more of the flow"
@@ -79,6 +88,11 @@ def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) 
         raise FlowFileError(
             f"{name} must have as many points as surface_t, {expected[0]}, got {shape[0]}: "
             "give every surface point a time, a position and, if at all, a pressure"
+        )
+    if rule.axes == ("m",):
+        raise FlowFileError(
+            f"{name} must have as many points as wall_x, {expected[0]}, got {shape[0]}: give every "
+            "point of a wall a value, NaN where two pieces part"
         )
     advice = (
         "transpose it"

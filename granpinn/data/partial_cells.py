@@ -13,10 +13,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, Surface
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface_line import line_heights, points_of
+from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
 FILLED = 0.5  # least c of a cell that counts where there is no surface line
@@ -25,13 +27,17 @@ FILLED = 0.5  # least c of a cell that counts where there is no surface line
 def with_partial_cells(flow: Flow) -> Flow:
     """The flow with c = 1 in its partly filled cells that have a vector and lie below the surface.
 
-    The surface is the line of the flow; without a line, such cells have c >= 0.5. Scattered vectors
-    and flows of a solver (the file states `grid_spacing_of_solver`) stay as they are.
+    The surface is the line of the flow; without a line, such cells have c >= 0.5. Where the line is
+    vertical or folds, those count that lie on the side of the nearest full cell. Cells behind a
+    wall, as seen from the nearest full one, do not count. Scattered vectors and flows of a solver
+    (the file states `grid_spacing_of_solver`) stay as they are.
     """
     if flow.particles is not None or flow.stated("grid_spacing_of_solver") is not None:
         return flow
     partial = (flow.c > 0) & (flow.c < 1) & np.isfinite(flow.u) & np.isfinite(flow.v)
     below = flow.c >= FILLED if flow.surface is None else _below(flow, flow.surface)
+    if flow.walls is not None:
+        below &= ~_behind(flow, segments_of(flow.walls), partial & below)
     c = np.where(partial & below, np.ones_like(flow.c), flow.c)
     return replace(flow, c=c)
 
@@ -41,6 +47,39 @@ def _below(flow: Flow, surface: Surface) -> Bool:
     upright, downwards = vertical_coordinate(flow.gravity)
     up, along = (flow.y, flow.x) if upright else (flow.x, flow.y)
     line_up, line_along = (surface.y, surface.x) if upright else (surface.x, surface.y)
-    height = line_heights(flow.t, along, surface.t, line_along, line_up)[:, None]
-    found = (up[:, None] > height) if downwards else (up[:, None] < height)
+    height, folds = line_heights(flow.t, along, surface.t, line_along, line_up)
+    level = height[:, None]
+    found = (up[:, None] > level) if downwards else (up[:, None] < level)
+    line = np.stack([line_along, line_up], 1)
+    for k, now in points_of(flow.t, surface.t) if folds.any() else ():
+        full = flow.material[k] if upright else flow.material[k].T
+        found[k][:, folds[k]] = _beside(along, up, full, line[now])[:, folds[k]]
     return found if upright else found.swapaxes(1, 2)
+
+
+def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
+    """Cells on the same side of the nearest point of the line [n, 2] as the nearest full cell.
+
+    None [Y, X] if no cell is full.
+    """
+    rows, columns = np.nonzero(full)
+    if rows.size == 0:
+        return np.zeros_like(full)
+    cells = np.stack(np.broadcast_arrays(along[None, :], up[:, None]), -1)
+    grains = np.stack([along[columns], up[rows]], 1)
+    nearest = line[cKDTree(line).query(cells)[1]]
+    inside = grains[cKDTree(grains).query(cells)[1]] - nearest
+    return np.asarray(np.sum((cells - nearest) * inside, axis=-1) > 0)
+
+
+def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
+    """Cells of `partial` [T, Y, X] from which a wall hides the nearest full cell."""
+    behind = np.zeros_like(partial)
+    for k, t in enumerate(flow.t):
+        cells, full = np.argwhere(partial[k]), np.argwhere(flow.material[k])
+        if len(cells) == 0 or len(full) == 0:
+            continue
+        here, there = (np.stack([flow.x[a[:, 1]], flow.y[a[:, 0]]], 1) for a in (cells, full))
+        nearest = cKDTree(there).query(here)[1]
+        behind[k][tuple(cells.T)] = crossed(here, there[nearest], segments.at(float(t)))
+    return behind

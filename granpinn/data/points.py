@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +10,10 @@ import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.flow import Flow, FlowFileError, Particles
+from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
-from granpinn.physics.axes import Axes, vertical_coordinate
+from granpinn.physics.axes import Axes
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -30,7 +31,8 @@ Indices = tuple[Index, Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """Points of a training: N of the data, M of the free surface, B of the equations alone.
+    """Points of a training: N of the data, M of the free surface, B of the equations alone, W of
+    walls.
 
     Positions and velocities are in the axes of granpinn/physics/axes.py.
 
@@ -44,6 +46,9 @@ class TrainingSet:
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
             (granpinn/data/collocation.py).
+        wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
+            and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
+            layer on a wall may be thinner than the spacing of the vectors.
     """
 
     points: torch.Tensor
@@ -54,25 +59,37 @@ class TrainingSet:
     lower: torch.Tensor
     upper: torch.Tensor
     between: torch.Tensor
+    wall_points: torch.Tensor = field(default_factory=lambda: torch.empty(0, 3))
+    wall_velocity: torch.Tensor = field(default_factory=lambda: torch.empty(0, 2))
 
     def pooled(self) -> TrainingSet:
-        """The training set with the B points among the data points, for the draws of batches.
+        """The training set with the B and W points among the data points, for the draws of batches.
 
-        Their velocity has the weight 0. The data have more weight in return, so that the mean over
-        all N + B points is the mean over the data.
+        The velocity at the B points has the weight 0, and so have the equations at the W points.
+        The others have more weight in return, so that the mean over all points is the sum over
+        data and walls by N; the equations, by N + B.
         """
-        N, B = len(self.points), len(self.between)
-        if B == 0:
+        N, B, W = len(self.points), len(self.between), len(self.wall_points)
+        if B + W == 0:
             return self
         velocity, physics = self.point_weights.unbind(1)
-        weights = torch.stack([velocity * ((N + B) / N), physics], 1)
-        of_equations = weights.new_tensor([0.0, 1.0]).expand(B, 2)
+        of_data, of_equations = (N + B + W) / N, (N + B + W) / (N + B)
+        weights = torch.stack([velocity * of_data, physics * of_equations], 1)
+        points, measured = [self.points, self.between], [self.velocity]
+        measured.append(measured[0].new_zeros(B, 2))
+        of_points = [weights, weights.new_tensor([0.0, of_equations]).expand(B, 2)]
+        if W:
+            points.append(self.wall_points)
+            measured.append(self.wall_velocity)
+            of_points.append(weights.new_tensor([of_data, 0.0]).expand(W, 2))
         return replace(
             self,
-            points=torch.cat([self.points, self.between]),
-            velocity=torch.cat([self.velocity, self.velocity.new_zeros(B, 2)]),
-            point_weights=torch.cat([weights, of_equations]),
+            points=torch.cat(points),
+            velocity=torch.cat(measured),
+            point_weights=torch.cat(of_points),
             between=self.between[:0],
+            wall_points=self.wall_points[:0],
+            wall_velocity=self.wall_velocity[:0],
         )
 
 
@@ -128,6 +145,8 @@ def training_set(
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
         between=tensor(points[:0]),
+        wall_points=tensor(points[:0]),
+        wall_velocity=tensor(velocity[:0]),
     )
     for name, values in vars(training).items():
         if not torch.isfinite(values).all():
@@ -219,7 +238,7 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
     if surface is None:
         raise FlowFileError(
             f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
-            "them or use level V0"
+            "them or use level V0; a flow without any free surface needs a wall with wall_p there"
         )
     if level == "V2" and surface.p is None:
         raise FlowFileError(
@@ -241,28 +260,3 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
         return points, np.zeros(len(points))
     pressure = surface.p[kept].astype(np.float64)
     return points, scales.to_dimensionless(pressure, "pressure")
-
-
-def outline(flow: Flow) -> Surface:
-    """The upper edge of the grains, half way between the highest grain point and the one above it.
-
-    It has one point for every time and place along the ground, with an error up to the spacing. A
-    point that stands for a cell of a solver (the file states `grid_spacing_of_solver`) holds grains
-    only if all of the cell does, so that the edge is half a cell higher on average. Grains at the
-    upper edge of the grid are left out, because nothing is known above them.
-    """
-    upright, downwards = vertical_coordinate(flow.gravity)
-    grains, up, along = flow.material, flow.y, flow.x
-    if not upright:
-        grains, up, along = grains.swapaxes(1, 2), flow.x, flow.y
-    if downwards:
-        grains, up = grains[:, ::-1], up[::-1]
-    highest = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
-    frame, place = np.nonzero(grains.any(axis=1) & (highest < up.size - 1))
-    k = highest[frame, place]
-    cell = flow.stated("grid_spacing_of_solver") or 0.0
-    gap = up[k + 1] - up[k]  # negative where the ground is at large coordinates
-    above = (gap + np.sign(gap) * np.minimum(cell, np.abs(gap))) / 2
-    top, position = up[k] + above, along[place]
-    x, y = (position, top) if upright else (top, position)
-    return Surface(flow.t[frame], x, y)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
 from granpinn.data.format import (
     DATASETS,
     FORMAT_NAME,
@@ -32,8 +32,13 @@ from granpinn.physics.laws import DEFAULT
 DEFAULT_MAX_BYTES = 2**30
 _RAISE = "if it can be trusted, raise max_bytes of read_flow"
 # Types in memory: coordinates float64, velocities as in the file, all else float32.
-_FLOAT64 = tuple(
-    prefix + name for prefix in ("", f"{PARTICLES}/", "surface_") for name in ("t", "y", "x")
+_FLOAT64 = (
+    *(
+        f"{prefix}{name}"
+        for prefix in ("", f"{PARTICLES}/", "surface_")
+        for name in ("t", "y", "x")
+    ),
+    *(f"wall_{name}" for name in ("t", "y", "x", "u", "v")),
 )
 
 
@@ -88,11 +93,13 @@ def _read(path: Path, max_bytes: int) -> Flow:
         optional["particles"] = particles = Particles(**scattered)
         arrays |= grid_view(particles)
     surface = {name: arrays.pop(f"surface_{name}", None) for name in ("t", "x", "y", "p")}
+    walls = {n.removeprefix("wall_"): arrays.pop(n) for n in [*arrays] if n.startswith("wall_")}
     return Flow(
         **arrays,
         **constants,
         **optional,
         surface=None if surface["t"] is None else Surface(**surface),
+        walls=Walls(**walls) if walls else None,
         truth=truth,
         attributes=others,
         sha256=hashlib.sha256(image).hexdigest(),

@@ -23,6 +23,7 @@ from granpinn.data.format import Layout, arrays_of, grid_arrays_of
 from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
+from granpinn.data.wall_rules import check_walls
 
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
@@ -60,6 +61,8 @@ def check_values(flow: Flow) -> None:
         check_particles(flow.particles)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
+    if flow.walls is not None:
+        check_walls(flow, flow.walls)
 
 
 def _check_coordinate(name: str, values: Float64) -> None:

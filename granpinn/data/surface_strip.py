@@ -14,9 +14,12 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow
 from granpinn.data.points import RESOLUTION, TrainingSet
+from granpinn.data.symmetry import axes_of
+from granpinn.data.walls import Segments, crossed, segments_of
+from granpinn.physics.axes import Axes
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -30,7 +33,8 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     """The training set with points of the equations up to its free surface.
 
     They lie between a point of the surface and the vector nearest to it at the same time, as
-    densely as the points between the vectors. Without such points it is unchanged.
+    densely as the points between the vectors, and not behind a wall. Without points between the
+    vectors it is unchanged.
     """
     B, N = len(training.between), len(training.points)
     if B == 0:
@@ -44,6 +48,9 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     nearest, width = _below(points, surface, THICKEST * spacing)
     depth = np.hypot(*(surface[:, :2] - nearest).T)
     depth = np.where(depth <= THICKEST * spacing, depth, 0.0)  # NaN: no vector at this time
+    if flow.walls is not None:
+        hidden = _hidden(segments_of(flow.walls), axes_of(flow), scales, surface, nearest)
+        depth[hidden] = 0.0
     area = depth * np.minimum(width, THICKEST * spacing) / spacing**2
     count = round(B / N * float(area.sum()))
     if count == 0:
@@ -83,3 +90,21 @@ def _below(points: Float64, surface: Float64, farthest: float) -> tuple[Float64,
             gaps, _ = cKDTree(surface[here, :2]).query(surface[here, :2], k=3)
             width[here] = gaps[:, 1:].mean(axis=1)
     return nearest, width
+
+
+def _hidden(
+    segments: Segments, axes: Axes, scales: Scales, surface: Float64, nearest: Float64
+) -> Bool:
+    """Points of the surface [M, 3] that a wall parts from their vectors [M, 2]."""
+    hidden = np.zeros(len(surface), bool)
+    known = np.isfinite(nearest).all(axis=1)
+
+    def in_file(places: Float64) -> Float64:
+        x, y = axes.undo(*places.T)
+        return scales.points_to_physical(np.stack([x, y, surface[:, 2]], 1))
+
+    start, end = in_file(surface[:, :2]), in_file(nearest)
+    for t in np.unique(start[known, 2]):
+        k = np.flatnonzero(known & (start[:, 2] == t))
+        hidden[k] = crossed(start[k, :2], end[k, :2], segments.at(float(t)))
+    return hidden

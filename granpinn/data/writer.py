@@ -29,7 +29,7 @@ FRAMES_PER_CHUNK = 10
 ROWS_PER_CHUNK = 100_000
 _PACKED = {"compression": "gzip", "shuffle": True}
 # Dimension scales: the axis that each coordinate stands for.
-_SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t"}
+_SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t", "m": "wall_x"}
 
 
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
@@ -95,11 +95,11 @@ def _units(flow: Flow) -> dict[str, str]:
     dimensionless = length == time == "1"
     velocity = "1" if dimensionless else f"{length}/{time}"
     return {
-        **dict.fromkeys(("t", "surface_t"), time),
-        **dict.fromkeys(("x", "y", "surface_x", "surface_y"), length),
-        **dict.fromkeys(("u", "v", "sigma_u", "sigma_v"), velocity),
-        "c": "1",
-        **(dict.fromkeys(("p", "surface_p"), "1") if dimensionless else {}),
+        **dict.fromkeys(("t", "surface_t", "wall_t"), time),
+        **dict.fromkeys(("x", "y", "surface_x", "surface_y", "wall_x", "wall_y"), length),
+        **dict.fromkeys(("u", "v", "sigma_u", "sigma_v", "wall_u", "wall_v"), velocity),
+        **dict.fromkeys(("c", "wall_slip"), "1"),
+        **(dict.fromkeys(("p", "surface_p", "wall_p", "wall_tau"), "1") if dimensionless else {}),
     }
 
 

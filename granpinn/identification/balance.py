@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from threading import Lock
+from typing import cast
 
 import numpy as np
 
-from granpinn.config import Walls
+from granpinn.config import Level, Walls
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
+from granpinn.inspection.confined import undetermined
 from granpinn.physics.laws import LAWS
 from granpinn.results import Parameters, Result
 from granpinn.results.baseline import Baseline, Difference, Point
@@ -28,11 +30,11 @@ class Balance:
 
     Args:
         flow: as the training saw it, with added noise.
-        walls: the friction of the side walls, as the training took it.
+        side_walls: their friction, as the training took it.
     """
 
-    def __init__(self, flow: Flow, walls: Walls | None = None) -> None:
-        self._flow, self._walls = flow, walls
+    def __init__(self, flow: Flow, side_walls: Walls | None = None) -> None:
+        self.flow, self._side_walls = flow, side_walls
         self._made: dict[float, Baseline] = {}
         self._lock = Lock()
 
@@ -40,7 +42,7 @@ class Balance:
         """The baseline with a law of the inertial scale."""
         with self._lock:
             if scale not in self._made:
-                self._made[scale] = baseline(self._flow, scale, self._walls)
+                self._made[scale] = baseline(self.flow, scale, self._side_walls)
             return self._made[scale]
 
 
@@ -48,6 +50,8 @@ def beside(balance: Balance, result: Result) -> Baseline:
     """The baseline of a flow, and its differences from the law of a result."""
     name = LAWS[result.law].inertial_scale
     found = balance.at(I0 if name is None else result.parameters[name].value)
+    if undetermined(balance.flow, cast(Level, result.level)) is not None:
+        return found  # the network's law has no meaning
     differences = tuple(_difference(point, result) for point in found.shown)
     return dataclasses.replace(found, network=differences)
 

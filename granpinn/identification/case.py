@@ -23,6 +23,7 @@ from granpinn.data import (
     with_collocation,
     with_partial_cells,
     with_surface_strip,
+    with_walls,
 )
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer
@@ -127,14 +128,17 @@ def fixed_values(config: Config) -> dict[str, float]:
 
 
 def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
-    """The points of a fit: the data of a flow, and points between them for the equations alone.
+    """The points of a fit: the data of a flow, points between them for the equations alone, and
+    points of its walls.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     data = with_collocation(data, flow, scales, config.batch.collocation)
-    return data if config.level == "V0" else with_surface_strip(data, flow, scales)
+    if config.level != "V0":
+        data = with_surface_strip(data, flow, scales)
+    return with_walls(data, flow, scales)
 
 
 def members(case: Case) -> list[Case]:

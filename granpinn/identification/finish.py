@@ -17,6 +17,7 @@ import numpy as np
 from granpinn import results
 from granpinn.identification import balance, conclusion, prediction, scoring, simulated_fields
 from granpinn.identification.case import Case, Model
+from granpinn.inspection.confined import undetermined
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
 from granpinn.results import (
@@ -39,7 +40,7 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.determined import applied, determined, unfixed
 
 
 class Concluded(NamedTuple):
@@ -91,7 +92,7 @@ def conclude(
             result = pending(result, SIMULATED_PRESSURE)
     result = _with_baseline(result, case)
     if maps is not None:
-        result = _with_range(result, maps)
+        result = _with_range(result, case, maps)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -139,13 +140,16 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     return having(result, SCORES, **scores._asdict())
 
 
-def _with_range(result: Result, maps: Fields) -> Result:
-    """The result without the parameters that its range of I does not determine."""
+def _with_range(result: Result, case: Case, maps: Fields) -> Result:
+    """The result without the parameters that its range of I, or its walls, do not determine."""
 
     def of_shear() -> Result:
         points = scoring.after_start(maps) & scoring.flowing(maps)
         number = maps.values["I"][points]  # the loss weights every vector alike
-        found = determined(result, number, np.ones(number.shape))
+        weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
+        if reason is not None:
+            return applied(result, unfixed(result, number, weight, reason))
+        found = determined(result, number, weight)
         return result if found is None else applied(result, found)
 
     made = attempt(DETERMINED, of_shear)

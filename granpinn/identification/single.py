@@ -14,6 +14,7 @@ from granpinn.data import Flow
 from granpinn.identification import simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
+from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -98,8 +99,10 @@ def start(
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
-    between = len(objective.points) - vectors
+    walls = sum(len(data.wall_points) for data in objective.distinct)
+    between = len(objective.points) - vectors - walls
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
+    many += f"{walls} points on walls, " if walls else ""
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
         if words:
             progress.message("; ".join(words))
@@ -107,6 +110,9 @@ def start(
         progress.message(
             f"side walls: their friction {config.walls.friction:g} is in the equations"
         )
+    for reason in dict.fromkeys(undetermined(case.seen, config.level) for case in cases):
+        if reason is not None:
+            progress.message(f"warning: no friction coefficient will be determined: {reason}")
     progress.message(
         f"{many}{len(objective.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"

@@ -10,6 +10,7 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, FlowFileWarning, Particles, Surface
 from granpinn.data.particles import particle_flow
+from granpinn.data.surface_line import folded
 from granpinn.importers import surface as surfaces
 from granpinn.importers.frame import Frame
 from granpinn.importers.grains import FULL, Grains, below_line, grains_of
@@ -34,6 +35,11 @@ def grid_flow(
     """
     grains = grains_of(fields)
     if line is not None and grains.source == "vectors":
+        if any(folded(fields.x, line.x[k], line.y[k]).any() for k in _frames(line.t)):
+            _warn(
+                "the line of --surface is vertical or folds back, so that it does not say alone "
+                "which cells hold grains there: give --mask"
+            )
         inside = below_line(fields, line.t, line.x, line.y)
         grains = Grains(np.where(inside, 1.0, 0.0), "line")
     surface = line or _surface(fields, settings, frame, grains)
@@ -67,6 +73,11 @@ def grid_flow(
         surface=_within(surface, fields.t[kept]),
         **constants,
     )
+
+
+def _frames(t: Any) -> list[Any]:
+    """The points of every time."""
+    return [t == time for time in np.unique(t)]
 
 
 def _within(surface: Surface | None, t: Any) -> Surface | None:

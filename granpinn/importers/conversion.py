@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Surface
+from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
+from granpinn.importers import walls
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
@@ -62,6 +63,7 @@ def convert(
         "attributes": _attributes(fields, settings, material),
     }
     line = _given_line(fields, settings, frame)
+    constants["walls"] = _given_walls(fields, settings, frame)
     si = frame.apply(fields)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, line, constants)
@@ -82,6 +84,14 @@ def _given_line(fields: VectorFields, settings: Settings, frame: Frame) -> Surfa
         return None
     rate = frame.time if fields.time_unit == "frame" else None
     return surfaces.from_table(Path(settings.surface), frame, rate)
+
+
+def _given_walls(fields: VectorFields, settings: Settings, frame: Frame) -> Walls | None:
+    """The walls of --walls FILE."""
+    if settings.walls is None:
+        return None
+    rate = frame.time if fields.time_unit == "frame" else None
+    return walls.from_table(Path(settings.walls), frame, rate)
 
 
 def _attributes(
@@ -140,6 +150,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
         "free surface: "
         + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
     ]
+    if flow.walls is not None:
+        lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
     if material.wall_gap is not None:
         ratio = scales.length / material.wall_gap
         lines.append(

@@ -116,6 +116,13 @@ class Settings:
         "line of the free surface: mask, fraction, none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
     )
+    walls: str | None = _setting(
+        None,
+        "grains",
+        "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
+        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
+        "(normal and shear stress)",
+    )
     wall_gap: str | None = _setting(
         None,
         "grains",

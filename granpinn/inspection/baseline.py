@@ -9,10 +9,10 @@ standard error of a bin has five parts:
 - depth: half the difference between the upper and the lower half of the cells;
 - model: 2 %, as the normal stresses of grains differ by some per cent, which no law with its
   deviator along the strain rate has (bench/studies/grains);
-- walls: the change with one standard deviation of the friction of side walls, if there are any.
+- side_walls: the change with one standard deviation of their friction, if there are any.
 
-Window, depth and walls are taken from laws through the cells, so that they do not count the scatter
-again.
+Window, depth and side walls are taken from laws through the cells, so that they do not count the
+scatter again.
 """
 
 from __future__ import annotations
@@ -27,12 +27,15 @@ from granpinn.arrays import Bool, Float64, Index
 from granpinn.config import Walls
 from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
+from granpinn.inspection.hanging import hanging
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.inspection.upright import upright
 from granpinn.results.baseline import Baseline, LawFit, Point
 
 I0 = 0.3
 BINS = 8
 FEWEST_CELLS = 20  # of a bin
+FEWEST_ROWS = 3  # of a bin where each is the mean over all columns and there are few
 NARROW = 2.0  # a range of I over less than this factor holds one friction and no law
 # Smallest windows first, with the largest error of the shear rate over its median.
 WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
@@ -42,17 +45,21 @@ LARGEST_ERROR = 0.25  # of mu, relative
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
-def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline:
+def baseline(flow: Flow, I0: float = I0, side_walls: Walls | None = None) -> Baseline:
     """The friction of a flow from the momentum balance.
 
     Args:
         I0: inertial scale of the law through the points.
-        walls: friction of the side walls, for a flow that states their distance.
+        side_walls: their friction, for a flow that states their distance.
     """
-    walls = walls or Walls()
+    side_walls = side_walls or Walls()
+    pose = upright(flow, 0)
+    held = None if isinstance(pose, str) else hanging(flow, pose)
+    if held is not None:
+        return Baseline(held, carried=True)
     window, stress = 0, None
     for window, largest in WINDOWS:
-        found = momentum_balance(flow, window, I0, walls.friction)
+        found = momentum_balance(flow, window, I0, side_walls.friction)
         if isinstance(found, str):
             return Baseline(found)
         stress = found
@@ -60,9 +67,9 @@ def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline
             break
     assert stress is not None
     cells = _Cells(stress)
-    if len(cells.I) < FEWEST_CELLS:
+    if len(cells.I) < cells.fewest:
         return Baseline(
-            f"friction shows in {len(cells.I)} cells below the surface, and it needs {FEWEST_CELLS}"
+            f"friction shows in {len(cells.I)} cells below the surface, and it needs {cells.fewest}"
         )
     wrong = float(np.mean(cells.shear * cells.normal < 0))
     bins = list(cells.bins())
@@ -75,11 +82,11 @@ def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline
             window=window,
             carried=True,
         )
-    wider = momentum_balance(flow, window + 1, I0, walls.friction)
+    wider = momentum_balance(flow, window + 1, I0, side_walls.friction)
     gap = flow.stated(WALL_GAP)
     rougher: Stress | str = "without side walls"
-    if gap is not None and walls.friction_sd > 0:
-        rougher = momentum_balance(flow, window, I0, walls.friction + walls.friction_sd)
+    if gap is not None and side_walls.friction_sd > 0:
+        rougher = momentum_balance(flow, window, I0, side_walls.friction + side_walls.friction_sd)
     upper, lower = cells.halves()
     at = np.array([*(p.I for p in points), mean.I])
     of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
@@ -87,7 +94,7 @@ def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
-    parts |= {} if gap is None else {"walls": of_walls}
+    parts |= {} if gap is None else {"side_walls": of_walls}
     total = np.sqrt(sum(part**2 for part in parts.values()))
     points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
     points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
@@ -98,7 +105,7 @@ def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline
         worst = max(relative, key=lambda name: relative[name])
         reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
     law = _law(points, I0)
-    friction = None if gap is None else walls.friction
+    friction = None if gap is None else side_walls.friction
     return Baseline(reason, tuple(points), mean, law, window, relative, wall_friction=friction)
 
 
@@ -106,7 +113,7 @@ _DISAGREEMENT = {
     "scatter": "its results in blocks of time and space differ",
     "window": "its result changes with the smoothing of the velocity",
     "depth": "the upper and the lower half of the cells differ",
-    "walls": "its result changes with the friction of the side walls",
+    "side_walls": "its result changes with the friction of the side walls",
 }
 
 
@@ -122,6 +129,8 @@ class _Cells:
         p = np.where(self.normal < 0, -1.0, 1.0) * stress.p[k]
         self.shear, self.normal = self.shear / p, self.normal / p
         self.depth = stress.depth[k]
+        few = FEWEST_ROWS if stress.used.shape[2] == 1 else FEWEST_CELLS
+        self.fewest = min(FEWEST_CELLS, max(few, len(self.I) // 4))
         place = k[2] if stress.used.shape[2] > 1 else self.depth
         times = min(TIMES, len(stress.frames))
         places = TIMES * PLACES // times
@@ -133,11 +142,11 @@ class _Cells:
     def bins(self) -> Iterator[Index]:
         """Indices of the cells of every filled bin of log I."""
         low, high = self.range
-        count = min(BINS, len(self.I) // FEWEST_CELLS) if high > NARROW * low else 1
+        count = min(BINS, len(self.I) // self.fewest) if high > NARROW * low else 1
         edges = np.geomspace(low, high, count + 1)
         for a, b in pairwise(edges):
             here = self.within if count == 1 else (a <= self.I) & (self.I < b)  # noqa: SIM300
-            if here.sum() >= FEWEST_CELLS or count == 1:
+            if here.sum() >= self.fewest or count == 1:
                 yield np.flatnonzero(here)
 
     def point(self, k: Index, I0: float) -> Point:
@@ -181,7 +190,7 @@ class _Cells:
         some = object.__new__(_Cells)
         for name in ("I", "shear", "normal", "depth", "block", "within"):
             setattr(some, name, getattr(self, name)[k])
-        some.range = self.range
+        some.range, some.fewest = self.range, self.fewest
         return some
 
 

@@ -11,16 +11,18 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.config import Walls
-from granpinn.data import Flow
+from granpinn.data import Flow, with_partial_cells
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer, words
+from granpinn.data.wall_points import WallFacts, walls_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.gradients import Gradients
 from granpinn.estimates.noise import Noise
 from granpinn.estimates.view import View
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
+from granpinn.inspection.confined import undetermined
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.slips import Slip, slips
@@ -96,6 +98,8 @@ class Inspection:
         flows: whether these cells flow [K].
         noise_cells: noise of every cell [Y, X], dimensionless.
         baseline: the friction from the momentum balance alone.
+        walls: what the vectors show of each wall of the file.
+        undetermined: why the flow gives no friction coefficient, or None (confined.py).
     """
 
     flow: Flow
@@ -118,6 +122,8 @@ class Inspection:
     flows: Bool
     noise_cells: Float64
     baseline: Baseline
+    walls: tuple[WallFacts, ...] = ()
+    undetermined: str | None = None
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
@@ -130,6 +136,8 @@ class Inspection:
         found["precision"] = None if self.precision is None else vars(self.precision)
         found["precision_refused_because"] = self.reason
         law = self.law.friction_law
+        found["walls"] = [dataclasses.asdict(wall) for wall in self.walls]
+        found["friction_refused_because"] = self.undetermined
         found["momentum_balance"] = dataclasses.asdict(self.baseline)
         found["law"] = {"name": law.name, **dict(zip(law.names, self.law.theta, strict=True))}
         found["noise"] = {
@@ -157,8 +165,10 @@ class Inspection:
         return self.noise.sigma * self.scales.velocity / self.motion.speed
 
 
-def inspect(flow: Flow, law: AssumedLaw | None = None, walls: Walls | None = None) -> Inspection:
-    """Inspects a flow without training; the precision is that of `law`, the walls are the sides."""
+def inspect(
+    flow: Flow, law: AssumedLaw | None = None, side_walls: Walls | None = None
+) -> Inspection:
+    """Inspects a flow without training; the precision is that of `law`."""
     law = law or AssumedLaw()
     flow = with_layer(flow)
     scales = scales_of(flow)
@@ -169,6 +179,10 @@ def inspect(flow: Flow, law: AssumedLaw | None = None, walls: Walls | None = Non
     flows = gamma_dot > np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
     I = inertial_number(view, found, estimated_pressure(view, found))  # noqa: E741
     precision, reason = _precision(found, I, flows, noise, law)
+    walls = walls_of(with_partial_cells(flow))
+    refused = undetermined(flow, "V0" if flow.surface is None else "V1")
+    if refused is not None:
+        precision, reason = None, refused
     return Inspection(
         flow=flow,
         scales=scales,
@@ -189,7 +203,9 @@ def inspect(flow: Flow, law: AssumedLaw | None = None, walls: Walls | None = Non
         I=I,
         flows=flows,
         noise_cells=facts.noise_cells,
-        baseline=baseline(flow, law.inertial_scale or I0, walls),
+        baseline=baseline(flow, law.inertial_scale or I0, side_walls),
+        walls=() if walls is None else tuple(walls[2]),
+        undetermined=refused,
     )
 
 

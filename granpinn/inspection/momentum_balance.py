@@ -1,4 +1,4 @@
-"""Stress from the momentum balance alone, without a network and without a measured pressure.
+"""Stress from the momentum balance alone, without a network and without measured pressures inside.
 
 Gravity and the measured acceleration fix the stress below a free surface. With the deviator along
 the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on the surface y = h,
@@ -6,12 +6,13 @@ the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on th
     N = p + q n_xx = int_y^h [rho (a_y - g_y) - d_x (q n_xy)] dy
     q n_xy         = int_y^h [-rho (a_x - g_x) - d_x (p - q n_xx)] dy
 
-go down every vertical line of cells. d_x is taken of the integrals, which vanish at the surface. In
-the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits
-the second line best. Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach
-the cells below it, nor those where the shear is not parallel to the axes, |n_xy| << 1. A flow that
-is periodic along x is averaged along x first: then d_x = 0. Friction of side walls adds the force
--k p v/|v| to rho g (granpinn/physics/side_walls.py), also iterated.
+go down every vertical line of cells. Under a plate on the grains, its pressure and shear stress are
+added. d_x is taken of the integrals, which vanish at the surface. In the terms with q itself,
+q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits the second line best.
+Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach the cells below it, nor
+those where the shear is not parallel to the axes, |n_xy| << 1. A flow that is periodic along x is
+averaged along x first: then d_x = 0. Friction of side walls adds the force -k p v/|v| to rho g
+(granpinn/physics/side_walls.py), also iterated.
 
 Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
 the fits leave, and its square is subtracted from that of the shear rate.
@@ -26,6 +27,7 @@ from scipy.signal import savgol_filter
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
+from granpinn.inspection.gaps import mean_along_x, nearest
 from granpinn.inspection.local_fits import noise_of, smooth
 from granpinn.inspection.side_walls import side_walls
 from granpinn.inspection.upright import Upright, upright
@@ -95,15 +97,15 @@ def momentum_balance(
     known = np.isfinite(a_x) & (rate > 0)
     nan = np.full_like(rate, np.nan)
     n_xx, n_xy = (
-        _nearest(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy)
+        nearest(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy)
     )
-    gdot = _nearest(rate)
+    gdot = nearest(rate)
     full = known & (c > (FULL_ROW if pose.periodic else FULL))
     full &= below > max(SHALLOWEST[0] * flow.grain_diameter, SHALLOWEST[1] * dy)
     if not pose.periodic:
         full &= pose.clear[chosen][:, None]
     if not full.any():
-        return "no full cell lies below a surface line that is not steep"
+        return "no full cell lies below a surface line that is not steep and does not fold"
     of_slope = noise_of(_windows(pose, half), spacing)
     sigma = float(np.sqrt(rest[full].mean()) / of_slope[3])
     error = sigma * float(np.hypot(of_slope[1], of_slope[2]))
@@ -111,17 +113,18 @@ def momentum_balance(
     full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
     gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
     density = flow.density if flow.grain_density is None else flow.grain_density
+    pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=-_integral(flow.density * (_nearest(a_x) - pose.gravity[0]), below, dy),
-        weight=_integral(flow.density * (_nearest(a_y) - pose.gravity[1]), below, dy),
-        hydrostatic=-pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
+        drag=drag - _integral(flow.density * (nearest(a_x) - pose.gravity[0]), below, dy),
+        weight=pressure + _integral(flow.density * (nearest(a_y) - pose.gravity[1]), below, dy),
+        hydrostatic=pressure - pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
         rate=gdot * flow.grain_diameter * np.sqrt(density),
         below=below,
         full=full,
         spacing=(dy, dx),
-        walls=side_walls(flow, wall_friction, *map(_nearest, v)),
+        side_walls=side_walls(flow, wall_friction, *map(nearest, v)),
     )
     p, shear, used = lines.solve(I0)
     side = np.sign(n_xy)
@@ -129,6 +132,18 @@ def momentum_balance(
     return Stress(
         chosen, p, side * shear, p * np.abs(n_xy), number, below, used, sigma, error / usual
     )
+
+
+def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
+    """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
+    of the grains between both. Zero for a free surface."""
+    p, tau = pose.load
+    if p == 0 and tau == 0:
+        return 0.0, 0.0
+    dy = float(np.diff(pose.y).mean())
+    between = max(0.0, float(pose.height.max() - pose.y[-1]) - dy / 2) * density
+    side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
+    return p - pose.gravity[1] * between, side * tau + pose.gravity[0] * between
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +158,7 @@ class _Lines:
         below: depth below the surface.
         full: cells whose stress is known.
         spacing: of the cells along y and x.
-        walls: k v/|v| of the friction of side walls, along x and y; None without them.
+        side_walls: k v/|v| of their friction, along x and y; None without them.
     """
 
     drag: Float64
@@ -155,7 +170,7 @@ class _Lines:
     below: Float64
     full: Bool
     spacing: tuple[float, float]
-    walls: tuple[Float64, Float64] | None
+    side_walls: tuple[Float64, Float64] | None
 
     def solve(self, I0: float) -> tuple[Float64, Float64, Bool]:
         """p, q n_xy, and the cells in which they are used."""
@@ -176,11 +191,11 @@ class _Lines:
 
     def _forces(self, p: Float64) -> tuple[Float64, Float64]:
         """`drag` and `weight` with the friction of side walls under a pressure."""
-        if self.walls is None:
+        if self.side_walls is None:
             return self.drag, self.weight
         f_x, f_y = (
             -_integral(along * np.maximum(p, 0.0), self.below, self.spacing[0])
-            for along in self.walls
+            for along in self.side_walls
         )
         return self.drag + f_x, self.weight - f_y
 
@@ -232,7 +247,7 @@ def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
     u, v, c = (np.asarray(a[near], np.float64) for a in (pose.u, pose.v, pose.c))
     height = pose.height[k]
     if pose.periodic:
-        u, v, c = (_mean_along_x(a, u) for a in (u, v, c))
+        u, v, c = (mean_along_x(a, u) for a in (u, v, c))
         height = np.nanmean(height, keepdims=True)
     weight = (np.isfinite(u) & np.isfinite(v)).astype(float)
     at = np.zeros(u.shape, bool)
@@ -265,24 +280,3 @@ def _integral(density: Float64, below: Float64, dy: float) -> Float64:
     slabs = density * thickness
     above = np.cumsum(slabs[:, ::-1], axis=1)[:, ::-1] - slabs
     return np.asarray(np.where(below > 0, above + density * np.maximum(thickness - dy / 2, 0), 0.0))
-
-
-def _nearest(values: Float64) -> Float64:
-    """Gaps filled with the nearest value below, above, to the left, to the right; else 0."""
-    filled = values
-    for axis, order in ((1, 1), (1, -1), (2, 1), (2, -1)):
-        n = filled.shape[axis]
-        place = np.arange(n).reshape([n if a == axis else 1 for a in range(3)])
-        lines = np.flip(filled, axis) if order < 0 else filled
-        last = np.maximum.accumulate(np.where(np.isfinite(lines), place, 0), axis=axis)
-        lines = np.take_along_axis(lines, last, axis)
-        filled = np.flip(lines, axis) if order < 0 else lines
-    return np.nan_to_num(filled)
-
-
-def _mean_along_x(values: Float64, there: Float64) -> Float64:
-    weight = np.isfinite(there)
-    total = np.where(weight, values, 0.0).sum(axis=2, keepdims=True)
-    count = weight.sum(axis=2, keepdims=True)
-    enough = count > weight.shape[2] // 2
-    return np.asarray(np.where(enough, total / np.maximum(count, 1), np.nan))

@@ -33,6 +33,8 @@ def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
     ]
     if found.symmetries:
         rows.insert(0, ("symmetry", "; ".join(found.symmetries)))
+    # Walls have a line each.
+    rows[-2:-2] = [("" if k else "walls", str(wall)) for k, wall in enumerate(found.walls)]
     lines = []
     for slip in found.slips:
         lines += textwrap.wrap(f"{slip.severity}: {slip.text}", WIDTH, subsequent_indent="  ")

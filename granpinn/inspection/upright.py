@@ -9,9 +9,14 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface_line import STEEP, line_heights
+from granpinn.data.walls import segments_of
+from granpinn.inspection.plate import Plate, plate_on
 
-STEEP = 2.0  # slope of the surface line from which a column is left out
+NO_TOP = (
+    "the flow has neither a surface line nor, with periodic sides, a plate of known pressure and "
+    "shear stress, from which the stress is counted"
+)
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
 
@@ -23,10 +28,13 @@ class Upright:
         t, y, x: axes [T], [Y], [X]; y up within 45 degrees.
         u, v, c: [T, Y, X], as in Flow.
         gravity: (g_x, g_y) in these axes, g_y < 0.
-        height: of the surface line in every column, [T, X]; NaN where there is no line.
-        clear: columns in whose neighbourhood the line exists and is not steep, [T, X].
+        height: of the surface line in every column, [T, X]; NaN where there is no line. Without a
+            line, of a plate on the grains.
+        clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
+            [T, X].
         steady: whether the flow does not change with time.
         periodic: whether it repeats along x.
+        load: pressure and size of the shear stress at `height`; 0 on a free surface.
     """
 
     t: Float64
@@ -40,6 +48,7 @@ class Upright:
     clear: Bool
     steady: bool
     periodic: bool
+    load: tuple[float, float] = (0.0, 0.0)
 
 
 def upright(flow: Flow, reach: int) -> Upright | str:
@@ -48,8 +57,9 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     Args:
         reach: columns on each side that the balance of a column uses.
     """
-    if flow.surface is None or flow.surface.t.size == 0:
-        return "the flow has no surface line, and the weight of the grains is counted from it"
+    free = flow.surface is not None and flow.surface.t.size > 0
+    if not free and flow.walls is None:
+        return NO_TOP
     if flow.particles is not None:
         return "the vectors are scattered, and it needs vectors on a grid"
     for name, axis in (("x", flow.x), ("y", flow.y)):
@@ -60,9 +70,17 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     turned = _Turn(flow.gravity)
     x, y = turned.axes(flow.x, flow.y)
     u, v = turned.vector(flow.u, flow.v)
-    line = turned.points(flow.surface.x, flow.surface.y)
-    height = line_heights(flow.t, x, flow.surface.t, *line)
     c = turned.grid(flow.c)
+    plate = None
+    if free and flow.surface is not None:
+        line = turned.points(flow.surface.x, flow.surface.y)
+        height, folds = line_heights(flow.t, x, flow.surface.t, *line)
+    else:
+        plate = _plate(flow, turned, float(y[np.flatnonzero((c > 0).any(axis=(0, 2)))[-1]]))
+        if plate is None:
+            return NO_TOP
+        height = np.full((len(flow.t), len(x)), plate.height)
+        folds = np.zeros(height.shape, bool)
     return Upright(
         t=flow.t,
         y=y,
@@ -72,10 +90,22 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         c=c,
         gravity=turned.points(*flow.gravity),
         height=height,
-        clear=_clear(height, np.asarray((c > 0.5).any(axis=1)), x, reach),
+        clear=_clear(height, folds, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
-        periodic=flow.periodic and turned.quarters == 0,
+        periodic=_periodic(flow, turned),
+        load=(0.0, 0.0) if plate is None else (plate.p, plate.tau),
     )
+
+
+def _periodic(flow: Flow, turned: _Turn) -> bool:
+    return flow.periodic and turned.quarters == 0
+
+
+def _plate(flow: Flow, turned: _Turn, top: float) -> Plate | None:
+    """The plate on a flow with periodic sides."""
+    if flow.walls is None or not _periodic(flow, turned):
+        return None
+    return plate_on(flow, turned_walls(flow.gravity, segments_of(flow.walls).ends), top)
 
 
 class _Turn:
@@ -106,14 +136,19 @@ class _Turn:
         return np.rot90(values, self.quarters, axes=(1, 2))
 
 
+def turned_walls(gravity: tuple[float, float], places: Float64) -> Float64:
+    """Places (x, y) on the last axis, in the axes of `upright`."""
+    return np.stack(_Turn(gravity).points(places[..., 0], places[..., 1]), -1)
+
+
 def _even(axis: Float64) -> bool:
     step = np.diff(axis)
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)
 
 
-def _clear(height: Float64, grains: Bool, x: Float64, reach: int) -> Bool:
+def _clear(height: Float64, folds: Bool, grains: Bool, x: Float64, reach: int) -> Bool:
     slope = np.abs(np.diff(height, axis=1)) / (x[1] - x[0]) > STEEP
-    bad = grains & ~np.isfinite(height)
+    bad = folds | (grains & ~np.isfinite(height))
     bad[:, 1:] |= slope
     bad[:, :-1] |= slope
     wide = np.pad(bad, ((0, 0), (reach, reach)))

@@ -1,4 +1,4 @@
-"""The record of what a narrow range of inertial numbers determines."""
+"""The record of what a narrow range of inertial numbers, or a flow between walls, determines."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ class Determined:
         lost: names of the parameters that are not determined. Each has `determined` = false and no
             error bars in `parameters`; those that it had are here.
         raw_std, raw_interval_90: of the parameters in `lost` that had them.
+        reason: why no friction at any I is determined, in words (inspection/confined.py); `mu` is
+            then that of the training, without a meaning. None: `mu` is determined.
     """
 
     I_low: float
@@ -31,9 +33,12 @@ class Determined:
     lost: tuple[str, ...] = ()
     raw_std: dict[str, float] | None = None
     raw_interval_90: dict[str, tuple[float, float]] | None = None
+    reason: str | None = None
 
     def __str__(self) -> str:
         """The line for the terminal, where a parameter is not determined."""
+        if self.reason is not None:
+            return f"{' and '.join(self.lost)} {NOT_DETERMINED}: {self.reason}"
         interval = ""
         if self.interval_90 is not None:
             low, high = self.interval_90

@@ -55,7 +55,7 @@ def row(result: Result) -> dict[str, Cell]:
         "I_q95": band.q95 if band else None,
         "I_unit": "1",
         "I_shear": shear.I if shear else None,
-        "mu_at_I_shear": shear.mu if shear else None,
+        "mu_at_I_shear": shear.mu if shear and shear.reason is None else None,
         "mu_at_I_shear_std": shear.std if shear else None,
         "balance_I": mean.I if mean else None,
         "balance_mu": mean.mu if mean else None,

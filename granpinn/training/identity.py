@@ -23,6 +23,7 @@ UNITS = ("length_unit", "time_unit", "density_unit")
 MATERIAL = ("gravity", "density", "grain_density", "grain_diameter", "eta_min", "eta_max")
 GRID = ("t", "y", "x", "u", "v", "c", "sigma_u", "sigma_v")
 SURFACE = ("t", "x", "y")  # the level decides whether the pressure there is used: `of_data`
+WALLS = ("x", "y", "t", "u", "v", "slip", "p", "tau")
 PARTICLES = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
 
 _digests: WeakKeyDictionary[Flow, str] = WeakKeyDictionary()
@@ -65,7 +66,12 @@ def digest_of_flow(flow: Flow) -> str:
     """SHA-256 of the measured fields of a flow."""
     if flow not in _digests:
         sha = hashlib.sha256()
-        parts = ((flow, GRID), (flow.surface, SURFACE), (flow.particles, PARTICLES))
+        parts = (
+            (flow, GRID),
+            (flow.surface, SURFACE),
+            (flow.particles, PARTICLES),
+            (flow.walls, WALLS),
+        )
         for part, names in parts:
             for name in names if part is not None else ():
                 value = getattr(part, name)

@@ -90,6 +90,21 @@ def lost_of(reach: Mapping[str, float], mu: float, values: Mapping[str, float]) 
     return tuple(name for name, r in reach.items() if r * USUAL * mu > LARGEST * values[name])
 
 
+def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str) -> Determined:
+    """The record of a flow that determines no friction coefficient, for a reason; any law.
+
+    Args:
+        inertial_number: of the points that shear [n], with the pressure of the training.
+        weight: of these points [n].
+    """
+    law = LAWS[result.law]
+    scale = law.inertial_scale
+    shear = range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
+    low, high, at = (0.0, 0.0, 0.0) if shear is None else (shear.low, shear.high, shear.I)
+    mu = float(law.friction(np.array([at]), *result.theta)[0])
+    return Determined(low, high, at, mu, None, None, {}, law.free, reason=reason)
+
+
 def applied(result: Result, found: Determined) -> Result:
     """The result whose parameters that are not determined have no error bars."""
     values = dict(result.parameters.items())

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from granpinn.data.rules import MAX_ZERO_SHARE
+from granpinn.data.wall_points import contradictions
 from granpinn.inspection.checks import FREE_FALL, LARGEST_MOVE, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import training_excess
@@ -17,6 +18,7 @@ from granpinn.physics.laws import mu_of_i
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.uncertainty.determined import lost_of, range_of
 
+NO_FRICTION = "No friction coefficient can be given"
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
 MANY_INVALID = 0.1
@@ -34,6 +36,11 @@ def _answer(found: Inspection) -> str:
     p = found.precision
     if any(slip.severity == "impossible" for slip in found.slips):
         return "These data are impossible, and training refuses them: mend the flow file first."
+    if found.undetermined is not None:
+        what = "The velocity gives no friction coefficient"
+        return f"{what if found.baseline.shown else NO_FRICTION}: {found.undetermined}."
+    if found.baseline.carried:
+        return "Do not trust a law from these data: more than the base carries the grains."
     if p is None:
         return f"No precision can be given: {found.reason}."
     level, law = "V1" if found.surface else "V0", found.law.friction_law
@@ -138,7 +145,7 @@ def _noise(found: Inspection) -> list[str]:
 def _range(found: Inspection) -> list[str]:
     """The parameters of mu(I) that the range of I does not determine."""
     law = found.law
-    if law.law != mu_of_i.LAW.name:
+    if law.law != mu_of_i.LAW.name or found.undetermined is not None:
         return []
     shear = range_of(found.I[found.flows], found.gradients.vectors[found.flows], law.I0)
     if shear is None:
@@ -170,7 +177,8 @@ def _physics(found: Inspection) -> list[str]:
                 f"{found.precision.correlation:.2f}): give I0, or trust the law over the covered "
                 "I only."
             )
-    if found.surface is None:
+    lines += [f"{text[0].upper()}{text[1:]}." for text in contradictions(found.walls)]
+    if found.surface is None and found.undetermined is None:
         lines.append("No free surface: level V0 only; give the line, it fixes the pressure.")
     if found.slips:  # they say more about units and signs than what follows
         return lines

@@ -71,3 +71,38 @@ def test_cells_of_a_solver_and_scattered_vectors_stay() -> None:
     solver = layer(attributes={"grid_spacing_of_solver": 1.0})
     assert with_partial_cells(solver) is solver
     assert with_partial_cells(SCATTERED) is SCATTERED
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_line_that_folds(turned: bool) -> None:
+    """A wave that breaks: grains within a circle over a layer, so that the line overhangs.
+
+    Cells with their center inside are grains, whatever the order of the points of the line.
+    """
+    n, center, radius = 40, (20.0, 18.0), 8.3
+    x = y = np.arange(n) + 0.5
+    far = np.hypot(x - center[0], y[:, None] - center[1])
+    inside = (far < radius) | (y[:, None] < 12.2)
+    deep = (far < radius - 1.5) | (y[:, None] < 11)
+    near = (far < radius + 1.5) | (y[:, None] < 13)
+    c = np.where(deep, 1.0, np.where(near, 0.5, 0.0)).astype(np.float32)[None]
+    angle = np.random.default_rng(3).permutation(np.linspace(-0.24 * np.pi, 1.24 * np.pi, 200))
+    line_x, line_y = center[0] + radius * np.cos(angle), center[1] + radius * np.sin(angle)
+    flat = np.concatenate([np.arange(0, 14.2, 0.3), np.arange(26, 40, 0.3)])
+    line_x, line_y = np.append(line_x, flat), np.append(line_y, np.full(flat.size, 12.2))
+    u = np.where(c > 0, 1.0, np.nan).astype(np.float32)
+    gravity = (0.0, -1.0)
+    if turned:
+        c, u, inside = (a.swapaxes(-1, -2) for a in (c, u, inside))
+        line_x, line_y, gravity = line_y, line_x, (-1.0, 0.0)
+    flow = make_flow(frames=1, rows=n, columns=n)
+    surface = Surface(np.full(line_x.size, flow.t[0]), line_x, line_y)
+    flow = replace(
+        flow, y=y, x=x, u=u, v=u, c=c, p=None, surface=surface, gravity=gravity, grain_diameter=1.0
+    )
+    found = with_partial_cells(flow).material[0]
+    # Where circle and layer meet, a point of the one is nearest to cells of the other.
+    clear = np.abs(far - radius) > 0.1 if not turned else np.abs(far.T - radius) > 0.1
+    wrong = (found != inside) & clear
+    assert wrong.sum() <= 2
+    assert inside[~flow.material[0]].sum() > 50

@@ -10,7 +10,8 @@ import torch
 
 from granpinn import data
 from granpinn.data import Flow, FlowFileError, training_set
-from granpinn.data.points import RESOLUTION, outline
+from granpinn.data.outline import outline
+from granpinn.data.points import RESOLUTION
 from granpinn.data.scaling import scales_of
 from granpinn.physics.scales import Scales
 from tests.flows import make_flow

@@ -12,6 +12,8 @@ from granpinn.data import Flow, TrainingSet, training_set, with_collocation, wit
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface_strip import THICKEST
+from granpinn.data.symmetry import axes_of
+from tests.data.walled import line
 from tests.flows import make_chute
 
 GAP = 1.4  # spacings between the centers of the highest cells and the line
@@ -80,3 +82,20 @@ def test_nothing_changes_without_points_between_the_vectors() -> None:
     flow = layer()
     data = training_set(flow, scales_of(flow))
     assert with_surface_strip(data, flow, scales_of(flow)) is data
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
+    """A lid over the left half: the line above it is that of other grains."""
+    flow = layer()
+    flow = flow if periodic else replace(flow, attributes={"steady": 1})
+    assert flow.surface is not None
+    height, middle = flow.surface.y[0] - 0.1 * (flow.y[1] - flow.y[0]), flow.x.mean()
+    lid = replace(flow, walls=line((flow.x[0] - 1, height), (middle, height)))
+    data, scales = collocated(flow), scales_of(flow)
+    found = [with_surface_strip(data, f, scales).between[len(data.between) :] for f in (flow, lid)]
+    free, under = (points.double() for points in found)
+    x, y = axes_of(flow).undo(under[:, 0], under[:, 1])
+    x = scales.points_to_physical(np.stack([x, y, under[:, 2]], 1))[:, 0]
+    assert len(under) == pytest.approx(len(free) / 2, rel=0.15)
+    assert x.min() > middle - 1.5 * (flow.x[1] - flow.x[0])

@@ -63,6 +63,11 @@ def _line(path: Path) -> Path:
     return scene.write_lines(path, ["t [ms],x [px],y [px]", *rows])
 
 
+def _walls(path: Path) -> Path:
+    rows = ["16,80,0,1,0", "96,80,0,1,0", "nan,nan,nan,nan,nan", "16,16,1,0,0", "16,80,1,0,0"]
+    return scene.write_lines(path, ["x [px],y [px],slip,u,v", *rows])
+
+
 def _times(path: Path) -> Path:
     return scene.write_lines(path, ["t [ms]", "1", "2"])
 
@@ -93,6 +98,7 @@ CASES = {
     "velocities": Case("a.csv", _velocities, CAMERA | {"velocity_unit": "px/s", "flip_y": "no"}),
     "times": Case("t.txt", _times, CAMERA | {"pulse_delay": "1 ms"}, _two, "times"),
     "surface": Case("s.csv", _line, CAMERA, _two, "surface"),
+    "walls": Case("w.csv", _walls, CAMERA, _two, "walls"),
 }
 
 

@@ -140,3 +140,22 @@ def test_the_noise_of_slopes(seed: int) -> None:
     for values, sd in zip((found.t, found.y, found.x, rest), expected, strict=True):
         # 7,000 values, of which about 7,000/45 are independent.
         assert np.std(values[inner] if values is not rest else rest) == pytest.approx(sd, rel=0.2)
+
+
+def test_columns_under_a_fold_are_left_out() -> None:
+    """A second branch of the line over some columns: the others keep their stress."""
+    flow = chute(columns=30)
+    line = flow.surface
+    assert line is not None
+    columns = flow.x[8:12]
+    t, x = (a.ravel() for a in np.meshgrid(np.unique(line.t), columns))
+    lower = np.full(t.size, flow.y[2])
+    parts = ((line.t, t), (line.x, x + 1e-3), (line.y, lower))
+    folds = replace(flow, surface=Surface(*(np.concatenate(pair) for pair in parts)))
+    a, b = stress_of(flow), stress_of(folds)
+    assert a.used[:, :, 8:12].any()
+    assert not b.used[:, :, 5:15].any()
+    assert b.used[:, :, 16:].any()
+    far = np.zeros_like(a.used)
+    far[:, :, 16:] = b.used[:, :, 16:]
+    np.testing.assert_allclose(b.p[far], a.p[far], rtol=0.2)

@@ -48,22 +48,22 @@ def test_without_their_friction_the_slope_is_the_friction() -> None:
 def test_the_law_and_its_error_from_the_walls() -> None:
     """The sd of mu_w counts: a known friction has smaller errors than an unknown one."""
     flow = make_channel(gap=GAP, friction=FRICTION, rows=240)
-    known, unknown = (baseline(flow, walls=Walls(FRICTION, sd)) for sd in (0.0, 0.1))
+    known, unknown = (baseline(flow, side_walls=Walls(FRICTION, sd)) for sd in (0.0, 0.1))
     assert known.law is not None
     assert known.law.mu_s == pytest.approx(0.3, abs=0.005)
     assert known.law.mu_2 == pytest.approx(0.7, abs=0.02)
     assert known.parts is not None
     assert unknown.parts is not None
-    assert known.parts["walls"] == 0
+    assert known.parts["side_walls"] == 0
     # at the mean I, z is that of mu = tan - mu_w z / W; without walls the friction is tan there
     assert unknown.mean is not None
     share = (0.5 - unknown.mean.mu) / FRICTION * 0.1 / unknown.mean.mu
-    assert unknown.parts["walls"] == pytest.approx(share, rel=0.1)
+    assert unknown.parts["side_walls"] == pytest.approx(share, rel=0.1)
     assert known.mean is not None
     assert unknown.mean.se == pytest.approx(np.hypot(known.mean.se, share * known.mean.mu), rel=0.1)
     assert "with the friction 0.3 of the side walls" in known.sentence
     assert "side walls" in str(known)
-    smooth = baseline(flow, walls=Walls(0.0, 0.0))
+    smooth = baseline(flow, side_walls=Walls(0.0, 0.0))
     assert smooth.mean is not None
     assert smooth.mean.mu == pytest.approx(0.5, rel=1e-5)
 
@@ -72,10 +72,10 @@ def test_a_flow_without_side_walls_does_not_mention_them() -> None:
     found = baseline(replace(make_channel(), attributes={"period_x": 16.0}))
     assert found.wall_friction is None
     assert "side walls" not in found.sentence
-    assert "walls" not in (found.parts or {})
+    assert "side_walls" not in (found.parts or {})
 
 
 def test_an_inspection_takes_their_friction() -> None:
-    found = inspect(make_channel(), walls=Walls(FRICTION, 0.0))
-    assert found.baseline == baseline(make_channel(), walls=Walls(FRICTION, 0.0))
+    found = inspect(make_channel(), side_walls=Walls(FRICTION, 0.0))
+    assert found.baseline == baseline(make_channel(), side_walls=Walls(FRICTION, 0.0))
     assert found.numbers()["momentum_balance"]["wall_friction"] == FRICTION

@@ -1,8 +1,8 @@
 """The flow file of a scene, and the reference beside it.
 
-flow.h5 has what a camera would give: velocity, c, the surface line, gravity, diameter and bulk
-density. Stress is in reference.npz, for scoring only. Flow-file format version 1 has no entries yet
-for walls, steadiness or the averaging kernel: they are attributes.
+flow.h5 has what a camera would give: velocity, c, the surface line, walls, gravity,
+diameter and bulk density. Stress is in reference.npz, for scoring only. The averaging kernel is an
+attribute.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Mate
 from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
+from bench.studies.grains.walls import plate_of, walls_of
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface, Truth
 
@@ -55,6 +56,7 @@ def flow_of(
     }
     stated |= {} if surface is None else {"surface_sd": UNCERTAINTY}
     stated |= {"steady": 1} if scene.steady else {}
+    plate = plate_of(scene.attributes, fields.stress[..., YY], fields.stress[..., XY], fields.y)
     return Flow(
         t=fields.t,
         y=fields.y,
@@ -66,6 +68,7 @@ def flow_of(
         density=BULK_DENSITY,
         grain_diameter=1.0,
         surface=surface,
+        walls=walls_of(scene.attributes, fields.x, fields.y, plate),
         truth=None if truth is None else Truth(mu_s=truth["mu_s"], mu_2=truth["mu_2"], I0=I0),
         attributes=stated | scene.attributes | dict(origin),
     )

@@ -1,0 +1,127 @@
+"""The walls of the scenes, in the flow file; and scenes that were made without them.
+
+    python -m bench.studies.grains.walls SCENE [SCENE ...]
+
+writes flow_walls.h5 beside the flow.h5 of each scene. The walls follow from what a scene states
+of itself: glued grains half a diameter behind the line at which `inside` of the scene ends.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.data import Flow, Walls, read_flow, write_flow
+
+CORNERS = 120  # of the polygon that stands for a drum
+STICKS, SLIPS = 0.0, 1.0
+NAME = "flow_walls.h5"
+
+
+def walls_of(
+    stated: Mapping[str, Any], x: Float64, y: Float64, plate: tuple[float, float] | None = None
+) -> Walls | None:
+    """The walls of a scene; None if its attributes name none.
+
+    Args:
+        stated: attributes of the scene.
+        x, y: axes of its flow file.
+        plate: its height and drag (`plate_of`).
+    """
+    if "wall_radius" in stated:
+        return _drum(float(stated["wall_radius"]), float(stated["wall_rotation"]))
+    far = float(x[-1]) + (x[1] - x[0]) / 2
+    high = float(y[-1]) + (y[1] - y[0]) / 2
+    if "outlet_width" in stated:
+        half, gap = float(stated["wall_x"]), float(stated["outlet_width"]) / 2
+        side = ((half, high), (half, 0.0), (gap, 0.0))
+        left = tuple((-a, b) for a, b in side)
+        return _lines((side, STICKS), (left, STICKS))
+    if "plate_load" in stated:
+        return _under_plate(stated, plate)
+    if "slope" in stated:
+        return _lines((((0.0, 0.0), (float(stated["period_x"]), 0.0)), STICKS))
+    if "column_width" in stated:
+        return _lines((((0.0, 0.0), (far, 0.0)), STICKS), (((0.0, 0.0), (0.0, high)), SLIPS))
+    return None
+
+
+def _under_plate(stated: Mapping[str, Any], plate: tuple[float, float] | None) -> Walls:
+    """The bed, and the plate with its load and its drag; without `plate` the bed alone."""
+    far, load, speed = (float(stated[k]) for k in ("period_x", "plate_load", "plate_speed"))
+    bed = _lines((((0.0, 0.0), (far, 0.0)), STICKS))
+    if plate is None:
+        return bed
+    height, drag = plate
+    nan = math.nan
+    return Walls(
+        x=np.array([0, far, nan, 0, far]),
+        y=np.array([0, 0, nan, height, height]),
+        u=np.array([0, 0, nan, speed, speed]),
+        v=np.array([0, 0, nan, 0, 0]),
+        slip=np.array([STICKS, STICKS, nan, STICKS, STICKS], np.float32),
+        p=np.array([nan, nan, nan, load, load], np.float32),
+        tau=np.array([nan, nan, nan, drag, drag], np.float32),
+    )
+
+
+def plate_of(
+    stated: Mapping[str, Any], sigma_yy: Float64, sigma_xy: Float64, y: Float64
+) -> tuple[float, float] | None:
+    """Height and drag of the plate, from the stress [T, Y, X] of the grains; None without one.
+
+    An experiment reads both from its plate. Here the plate is where the stress reaches its load,
+    and its drag is the shear stress, which is the same at all heights.
+    """
+    if "plate_load" not in stated:
+        return None
+    normal = np.nanmean(sigma_yy, axis=(0, 2))
+    slope, start = np.polyfit(y, normal, 1)
+    height = (float(stated["plate_load"]) - start) / slope
+    return float(height), abs(float(np.nanmean(sigma_xy)))
+
+
+def _drum(radius: float, rate: float) -> Walls:
+    """A circle around the origin that turns counterclockwise."""
+    angle = np.linspace(0, 2 * math.pi, CORNERS + 1)
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    x[-1], y[-1] = x[0], y[0]
+    return Walls(x=x, y=y, u=-rate * y, v=rate * x, slip=np.full(x.size, STICKS, np.float32))
+
+
+def _lines(*pieces: tuple[tuple[tuple[float, float], ...], float]) -> Walls:
+    """Walls at rest; every piece has its points and whether grains slip on it."""
+    rows: list[tuple[float, float, float]] = []
+    for points, slip in pieces:
+        rows += [*([(math.nan,) * 3] if rows else []), *((*point, slip) for point in points)]
+    x, y, slips = np.array(rows).T
+    return Walls(x=x.copy(), y=y.copy(), slip=slips.astype(np.float32))
+
+
+def with_walls(flow: Flow, reference: Path) -> Flow:
+    """The flow of a scene with its walls; its stress is read only for the drag of a plate."""
+    with np.load(reference) as stress:
+        plate = plate_of(flow.attributes, stress["sigma_yy"], stress["sigma_xy"], flow.y)
+    return replace(flow, walls=walls_of(flow.attributes, flow.x, flow.y, plate))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command and returns its exit code."""
+    parser = argparse.ArgumentParser(description="Write flow files of scenes with their walls.")
+    parser.add_argument("scenes", nargs="+", type=Path)
+    for scene in parser.parse_args(argv).scenes:
+        write_flow(with_walls(read_flow(scene / "flow.h5"), scene / "reference.npz"), scene / NAME)
+        print(scene / NAME)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,284 @@
+"""What the grains do at walls: points of a wall with the velocity that grains have there.
+
+Grains never flow through a wall: the velocity normal to the wall is that of the wall. If they do
+not slip, the velocity along the wall is that of the wall too; else it is that of the vectors beside
+the wall, extrapolated. So every point of a wall is a velocity in the training, like a vector.
+
+The vectors have the last word. A straight line through the vectors around a point gives the
+velocity on the wall, with its standard error. Means over windows that touch a wall, rough walls of
+loose grains, or a wall in the wrong place contradict a condition: then it is left out, with a
+warning.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from granpinn.arrays import Bool, Float64, Index
+from granpinn.data.flow import Flow, FlowFileWarning
+from granpinn.data.points import TrainingSet, turned_and_rounded
+from granpinn.data.symmetry import axes_of
+from granpinn.data.walls import Segments, crossed, samples, segments_of
+from granpinn.physics.terms import TERMS
+
+if TYPE_CHECKING:
+    from granpinn.physics.scales import Scales
+
+REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch it
+NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
+WIDE = 4.0  # spacings to the farthest vector of a fit
+FEWEST = 6  # vectors of a fit
+SURE = 3.0  # standard errors
+TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
+PLACE = 0.25  # spacings by which the place of a wall may be wrong
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """Where grains touch walls; n points, in units of the file.
+
+    Attributes:
+        x, y, t: the points [n].
+        wall: number of the wall of each [n].
+        normal: of the wall [n, 2].
+        velocity: of the wall [n, 2].
+        sticks: whether the file states that grains do not slip there [n].
+        p: known normal stress [n], or NaN.
+        of_grains: velocity of the vectors around, extrapolated to the wall [n, 2]; NaN: too few.
+        error: of it that noise, its extrapolation and the place of the wall explain [n, 2], and the
+            tolerance of the velocity in a training.
+    """
+
+    x: Float64
+    y: Float64
+    t: Float64
+    wall: Index
+    normal: Float64
+    velocity: Float64
+    sticks: Bool
+    p: Float64
+    of_grains: Float64
+    error: Float64
+
+
+def touch_of(flow: Flow, segments: Segments) -> Touch:
+    """The points of walls that grains touch, at the times of the frames."""
+    spacing = max(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
+    kept = np.flatnonzero(flow.after_start(flow.t))
+    parts = [_touch_in(flow, int(k), segments.at(float(flow.t[k])), spacing) for k in kept]
+    return Touch(
+        **{
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in Touch.__dataclass_fields__
+        }
+    )
+
+
+def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Touch:
+    rows, columns = np.nonzero(flow.valid[frame])
+    place = np.stack([flow.x[columns], flow.y[rows]], 1)
+    vectors = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
+    k, part = samples(segments, spacing)
+    point = _between(segments.ends[k], part)
+    count = min(NEAR, len(place))
+    distance, nearest = cKDTree(place).query(point, k=np.arange(1, count + 1))
+    wet = distance[:, 0] <= REACH * spacing
+    wet[wet] = ~crossed(point[wet], place[nearest[wet, 0]], segments)
+    k, part, point, distance, nearest = (a[wet] for a in (k, part, point, distance, nearest))
+    normal = _between(segments.normal[k], part)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    step = place[nearest] - point[:, None]  # [n, count, 2]
+    side = np.einsum("nkc,nc->nk", step, normal)
+    near = (side * side[:, :1] > 0) & (distance <= WIDE * spacing)
+    of_grains, slope, error = _fit(step, vectors[nearest], near)
+    closer = near.copy()
+    closer[:, NEAREST:] = False
+    other, _, _ = _fit(step, vectors[nearest], closer)
+    change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
+    least = TOLERANCE * float(np.sqrt(np.mean(np.square(vectors).sum(axis=1))))
+    error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
+    return Touch(
+        x=point[:, 0],
+        y=point[:, 1],
+        t=np.full(len(k), flow.t[frame]),
+        wall=segments.wall[k],
+        normal=normal,
+        velocity=_between(segments.velocity[k], part),
+        sticks=segments.sticks[k],
+        p=_between(segments.p[k], part),
+        of_grains=of_grains,
+        error=error,
+    )
+
+
+def _between(ends: Float64, part: Float64) -> Float64:
+    """Values at places between the two ends of segments, [n, 2, ...] and [n]."""
+    part = part.reshape(-1, *([1] * (ends.ndim - 2)))
+    return np.asarray((1 - part) * ends[:, 0] + part * ends[:, 1])
+
+
+def _fit(step: Float64, vectors: Float64, near: Bool) -> tuple[Float64, Float64, Float64]:
+    """Planes through vectors: value and its standard error at step 0 [n, 2], slopes [n, 2, 2].
+
+    Args:
+        step: from the point to its vectors [n, k, 2].
+        vectors: [n, k, 2].
+        near: which of them count [n, k].
+    """
+    one = np.ones((*near.shape, 1))
+    scale = max(float(np.abs(step).max(initial=0.0)), np.finfo(float).tiny)
+    X = np.concatenate([one, step / scale], axis=2) * near[..., None]
+    Y = np.where(near[..., None], vectors, 0.0)
+    inverse = np.linalg.pinv(X.swapaxes(1, 2) @ X, rcond=1e-9, hermitian=True)
+    values = inverse @ (X.swapaxes(1, 2) @ Y)  # [n, 3, 2]
+    rest = np.sum((Y - X @ values) ** 2, axis=1)
+    count = near.sum(axis=1)
+    variance = rest / np.maximum(count - 3, 1)[:, None]
+    error = np.sqrt(variance * inverse[:, 0, :1])
+    few = count < FEWEST
+    return np.where(few[:, None], np.nan, values[:, 0]), values[:, 1:] / scale, error
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Which conditions hold at the points of a `Touch`, after the vectors were asked.
+
+    Attributes:
+        closed: whether no grains flow through the wall [n].
+        sticks: whether they move with it [n].
+        target: velocity of the grains on the wall [n, 2]; NaN where no condition is used.
+    """
+
+    closed: Bool
+    sticks: Bool
+    target: Float64
+
+
+def conditions_of(touch: Touch) -> Conditions:
+    """The conditions that the vectors do not contradict, point by point."""
+    unknown = ~np.isfinite(touch.of_grains).all(axis=1)
+    off, error = touch.of_grains - touch.velocity, touch.error
+    along = np.stack([-touch.normal[:, 1], touch.normal[:, 0]], 1)
+
+    def agrees(direction: Float64) -> Bool:
+        found = np.abs(np.sum(off * direction, axis=1))
+        return np.asarray(unknown | (found <= np.linalg.norm(error * direction, axis=1)))
+
+    closed = agrees(touch.normal)
+    sticks = touch.sticks & closed & agrees(along)
+    through = np.sum(off * touch.normal, axis=1)[:, None] * touch.normal
+    target = np.where(sticks[:, None], touch.velocity, touch.of_grains - through)
+    return Conditions(closed, sticks, np.where(closed[:, None], target, np.nan))
+
+
+@dataclass(frozen=True)
+class WallFacts:
+    """One wall, as the vectors beside it show it.
+
+    Attributes:
+        name: the wall in words.
+        points: at which grains touch it, over all times.
+        stated: whether the file states no slip anywhere on it.
+        sticks: share of the points stated to be without slip whose vectors do not contradict.
+        closed: share of the points where the vectors do not flow through it.
+        pressure: mean of the known normal stress on it, or None.
+    """
+
+    name: str
+    points: int
+    stated: bool
+    sticks: float
+    closed: float
+    pressure: float | None
+
+    def __str__(self) -> str:
+        kind = "no slip" if self.stated else "slip"
+        if self.points == 0:
+            return f"{self.name}: no grains touch it"
+        text = f"{self.name}: {kind}, grains touch it at {self.points} points"
+        return text + (f", pressure {self.pressure:.3g}" if self.pressure is not None else "")
+
+
+LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
+
+
+def walls_of(flow: Flow) -> tuple[Touch, Conditions, list[WallFacts]] | None:
+    """Points, conditions and facts of the walls of a flow; None if it states no walls."""
+    if flow.walls is None:
+        return None
+    segments = segments_of(flow.walls)
+    touch = touch_of(flow, segments)
+    held = conditions_of(touch)
+    facts = []
+    for wall in np.unique(segments.wall):
+        own = touch.wall == wall
+        stated, p = own & touch.sticks, touch.p[own]
+        facts.append(
+            WallFacts(
+                name=segments.name(int(wall)),
+                points=int(own.sum()),
+                stated=bool(segments.sticks[segments.wall == wall].any()),
+                sticks=_share(held.sticks[stated]),
+                closed=_share(held.closed[own]),
+                pressure=float(np.nanmean(p)) if np.isfinite(p).any() else None,
+            )
+        )
+    return touch, held, facts
+
+
+def _share(those: Bool) -> float:
+    return float(those.mean()) if those.size else 1.0
+
+
+def contradictions(facts: Sequence[WallFacts]) -> list[str]:
+    """The conditions that the vectors contradict, one sentence each."""
+    found = []
+    for wall in facts:
+        if wall.points and wall.closed < LEAST_AGREEMENT:
+            found.append(
+                f"grains flow through {wall.name} at {1 - wall.closed:.0%} of the points where "
+                "they touch it: check its place and its velocity; it is no wall there in the "
+                "training"
+            )
+        elif wall.points and wall.stated and wall.sticks < LEAST_AGREEMENT:
+            found.append(
+                f"grains slip along {wall.name} at {1 - wall.sticks:.0%} of the points where the "
+                "file states no slip: there the training only lets no grains through"
+            )
+    return found
+
+
+def with_walls(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
+    """The training set with the velocities, and the known pressures, on the walls of the flow.
+
+    Unchanged for a flow without walls. Warns of conditions that the vectors contradict.
+    """
+    found = walls_of(flow)
+    if found is None:
+        return training
+    touch, held, facts = found
+    for sentence in contradictions(facts):
+        warnings.warn(sentence, FlowFileWarning, stacklevel=2)
+    axes, like = axes_of(flow), training.points
+    points = turned_and_rounded(scales.points_to_dimensionless(touch.x, touch.y, touch.t), axes)
+    velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes)
+    pressure = scales.to_dimensionless(touch.p, "pressure")
+    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+
+    def joined(old: torch.Tensor, new: Float64) -> torch.Tensor:
+        return torch.cat([old, torch.as_tensor(new).to(old)])
+
+    return replace(
+        training,
+        wall_points=torch.as_tensor(points[used]).to(like),
+        wall_velocity=torch.as_tensor(velocity[used]).to(like),
+        surface_points=joined(training.surface_points, points[known]),
+        surface_pressure=joined(training.surface_pressure, pressure[known]),
+    )

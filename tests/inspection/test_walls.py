@@ -1,0 +1,226 @@
+"""What walls leave open: grains that hang between them, and flows without a free surface."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.config import Config, Network
+from granpinn.data import Flow, Surface, Walls, write_flow
+from granpinn.identification.single import identify
+from granpinn.inspection import inspect
+from granpinn.inspection.baseline import baseline
+from granpinn.inspection.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
+from granpinn.inspection.text import lines_of
+from granpinn.results import read_results
+from granpinn.results.results_csv import write_csv
+from granpinn.train import main
+from granpinn.uncertainty.of_data import verdict
+from tests.data.walled import FLOOR, line, single
+from tests.flows import make_chute
+from tests.inspection.chutes import chute
+
+TINY = Config(level="V0", steps=2, device="cpu", network=Network(widths=(8,)))
+
+
+def plane_shear(**changes: Any) -> Flow:
+    """A layer between y = 0 and a plate at y = 12, which moves along x; periodic along x."""
+    x, y = np.arange(16) + 0.5, np.arange(12) + 0.5
+    u = np.broadcast_to(np.exp((y[:, None] - 12) / 3), (1, 12, 16))
+    plate = line((0, 0), (16, 0), (np.nan, np.nan), (0, 12), (16, 12), p=single(*[np.nan] * 5))
+    flow = Flow(
+        t=np.zeros(1), y=y, x=x, u=u.copy(), v=np.zeros_like(u), c=np.ones(u.shape, np.float32),
+        gravity=(0.0, -1.0), density=1.0, grain_diameter=0.5, walls=plate,
+        attributes={"period_x": 16.0},
+    )  # fmt: skip
+    return replace(flow, **changes)
+
+
+LOADED = line((0, 12), (16, 12), p=single(20, 20))
+
+
+def test_plane_shear_gives_no_friction_with_or_without_a_load() -> None:
+    assert undetermined(plane_shear(), "V0") == NO_WORK_WORDS
+    assert undetermined(plane_shear(walls=LOADED), "V0") == NO_WORK_WORDS
+    assert undetermined(plane_shear(attributes={}), "V0") == NO_WORK_WORDS
+
+
+def test_a_slope_needs_one_known_pressure() -> None:
+    """Gravity along x drives the grains: the load of the plate is all that is missing."""
+    slope = plane_shear(gravity=(0.4, -0.9))
+    assert undetermined(slope, "V0") == NO_PRESSURE
+    assert undetermined(replace(slope, walls=None), "V0") == NO_PRESSURE
+    assert undetermined(replace(slope, walls=LOADED), "V0") is None
+
+
+def test_a_free_surface_fixes_the_pressure() -> None:
+    """The line at level V1; at V0 the upper edge of the grains, which a plate is not."""
+    flow = make_chute()
+    assert undetermined(flow, "V1") is None
+    assert undetermined(replace(flow, surface=None), "V0") is None
+    top = float(flow.y[np.flatnonzero(flow.material[0].all(axis=1))[-1]])
+    lid = line((0, top + 0.6), (32, top + 0.6))
+    assert undetermined(replace(flow, walls=lid), "V0") == NO_PRESSURE
+    assert undetermined(replace(flow, walls=lid), "V1") is None
+
+
+def test_inspect_says_so_first() -> None:
+    found = inspect(plane_shear())
+    sentences = verdict(found)
+    assert sentences[0].startswith("No friction coefficient can be given: the flow has no free")
+    assert found.precision is None
+    assert found.numbers()["friction_refused_because"] == NO_WORK_WORDS
+    printed = lines_of(found, sentences)
+    assert any(row.startswith("walls   ") and "(0, 0) to (16, 0)" in row for row in printed)
+    assert any("(0, 12) to (16, 12)" in row for row in printed)
+    assert len(found.numbers()["walls"]) == 2
+
+
+def test_results_have_no_friction(tmp_path: Path) -> None:
+    result = identify(plane_shear(), TINY, run_dir=tmp_path / "run")
+    assert result.determined is not None
+    assert result.determined.lost == ("mu_s", "mu_2")
+    assert not result.parameters["mu_s"].determined
+    assert f"mu_s and mu_2 not determined: {NO_WORK_WORDS}" in str(result)
+    again = read_results(tmp_path / "run" / "results.json")
+    assert again.determined == result.determined
+    write_csv(result, tmp_path / "values.csv")
+    (cells,) = csv.DictReader((tmp_path / "values.csv").read_text().splitlines())
+    assert cells["mu_s"] == "not determined"
+    assert cells["mu_at_I_shear"] == ""
+
+
+def test_constant_friction_is_not_determined_either() -> None:
+    result = identify(plane_shear(), replace(TINY, law="coulomb"))
+    assert not result.parameters["mu_s"].determined
+
+
+def test_the_pressure_of_a_plate_is_a_point_of_the_surface(tmp_path: Path) -> None:
+    flow = plane_shear(walls=LOADED, gravity=(0.4, -0.9))
+    result = identify(flow, TINY)
+    assert result.data.n_surface == 16
+
+
+@pytest.mark.parametrize("level", ["V1", "V2"])
+def test_other_levels_are_refused(
+    level: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_flow(plane_shear(), tmp_path / "flow.h5")
+    args = [str(tmp_path / "flow.h5"), "--out", str(tmp_path / "run"), "--level", level]
+    assert main(args) == 2
+    assert "use level V0" in capsys.readouterr().err
+
+
+def silo(distance: float) -> Flow:
+    """The layer of 8 grain diameters, with walls on both sides."""
+    flow = chute(columns=30)
+    middle = float(flow.x.mean())
+    sides = [(middle - distance / 2, 12), (middle - distance / 2, -1), (np.nan, np.nan),
+             (middle + distance / 2, 12), (middle + distance / 2, -1)]  # fmt: skip
+    return replace(flow, walls=line(*sides))
+
+
+def test_grains_that_hang_between_walls() -> None:
+    """The weight on walls is more than a third if the depth exceeds the distance by a fifth."""
+    found = baseline(silo(6.0))
+    assert found.carried
+    assert found.reason is not None
+    assert "hang between the wall from (12, 12) to (12, -1) and the wall from (18, 12)" in (
+        found.reason
+    )
+    for distance in (12.0, 40.0):
+        assert baseline(silo(distance)).reason is None
+    one = silo(6.0)
+    assert one.walls is not None
+    half = Walls(one.walls.x[:2], one.walls.y[:2])
+    assert baseline(replace(one, walls=half)).reason is None
+
+
+def test_inspect_warns_of_a_silo(tmp_path: Path) -> None:
+    found = inspect(silo(6.0))
+    assert verdict(found)[0].startswith("Do not trust a law from these data")
+    json.dumps(found.numbers(), allow_nan=False)
+
+
+def test_a_base_changes_nothing_in_the_balance() -> None:
+    flow = chute(columns=30)
+    base = replace(FLOOR, x=np.array([0.0, 30.0]))
+    assert baseline(replace(flow, walls=base)) == baseline(flow)
+
+
+def test_a_sideways_silo() -> None:
+    """Gravity along -x: the walls are rows."""
+    flow = silo(6.0)
+    assert flow.walls is not None
+    assert flow.surface is not None
+    turned = replace(
+        flow,
+        x=np.sort(-flow.y), y=flow.x, u=np.rot90(-flow.v, -1, (1, 2)),
+        v=np.rot90(flow.u, -1, (1, 2)), c=np.rot90(flow.c, -1, (1, 2)),
+        gravity=(-flow.gravity[1], flow.gravity[0]),
+        surface=Surface(flow.surface.t, -flow.surface.y, flow.surface.x),
+        walls=Walls(-flow.walls.y, flow.walls.x),
+    )  # fmt: skip
+    found, plain = baseline(turned), baseline(flow)
+    assert found.carried
+    assert found.reason is not None
+    assert plain.reason is not None
+    assert "(-12, 12) to (1, 12)" in found.reason
+    share = [reason.split("about ")[1][:3] for reason in (found.reason, plain.reason)]
+    assert share[0] == share[1]
+
+
+def under_a_plate(load: float, tau: float, gap: float) -> Flow:
+    """Plane shear that solves all equations: mu(I(y)) = tau/p(y), p = load + h - y, d = 1.
+
+    Density and gravity are 1. The cells end a `gap` below the plate at the height h.
+    """
+    y, x = (np.arange(60) + 0.5) * 0.5, np.arange(12) + 0.5
+    height = 30.0 + gap
+    fine = np.linspace(0, 30, 6001)
+    p = load + height - fine
+    mu = tau / p
+    number = np.where(mu > 0.3, 0.3 * (mu - 0.3) / (0.7 - mu), 0.0)
+    rate = number * np.sqrt(p)
+    speed = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * (fine[1] - fine[0])
+    u = np.broadcast_to(np.interp(y, fine, speed)[:, None], (1, 60, 12))
+    walls = line((0, 0), (12, 0), (np.nan, np.nan), (0, height), (12, height))
+    p_wall, tau_wall = (single(*[np.nan] * 3, stress, stress) for stress in (load, tau))
+    return Flow(
+        t=np.zeros(1), y=y, x=x, u=u.copy(), v=np.zeros_like(u), c=np.ones(u.shape, np.float32),
+        gravity=(0.0, -1.0), density=1.0, grain_diameter=1.0,
+        walls=replace(walls, p=p_wall, tau=tau_wall), attributes={"period_x": 12.0},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("side", "gap"), [(1, 0.0), (-1, 0.0), (1, 5.0)])
+def test_the_stress_of_a_plate_gives_the_friction(side: int, gap: float) -> None:
+    """mu_s 0.3, mu_2 0.7: the balance finds mu(I) to the error of the local fits."""
+    flow = under_a_plate(30.0, 16.0, gap)
+    flow = replace(flow, u=side * flow.u)
+    found = baseline(flow)
+    assert found.reason is None
+    assert len(found.points) >= 2
+    for point in found.points:
+        assert point.mu == pytest.approx(0.3 + 0.4 * point.I / (point.I + 0.3), rel=0.01)
+    sentences = verdict(inspect(flow))
+    assert sentences[0].startswith("The velocity gives no friction coefficient: the flow has no")
+    result = identify(flow, TINY)
+    assert result.baseline is not None
+    assert result.baseline.points == found.points
+    assert result.baseline.network == ()
+
+
+def test_a_plate_without_its_shear_stress_gives_none() -> None:
+    flow = under_a_plate(30.0, 16.0, 0.0)
+    assert flow.walls is not None
+    for walls in (replace(flow.walls, tau=None), replace(flow.walls, p=None), None):
+        assert "nor, with periodic sides, a plate" in str(baseline(replace(flow, walls=walls)))
+    open_sides = baseline(replace(flow, attributes={}))
+    assert "nor, with periodic sides, a plate" in str(open_sides)
