@@ -23,18 +23,16 @@ import io
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
 from granpinn.errors import BadInput, CannotGoOn, Interrupted
+from granpinn.signals import Handler, handled_by, set_handler
 
 DEBUG = "GRANPINN_DEBUG"
 PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
-
-Handler = Callable[[int, FrameType | None], None]
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:
@@ -109,7 +107,7 @@ def guard_process(command: str) -> None:
     sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout = _Stdout(sys.stdout)
-    _handle(_stopper(command))
+    set_handler(_stopper(command))
     sys.excepthook = lambda kind, error, place: _unforeseen(command, error)
 
 
@@ -122,30 +120,11 @@ def _interruptible(command: str) -> Iterator[None]:
     """Inside, the first signal raises Interrupted, and a second one ends the process."""
 
     def interrupt(signum: int, frame: FrameType | None) -> NoReturn:
-        _handle(_stopper(command))
+        set_handler(_stopper(command))
         raise Interrupted(signum, _stopped(signum))
 
-    before = _handle(interrupt)
-    try:
+    with handled_by(interrupt):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _handle(handler: Handler) -> dict[signal.Signals, Handler | int]:
-    """Set the handler of SIGINT and SIGTERM; returns those before.
-
-    A signal that is ignored stays ignored: a shell makes it so for a command in the background.
-    Only the main thread can set a handler.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return {}
-    found = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    before = {n: h for n, h in found.items() if h is not None and h is not signal.SIG_IGN}
-    for number in before:
-        signal.signal(number, handler)
-    return before
 
 
 def _stopper(command: str) -> Handler:

@@ -119,6 +119,8 @@ class Flow:
         truth: friction law of the material, None if unknown.
         attributes: further attributes of the file, such as its source. `steady` is 1 if all frames
             show one flow; `period_x` is the length of the period along x, in the unit of x.
+        layer: whether the data alone show that the flow is the same along x, without `period_x`
+            (`symmetry.with_layer`); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -146,6 +148,7 @@ class Flow:
     eta_min: float | None = None
     truth: Truth | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
+    layer: bool = False
     sha256: str = ""
     path: Path | None = None
 
@@ -173,6 +176,11 @@ class Flow:
     def steady(self) -> bool:
         """Whether all frames show one and the same flow: it is stated, or there is one frame."""
         return self.t.size == 1 or self.attributes.get(STEADY) == 1
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the flow repeats along x: the file states `period_x`, or the flow is a layer."""
+        return self.layer or self.stated(PERIOD_X) is not None
 
     def after_start(self, t: npt.NDArray[np.floating[Any]]) -> Bool:
         """Whether data at the times t [n] count: those with t > 0, or all of a steady flow.

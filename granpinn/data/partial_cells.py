@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, Surface
-from granpinn.data.surface_line import folded
+from granpinn.data.surface_line import folded, line_heights, points_of
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
@@ -47,20 +47,14 @@ def _below(flow: Flow, surface: Surface) -> Bool:
     upright, downwards = vertical_coordinate(flow.gravity)
     up, along = (flow.y, flow.x) if upright else (flow.x, flow.y)
     line_up, line_along = (surface.y, surface.x) if upright else (surface.x, surface.y)
-    found = np.zeros((len(flow.t), up.size, along.size), bool)
-    for k, t in enumerate(flow.t):
-        now = _at(surface.t, t)
-        if now.sum() < 2:
-            continue
-        order = np.argsort(line_along[now], kind="stable")
-        ends = {"left": np.nan, "right": np.nan}
-        height = np.interp(along, line_along[now][order], line_up[now][order], **ends)
-        found[k] = (up[:, None] > height) if downwards else (up[:, None] < height)
-        steep = folded(along, line_along[now], line_up[now])
-        if steep.any():
-            full = flow.material[k] if upright else flow.material[k].T
-            line = np.stack([line_along[now], line_up[now]], 1)
-            found[k][:, steep] = _beside(along, up, full, line)[:, steep]
+    line = surface.t, line_along, line_up
+    height = line_heights(flow.t, along, *line)[:, None]
+    found = (up[:, None] > height) if downwards else (up[:, None] < height)
+    steep = folded(flow.t, along, *line)
+    for k, now in points_of(flow.t, surface.t) if steep.any() else ():
+        full = flow.material[k] if upright else flow.material[k].T
+        points = np.stack([line_along[now], line_up[now]], 1)
+        found[k][:, steep[k]] = _beside(along, up, full, points)[:, steep[k]]
     return found if upright else found.swapaxes(1, 2)
 
 
@@ -77,10 +71,6 @@ def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
     nearest = line[cKDTree(line).query(cells)[1]]
     inside = grains[cKDTree(grains).query(cells)[1]] - nearest
     return np.asarray(np.sum((cells - nearest) * inside, axis=-1) > 0)
-
-
-def _at(times: Float64, t: float) -> Bool:
-    return np.asarray(np.isclose(times, t, rtol=1e-6, atol=0.0) | (times == t))
 
 
 def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:

@@ -10,7 +10,7 @@ import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import PERIOD_X, Flow, FlowFileError, Particles
+from granpinn.data.flow import Flow, FlowFileError, Particles
 from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
@@ -246,7 +246,7 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
             "level V1"
         )
     kept = flow.after_start(surface.t)
-    if level != "V2" and surface.t.size and flow.stated(PERIOD_X) is None:
+    if level != "V2" and surface.t.size and not flow.periodic:
         h = flow.height(surface.x, surface.y)
         kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
     if not kept.any() and level != "V0":

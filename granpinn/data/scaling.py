@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.data.flow import PERIOD_X, Flow, FlowFileError
+from granpinn.data.flow import Flow, FlowFileError
 from granpinn.physics.scales import Material, Scales
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
@@ -78,21 +78,20 @@ def initial_height(flow: Flow) -> float:
     scattered vectors from the lowest to the highest of the first time, and half a grain. In a flow
     with periodic sides it is the extent along y, the thickness of the layer.
     """
-    layer = flow.stated(PERIOD_X) is not None
     if flow.particles is not None:
         p = flow.particles
         first = p.t == p.t.min()
         x, y = p.x[first], p.y[first]
-        return float(np.ptp(y if layer else flow.height(x, y))) + flow.grain_diameter
+        return float(np.ptp(y if flow.periodic else flow.height(x, y))) + flow.grain_diameter
     rows, columns = np.nonzero(flow.material[0])
     if rows.size == 0:
         raise FlowFileError(
             "c must be 1 at some point of the first frame, got none: the height of the grains "
             "there sets the length scale"
         )
-    h = flow.y[rows] if layer else flow.height(flow.x[columns], flow.y[rows])
+    h = flow.y[rows] if flow.periodic else flow.height(flow.x[columns], flow.y[rows])
     spacing = [float(np.median(np.diff(axis))) for axis in (flow.x, flow.y)]
-    if layer:
+    if flow.periodic:
         return float(h.max() - h.min()) + spacing[1]
     g = math.hypot(*flow.gravity)
     cell = sum(abs(g_i) / g * d_i for g_i, d_i in zip(flow.gravity, spacing, strict=True))

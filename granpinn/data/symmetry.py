@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from granpinn.arrays import Float64, Index
-from granpinn.data.flow import PERIOD_X, Flow
+from granpinn.data.flow import Flow
 from granpinn.physics.axes import Axes
 
 LARGEST_VARIATION = 0.03  # of the rms velocity
@@ -47,30 +47,25 @@ def words(invariant: tuple[bool, ...]) -> tuple[str, ...]:
     return tuple(WORDS[axis] for axis in WORDS if invariant[axis])
 
 
-def with_period(flow: Flow) -> Flow:
-    """The flow with `period_x` where only its data show that it is the same along x.
-
-    The period is the width of the grid, cells included.
-    """
-    if flow.stated(PERIOD_X) is not None or flow.surface is None or flow.particles is not None:
+def with_layer(flow: Flow) -> Flow:
+    """The flow, marked as a `layer` if only its data show that it is the same along x."""
+    if flow.periodic or flow.surface is None or flow.particles is not None:
         return flow
-    width = float(flow.x[-1] - flow.x[0])
-    period = width * flow.x.size / (flow.x.size - 1)
-    layer = replace(flow, attributes={**flow.attributes, PERIOD_X: period})
+    layer = replace(flow, layer=True)
     return layer if same_along_x(layer) else flow
 
 
 def axes_of(flow: Flow) -> Axes:
-    """The axes in which a flow is trained; those of the file if its sides are periodic."""
-    if flow.stated(PERIOD_X) is None:
+    """The axes in which a flow is trained; those of the file if it is periodic along x."""
+    if not flow.periodic:
         return Axes.of(flow.gravity)
     g = math.hypot(*flow.gravity)
     return Axes(1.0, 0.0, (flow.gravity[0] / g, flow.gravity[1] / g))
 
 
 def same_along_x(flow: Flow) -> bool:
-    """Whether a flow with periodic sides is the same along x, as its data say (see the top)."""
-    if flow.stated(PERIOD_X) is None or _is_uneven(flow):
+    """Whether a periodic flow is the same along x, as its data say (see the top)."""
+    if not flow.periodic or _is_uneven(flow):
         return False
     frames = np.array_split(np.arange(flow.t.size), min(PARTS, flow.t.size))
     parts = [part for k in frames if (part := _rows(flow, k)).size]

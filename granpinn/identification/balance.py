@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from threading import Lock
 from typing import cast
 
 import numpy as np
@@ -24,15 +25,31 @@ CARRIED = (
 )
 
 
-def beside(flow: Flow, result: Result) -> Baseline:
-    """The baseline of a flow, and its differences from the law of a result.
+class Balance:
+    """The momentum balance of a flow, made once for each inertial scale, also between threads.
 
     Args:
         flow: as the training saw it, with added noise.
     """
+
+    def __init__(self, flow: Flow) -> None:
+        self.flow = flow
+        self._made: dict[float, Baseline] = {}
+        self._lock = Lock()
+
+    def at(self, scale: float) -> Baseline:
+        """The baseline with a law of the inertial scale."""
+        with self._lock:
+            if scale not in self._made:
+                self._made[scale] = baseline(self.flow, scale)
+            return self._made[scale]
+
+
+def beside(balance: Balance, result: Result) -> Baseline:
+    """The baseline of a flow, and its differences from the law of a result."""
     name = LAWS[result.law].inertial_scale
-    found = baseline(flow, I0 if name is None else result.parameters[name].value)
-    if undetermined(flow, cast(Level, result.level)) is not None:
+    found = balance.at(I0 if name is None else result.parameters[name].value)
+    if undetermined(balance.flow, cast(Level, result.level)) is not None:
         return found  # the network's law has no meaning
     differences = tuple(_difference(point, result) for point in found.shown)
     return dataclasses.replace(found, network=differences)

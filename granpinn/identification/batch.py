@@ -14,7 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification.case import Case, choose_device, fixed_values, members, pose
+from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.finish import Concluded, conclude, with_simulated_pressure
 from granpinn.identification.single import histories, prepare, start
 from granpinn.results import Result
@@ -148,19 +148,22 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     """The cases; a repeated flow is read once, and without noise its cases share the data."""
     keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
+    read: dict[object, Flow] = {}
     clean: dict[object, Case] = {}
     for key, flow, config in zip(keys, flows, configs, strict=True):
-        if key not in clean:
-            clean[key] = pose(flow, dataclasses.replace(config, noise=0.0))
+        if key not in read:
+            read[key] = sound(flow)
+        if key not in clean and not config.noise:
+            clean[key] = posed(read[key], config)
 
-    def posed(key: object, config: Config) -> Case:
-        first = clean[key]
+    def case(key: object, config: Config) -> Case:
         if config.noise:
-            return pose(first.flow, config)
+            return posed(read[key], config)
+        first = clean[key]
         fixed = fixed_values(config)
         member = dataclasses.replace(first.member, seed=config.seed, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)
 
     pairs = zip(keys, configs, strict=True)
     device = configs[0].device if configs else "cpu"
-    return _side_by_side(lambda pair: posed(*pair), pairs, device)
+    return _side_by_side(lambda pair: case(*pair), pairs, device)

@@ -22,10 +22,12 @@ from granpinn.data import (
     training_set,
     with_collocation,
     with_partial_cells,
+    with_surface_strip,
     with_walls,
 )
 from granpinn.data.scaling import scales_of
-from granpinn.data.symmetry import with_period
+from granpinn.data.symmetry import with_layer
+from granpinn.identification.balance import Balance
 from granpinn.inspection.slips import refuse_slips
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
@@ -44,6 +46,7 @@ class Case:
         seen: the flow that training uses: with added noise and its partly filled cells under the
             surface, without the true values.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        balance: the momentum balance of `seen`; members of one flow share it.
         redrawn: whether a second draw of the known noise was added to its data.
     """
 
@@ -53,6 +56,7 @@ class Case:
     member: Member
     seen: Flow
     known_sd: float
+    balance: Balance
     redrawn: bool = False
 
 
@@ -86,22 +90,36 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
         FlowFileError: the flow breaks a rule, or contradicts the conservation of mass or energy.
     """
     choose_device(config.device)
+    return posed(sound(flow), config)
+
+
+def sound(flow: Flow | str | os.PathLike[str]) -> Flow:
+    """A flow that was read and checked, marked as a layer if it is one.
+
+    Raises:
+        FlowFileError: as `pose`.
+    """
     if isinstance(flow, Flow):
         check_flow(flow)
     else:
         flow = read_flow(flow)
-    flow = with_period(flow)
+    flow = with_layer(flow)
     refuse_slips(flow)
+    return flow
+
+
+def posed(flow: Flow, config: Config) -> Case:
+    """The problem of a sound flow."""
     # Training gets neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
     scales = scales_of(seen)
     seen = with_partial_cells(seen)
     data = training_data(seen, scales, config)
-    posed = problem.build(seen, scales, data, config)
+    built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
-    member = Member(posed, data, config.seed, law, fixed_values(config), flow)
-    return Case(flow, config, scales, member, seen, known_sd(seen))
+    member = Member(built, data, config.seed, law, fixed_values(config), flow)
+    return Case(flow, config, scales, member, seen, known_sd(seen), Balance(seen))
 
 
 def fixed_values(config: Config) -> dict[str, float]:
@@ -118,6 +136,8 @@ def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
     """
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     data = with_collocation(data, flow, scales, config.batch.collocation)
+    if config.level != "V0":
+        data = with_surface_strip(data, flow, scales)
     return with_walls(data, flow, scales)
 
 

@@ -158,7 +158,7 @@ def _with_range(result: Result, case: Case, maps: Fields) -> Result:
 
 def _with_baseline(result: Result, case: Case) -> Result:
     """The result with the momentum balance beside it."""
-    found = attempt(BASELINE, lambda: balance.beside(case.seen, result))
+    found = attempt(BASELINE, lambda: balance.beside(case.balance, result))
     if isinstance(found, NotDone):
         return lacking(result, found)
     return having(balance.judged(result, found), BASELINE)

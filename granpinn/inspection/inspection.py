@@ -13,18 +13,12 @@ from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, with_partial_cells
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
-from granpinn.data.symmetry import invariant_axes, with_period, words
+from granpinn.data.symmetry import with_layer, words
 from granpinn.data.wall_points import WallFacts, walls_of
-from granpinn.estimates.gradients import Gradients, gradients
-from granpinn.estimates.noise import (
-    Noise,
-    grid_noise,
-    noise_map,
-    particle_fits,
-    particle_noise_map,
-    particle_vectors,
-)
-from granpinn.estimates.view import View, view_of
+from granpinn.estimates.facts import Facts
+from granpinn.estimates.gradients import Gradients
+from granpinn.estimates.noise import Noise
+from granpinn.estimates.view import View
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
@@ -173,12 +167,10 @@ class Inspection:
 def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     """Inspects a flow without any training; `law`: for which the precision is estimated."""
     law = law or AssumedLaw()
-    flow = with_period(flow)
+    flow = with_layer(flow)
     scales = scales_of(flow)
-    view = view_of(flow, scales)
-    noise, cells = _noise(flow, scales, view)
-    sigma = noise.sigma or 0.0
-    found = gradients(view, sigma)
+    facts = Facts(flow, scales)
+    view, noise, found = facts.view, facts.noise, facts.slopes
     speed = _largest_speed(flow, scales, found)
     gamma_dot = found.gamma_dot
     flows = gamma_dot > np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
@@ -191,7 +183,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
     return Inspection(
         flow=flow,
         scales=scales,
-        symmetries=words(invariant_axes(flow)),
+        symmetries=words(facts.invariant),
         slips=slips(flow),
         law=law,
         counts=counts(flow, view),
@@ -207,20 +199,11 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
         gradients=found,
         I=I,
         flows=flows,
-        noise_cells=cells,
+        noise_cells=facts.noise_cells,
         baseline=baseline(flow, law.inertial_scale or I0),
         walls=() if walls is None else tuple(walls[2]),
         undetermined=refused,
     )
-
-
-def _noise(flow: Flow, scales: Scales, view: View) -> tuple[Noise, Float64]:
-    """The noise, and its map [Y, X]."""
-    if flow.particles is None:
-        return grid_noise(view), noise_map(view)
-    t, x, y, u, v = particle_vectors(flow.particles, scales)
-    fits = particle_fits(t, x, y, u, v)
-    return fits.noise, particle_noise_map(fits, x, y, view)
 
 
 def _largest_speed(flow: Flow, scales: Scales, found: Gradients) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
-from granpinn.data.surface_line import STEEP, folded
+from granpinn.data.surface_line import STEEP, folded, line_heights
 from granpinn.data.walls import segments_of
 from granpinn.inspection.plate import Plate, plate_on
 
@@ -74,7 +74,8 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     plate = None
     if free and flow.surface is not None:
         line = turned.points(flow.surface.x, flow.surface.y)
-        height, steep = _heights(flow.t, x, flow.surface.t, *line)
+        height = line_heights(flow.t, x, flow.surface.t, *line)
+        steep = folded(flow.t, x, flow.surface.t, *line)
     else:
         plate = _plate(flow, turned, float(y[np.flatnonzero((c > 0).any(axis=(0, 2)))[-1]]))
         if plate is None:
@@ -98,7 +99,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
 
 
 def _periodic(flow: Flow, turned: _Turn) -> bool:
-    return flow.stated("period_x") is not None and turned.quarters == 0
+    return flow.periodic and turned.quarters == 0
 
 
 def _plate(flow: Flow, turned: _Turn, top: float) -> Plate | None:
@@ -144,24 +145,6 @@ def turned_walls(gravity: tuple[float, float], places: Float64) -> Float64:
 def _even(axis: Float64) -> bool:
     step = np.diff(axis)
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)
-
-
-def _heights(
-    t: Float64, x: Float64, line_t: Float64, line_x: Float64, line_y: Float64
-) -> tuple[Float64, Bool]:
-    """The line at the columns in every frame, from the points nearest in time; and where it folds,
-    so that it has no single height there [T, X]."""
-    height = np.full((len(t), len(x)), np.nan)
-    steep = np.zeros(height.shape, bool)
-    frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
-    for k in range(len(t)):
-        at = frame == k
-        if at.any():
-            order = np.argsort(line_x[at])
-            points = line_x[at][order], line_y[at][order]
-            height[k] = np.interp(x, *points, left=np.nan, right=np.nan)
-            steep[k] = folded(x, *points)
-    return height, steep
 
 
 def _clear(height: Float64, steep: Bool, grains: Bool, x: Float64, reach: int) -> Bool:

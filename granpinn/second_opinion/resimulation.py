@@ -18,7 +18,6 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.data.flow import PERIOD_X
 from granpinn.data.norms import rms
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
@@ -86,7 +85,7 @@ def not_a_collapse(flow: Flow) -> str | None:
     """Why the simulator cannot have a flow, from what its file states; None if it may."""
     if flow.steady:
         return "the flow is steady, and the simulator has only grains that collapse from rest"
-    if flow.stated(PERIOD_X) is not None:
+    if flow.periodic:
         return "the sides of the flow are periodic, and the simulator has walls"
     return None
 

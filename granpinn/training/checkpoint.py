@@ -7,7 +7,8 @@ The two newest are kept. If the newest is damaged, the one before it is read.
 
 The JSON has one form alone: it is read only if writing its content again gives the same bytes. So a
 changed bit anywhere in either file is damage, and only a whole checkpoint can belong to another
-run.
+run. The JSON also has the SHA-256 of the rows of each history.csv, which grow from checkpoint to
+checkpoint in a file of their own (history.py).
 
 The files hold no pickle, so reading them executes no code.
 """
@@ -35,7 +36,7 @@ from granpinn.training.identity import difference
 from granpinn.training.state import RunState
 
 FORMAT_NAME = "granpinn-checkpoint"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 KEPT = 2
 HEAD = ("format_name", "format_version", "step")
 NAME = re.compile(r"step-(\d{9,16})\.json", re.ASCII)

@@ -1,13 +1,15 @@
 """history.csv: one row of loss terms and identified values every so many steps.
 
-New rows are appended. A checkpoint holds the length of the file, and a resumed run cuts the file
-there. The rows of later steps are then written again.
+New rows are appended. A checkpoint holds the length of the file, and the SHA-256 of so many bytes.
+A resumed run refuses other content and cuts the file there. The rows of later steps are then
+written again.
 """
 
 from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import io
 import math
 import os
@@ -75,11 +77,15 @@ class History:
         self.law = law
         self.path = path
         self._file: io.BufferedRandom | None = None
+        self._sha256 = hashlib.sha256()  # of the content of the file
 
-    def open(self, offset: int) -> None:
+    def open(self, offset: int = 0, sha256: str = "") -> None:
         """Open the file and cut it at `offset` bytes; 0 starts it with a header.
 
-        ValueError: the file is shorter, or holds anything but rows.
+        Args:
+            sha256: of the bytes before `offset`.
+
+        ValueError: the file is shorter, was changed, or holds anything but rows.
         """
         if self.path is None:
             return
@@ -89,12 +95,17 @@ class History:
             raise OutputError(objection)
         with naming(self.path):
             self._file = self.path.open("r+b" if offset else "w+b")
-            self._file.truncate(offset)
-        if offset:
-            self._file.seek(0)
-            self.rows = _rows(self._file.read(), self.law)
-        else:
+            content = self._file.read(offset)
+        self._sha256 = hashlib.sha256(content)
+        if offset == 0:
             self._write(columns(self.law))
+            return
+        if self._sha256.hexdigest() != sha256:
+            raise ValueError(f"its first {offset} bytes were changed")
+        self.rows = _rows(content, self.law)
+        with naming(self.path):
+            self._file.truncate(offset)
+            self._file.seek(offset)
 
     def append(self, row: Row) -> None:
         self.rows.append(row)
@@ -107,18 +118,19 @@ class History:
         if self._file is not None:
             self._file.seek(0)
             self._file.truncate()
+            self._sha256 = hashlib.sha256()
             self._write(columns(self.law))
         self.rows = []
         for row in kept:
             self.append(row)
 
-    def flush(self) -> int:
-        """Force all rows to the disk; length of the file in bytes."""
+    def flush(self) -> tuple[int, str]:
+        """Force all rows to the disk; length of the file in bytes, and its SHA-256."""
         if self._file is None:
-            return 0
+            return 0, self._sha256.hexdigest()
         with naming(self.path or ""):
             os.fsync(self._file.fileno())
-        return self._file.tell()
+        return self._file.tell(), self._sha256.hexdigest()
 
     def close(self) -> None:
         if self._file is not None:
@@ -131,9 +143,11 @@ class History:
         assert self._file is not None
         text = io.StringIO(newline="")
         csv.writer(text, lineterminator="\n").writerow(values)  # type: ignore[arg-type]
+        content = text.getvalue().encode()
         with naming(self.path or ""):
-            self._file.write(text.getvalue().encode())
+            self._file.write(content)
             self._file.flush()
+        self._sha256.update(content)
 
 
 def _rows(content: bytes, law: Law) -> list[Row]:

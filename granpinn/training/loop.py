@@ -15,8 +15,9 @@ from typing import Any
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
+from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
-from granpinn.training.guard import NonFiniteError, Signals, require_finite, signals
+from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
@@ -89,8 +90,8 @@ class TrainingLoop:
             if not resumed:
                 self._begin()
             self.progress.start(trainer.schedule.total, trainer.step)
-            with signals() as caught:
-                self._loop(caught)
+            with caught() as signals:
+                self._loop(signals)
         finally:
             self.progress.stop()
             for history in self.histories:
@@ -101,7 +102,8 @@ class TrainingLoop:
             schedule = time_limit.schedule_until(self.deadline, self.trainer, self.at_most)
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
-        self._open([0] * len(self.histories))
+        for history in self.histories:
+            history.open()
         self._mark()
         self._save()
 
@@ -118,14 +120,16 @@ class TrainingLoop:
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.deadline = None  # the schedule of the checkpoint stays
-        self._open(found.state.history_bytes)
+        self._open(found.state)
         self._mark()
         return True
 
-    def _open(self, offsets: Sequence[int]) -> None:
-        for history, offset in zip(self.histories, offsets, strict=True):
+    def _open(self, state: RunState) -> None:
+        """Open the histories of a checkpoint."""
+        saved = zip(self.histories, state.history_bytes, state.history_sha256, strict=True)
+        for history, length, sha256 in saved:
             try:
-                history.open(offset)
+                history.open(length, sha256)
             except (ValueError, FileNotFoundError) as error:
                 raise checkpoint.CheckpointError(
                     f"{history.path} is not the file of this checkpoint ({error}): put the file "
@@ -138,9 +142,9 @@ class TrainingLoop:
         self.corrected_step = self.trainer.step
         self.before = self.wall_s
 
-    def _loop(self, caught: Signals) -> None:
+    def _loop(self, signals: Signals) -> None:
         trainer, config = self.trainer, self.config
-        while not trainer.finished and not self._stopping(caught):
+        while not trainer.finished and not self._stopping(signals):
             before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
@@ -160,15 +164,15 @@ class TrainingLoop:
         self._save()
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
         message = f"stopped at step {trainer.step}{where}"
-        if self._stopping(caught):
+        if self._stopping(signals):
             # None: another process received one
-            raise Interrupted(caught.received or signal.SIGTERM, message)
-        caught.stop_at_once(message)
+            raise Interrupted(signals.received or signal.SIGTERM, message)
+        signals.stop_at_once(message)
         trainer.solve_last_layer()
         self.wall_s = self.before + time.monotonic() - self.started
 
-    def _stopping(self, caught: Signals) -> bool:
-        return self.processes.stopping(caught.received is not None)
+    def _stopping(self, signals: Signals) -> bool:
+        return self.processes.stopping(signals.received is not None)
 
     def _log(self) -> None:
         now = time.monotonic()
@@ -233,9 +237,11 @@ class TrainingLoop:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings, members, data_sha256 = self.identity
+        lengths, digests = zip(*(history.flush() for history in self.histories), strict=True)
         state = RunState(
             training=self.trainer.plain_state(),
-            history_bytes=tuple(history.flush() for history in self.histories),
+            history_bytes=lengths,
+            history_sha256=digests,
             wall_s=self.wall_s,
             stopped=self.stopped,
             settings=settings,

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.scaling import material_of
-from granpinn.data.symmetry import axes_of, invariant_axes, words
+from granpinn.data.symmetry import axes_of, words
+from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
-from granpinn.training.tolerances import law_rate, magnitudes_of, sigmas_of
+from granpinn.training.tolerances import NO_NOISE, VelocityNoise, law_rate, sigmas_of
 
 
 @dataclass(frozen=True)
@@ -27,27 +28,18 @@ class Problem:
         spec: widths, input map and form of the network.
         term_weights: 1/sigma^2 of each of the `TERMS`.
         mean_length: of the mean strain rate of shear bands (`equations.py`).
-        noise, noise_share: of the vectors (`tolerances.py`).
+        noise: of the vectors, where the training follows it.
     """
 
     spec: NetworkSpec
     physics: Physics
     term_weights: list[float]
     mean_length: float
-    noise: float = 0.0
-    noise_share: float = 1.0
+    noise: VelocityNoise = NO_NOISE
 
     def velocity_factor(self, misfit: float) -> float:
-        """Factor on the weight of the velocity after the pre-fit, 1 for clean data.
-
-        The noise counts as at most the misfit of the pre-fit. It is smaller than the measured noise
-        where frames are too far apart for a measurement, and the network still fits the vectors.
-
-        Args:
-            misfit: rms misfit of one velocity component after the pre-fit; 0: unknown.
-        """
-        sigma = self.noise_share * min(self.noise, misfit or math.inf)
-        return max(1.0, sigma * math.sqrt(self.term_weights[0])) ** -2
+        """Factor on the weight of the velocity, from the misfit of the pre-fit."""
+        return self.noise.factor(self.term_weights[0], misfit)
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -70,11 +62,10 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
-    invariant = invariant_axes(flow)
-    scale = [0.0 if same else factor for same, factor in zip(invariant, scale, strict=True)]
+    facts = Facts(flow, scales)
+    scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
     material = material_of(flow, scales)
-    found = magnitudes_of(flow, scales)
-    sigmas = sigmas_of(config, scales, found)
+    sigmas = sigmas_of(config, scales, facts)
     g_x, g_y = axes_of(flow).gravity
     physics = Physics(
         grain_diameter=material.grain_diameter,
@@ -90,12 +81,10 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
     smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
-    follows = config.weights.follow_noise
     return Problem(
         spec,
         physics,
         [sigma**-2 for sigma in sigmas],
         smallest / scales.length,
-        noise=found.noise if follows else 0.0,
-        noise_share=found.share,
+        VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
     )

@@ -58,7 +58,8 @@ class RunState:
     """Everything in the JSON of a checkpoint but its format, its step and its checksum.
 
     Attributes:
-        history_bytes: length of the history.csv of each member [E].
+        history_bytes, history_sha256: length of the history.csv of each member, and SHA-256 of its
+            content [E].
         wall_s: seconds of training so far.
         stopped: the setting that limits the steps.
         settings, members, data_sha256: the identity of the run (identity.py).
@@ -66,6 +67,7 @@ class RunState:
 
     training: TrainingState
     history_bytes: tuple[int, ...]
+    history_sha256: tuple[str, ...]
     wall_s: float
     stopped: str
     settings: dict[str, Any]
@@ -75,6 +77,7 @@ class RunState:
     def __post_init__(self) -> None:
         E = len(self.training.lr_scale)
         _count("history_bytes", self.history_bytes, E)
+        _count("history_sha256", self.history_sha256, E)
         _count("members", self.members, E)
         for length in self.history_bytes:
             _within("history_bytes", length, 0, MOST_STEPS)

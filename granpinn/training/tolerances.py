@@ -10,84 +10,75 @@ $\sigma\sqrt{n/N}$, where N counts independent vectors and $\sigma$ is the noise
 A smaller tolerance lets the network follow the noise; a much larger one lets the friction law
 distort the velocity. n was chosen on flows of grains and on collapses with added noise
 (bench/studies/grains/note.md).
+
+The forces between grains fluctuate around those of the law, from place to place. A flow that is the
+same along x has a network without x: it solves the equations of the mean over N columns, whose
+momentum fluctuates less, by $\sqrt{N}$. The tolerance of the law is the error of the law itself; it
+stays.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from granpinn.arrays import Float64
 from granpinn.config import Config
-from granpinn.data import Flow, known_sd
-from granpinn.estimates.gradients import gradients
-from granpinn.estimates.noise import grid_noise, particle_fits, particle_vectors
-from granpinn.estimates.view import View, view_of
+from granpinn.estimates.facts import Facts
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 3000.0  # n
-FRAMES = 12  # at most, for the shear rate
-STEPS = 4  # of an octave, to which magnitudes are rounded
+MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried
 
 
 @dataclass(frozen=True)
-class Magnitudes:
-    """How fast a flow is and how noisy its vectors are, dimensionless.
+class VelocityNoise:
+    """The part of the noise of the vectors that is the tolerance of the velocity, dimensionless.
 
     Attributes:
-        velocity: rms speed.
-        rate: rms shear rate, less the part of the noise.
-        noise: standard deviation of one component of one vector; 0: unknown.
-        share: part of the noise that is the tolerance of the velocity.
+        sigma: standard deviation of one component of one vector; 0: none, or unknown.
+        share: factor on it, sqrt(n/N), at most 1.
     """
 
-    velocity: float
-    rate: float
-    noise: float
-    share: float
+    sigma: float = 0.0
+    share: float = 1.0
+
+    @classmethod
+    def of(cls, facts: Facts) -> VelocityNoise:
+        """Of a flow, from its measured noise."""
+        share = min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent)))
+        return cls(facts.sigma, share)
+
+    def factor(self, weight: float, misfit: float) -> float:
+        """Factor on the weight of the velocity after the pre-fit, 1 for clean data.
+
+        The noise counts as at most the misfit of the pre-fit. It is smaller than the measured noise
+        where frames are too far apart for a measurement, and the network still fits the vectors.
+
+        Args:
+            weight: 1/sigma^2 of the velocity without noise.
+            misfit: rms misfit of one velocity component after the pre-fit; 0: unknown.
+        """
+        sigma = self.share * min(self.sigma, misfit or math.inf)
+        return max(1.0, sigma * math.sqrt(weight)) ** -2
 
 
-def magnitudes_of(flow: Flow, scales: Scales) -> Magnitudes:
-    """Speed, shear rate and noise of the vectors of a flow.
-
-    The noise is measured from the vectors; where they are too few, it is the stated one.
-    """
-    if flow.particles is not None:
-        t, x, y, u, v = particle_vectors(flow.particles, scales)
-        around = particle_fits(t, x, y, u, v)
-        found, rate = around.noise, _rms(around.shear_rate)
-        speed, vectors = _rms(np.hypot(u, v)), float(u.size)
-    else:
-        view = view_of(flow, scales)
-        found, vectors = grid_noise(view), float(view.count.sum())
-        slopes = gradients(_some_frames(view), found.sigma or 0.0)
-        rate = _rms(slopes.gamma_dot)
-        speed = _rms(np.hypot(view.u, view.v)[view.there])
-    noise = found.sigma
-    if noise is None or not math.isfinite(noise):
-        noise = known_sd(flow) / scales.velocity
-    independent = vectors / found.vectors_per_independent
-    return Magnitudes(
-        velocity=_rounded(speed) or 1.0,
-        rate=_rounded(rate) or 1.0,
-        noise=_rounded(noise),
-        share=min(1.0, math.sqrt(RESOLVED / max(1.0, independent))),
-    )
+NO_NOISE = VelocityNoise()
 
 
-def sigmas_of(config: Config, scales: Scales, found: Magnitudes) -> list[float]:
+def sigmas_of(config: Config, scales: Scales, facts: Facts) -> list[float]:
     """The standard deviation of every term of the loss, dimensionless."""
     sigmas = [config.weights.sigma(term.name) for term in TERMS]
     if config.weights.units == "file":
         pairs = zip(sigmas, TERMS, strict=True)
         return [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
     if config.weights.units == "flow":
-        unit = {"velocity": found.velocity, "rate": found.rate}
+        unit = {
+            "velocity": facts.speed,
+            "rate": facts.shear_rate,
+            "force": min(facts.columns, MOST_COLUMNS) ** -0.5,
+        }
         return [s * unit.get(term.quantity, 1.0) for s, term in zip(sigmas, TERMS, strict=True)]
     return sigmas
 
@@ -96,22 +87,3 @@ def law_rate(sigmas: Sequence[float], law_error: float) -> float:
     """The shear rate above which the law counts by its relative error, dimensionless."""
     sigma = sigmas[LAW]
     return sigma / law_error if law_error > 0 and math.isfinite(sigma) else math.inf
-
-
-def _some_frames(view: View) -> View:
-    """Frames spread over the time of the flow; slopes along x and y need no others."""
-    k = np.unique(np.linspace(0, len(view.t) - 1, FRAMES).round().astype(int))
-    names = ("t", "u", "v", "count", "grains")
-    return dataclasses.replace(view, **{name: getattr(view, name)[k] for name in names})
-
-
-def _rms(values: Float64) -> float:
-    return math.sqrt(float(np.mean(np.square(values)))) if values.size else 0.0
-
-
-def _rounded(value: float) -> float:
-    """To a quarter of an octave, so that the same flow in other units has the same tolerances.
-
-    No tolerance is known better, and equal distances of neighbors may be sorted in another order.
-    """
-    return 2 ** (round(STEPS * math.log2(value)) / STEPS) if value > 0 else 0.0

@@ -26,7 +26,7 @@ from granpinn.data import (
 )
 from granpinn.data.collocation import MOST_PER_VECTOR
 from granpinn.data.scaling import initial_height, scales_of
-from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, with_period, words
+from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, with_layer, words
 from tests.flows import make_chute, make_flow
 
 ALL_FRAMES = 4
@@ -210,8 +210,9 @@ def without_period(flow: Flow) -> Flow:
 
 def test_data_alone_show_a_layer_that_is_the_same_along_x() -> None:
     layer = without_period(make_chute(frames=5))
-    found = with_period(layer)
-    assert found.stated("period_x") == pytest.approx(32)
+    found = with_layer(layer)
+    assert found.periodic
+    assert found.attributes == layer.attributes
     assert same_along_x(found)
     for other in (wavy(layer, 0.1), replace(layer, surface=None), make_flow()):
-        assert with_period(other) is other
+        assert with_layer(other) is other

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
 
 from granpinn.data import Flow
 from granpinn.identification import balance, finish
+from granpinn.identification.balance import Balance
+from granpinn.inspection.baseline import baseline
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.results.attempt import BASELINE, asked_for
 from granpinn.results.baseline import Baseline
@@ -26,7 +29,7 @@ def result_with(factor: float) -> Result:
 
 
 def test_a_right_law_does_not_warn() -> None:
-    found = balance.beside(chute(), result_with(1.0))
+    found = balance.beside(Balance(chute()), result_with(1.0))
     assert [d.percent for d in found.network] == pytest.approx([0], abs=1)
     assert found.warning is None
     assert "the network's law differs by" in str(found)
@@ -36,7 +39,7 @@ def test_a_right_law_does_not_warn() -> None:
 
 @pytest.mark.parametrize("factor", [0.85, 1.2])
 def test_a_wrong_law_warns(factor: float) -> None:
-    found = balance.beside(chute(), result_with(factor))
+    found = balance.beside(Balance(chute()), result_with(factor))
     assert found.worst is not None
     assert found.worst.percent == pytest.approx(100 * (factor - 1), abs=1)
     assert found.warning is not None
@@ -45,7 +48,7 @@ def test_a_wrong_law_warns(factor: float) -> None:
 
 def test_grains_that_walls_carry_get_no_error_bars() -> None:
     result = make_result()
-    found = balance.beside(replace(chute(), u=-chute().u), result)
+    found = balance.beside(Balance(replace(chute(), u=-chute().u)), result)
     assert found.carried
     made = balance.judged(result, found)
     assert made.theta == result.theta
@@ -59,16 +62,16 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
 
 def test_grains_on_their_base_keep_their_error_bars() -> None:
     result = make_result()
-    made = balance.judged(result, balance.beside(chute(), result))
+    made = balance.judged(result, balance.beside(Balance(chute()), result))
     assert made.verdict == result.verdict
     assert made.parameters == result.parameters
 
 
 def test_the_error_bars_of_both_count() -> None:
     """sd(mu)/mu of the result is 3 % here: a difference of 5 % does not warn any more."""
-    alone = balance.beside(chute(), result_with(1.05)).network[0]
+    alone = balance.beside(Balance(chute()), result_with(1.05)).network[0]
     result = replace(result_with(1.05), covariance=make_result().covariance)
-    both = balance.beside(chute(), result).network[0]
+    both = balance.beside(Balance(chute()), result).network[0]
     assert alone.percent == both.percent
     assert both.se_percent > alone.se_percent
 
@@ -80,7 +83,7 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
     monkeypatch.setattr(balance, "baseline", fail)
 
     class Seen:
-        seen = chute()
+        balance = Balance(chute())
 
     result = finish._with_baseline(result_with(1.0), Seen())  # type: ignore[arg-type]
     assert [part.what for part in result.not_done] == [BASELINE]
@@ -88,7 +91,24 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
     assert result.baseline is None
 
 
+def test_a_flow_has_one_balance_for_each_inertial_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Members ask from several threads, as a batch on a GPU does."""
+    made = []
+
+    def counted(flow: Flow, I0: float) -> Baseline:
+        made.append(I0)
+        return baseline(flow, I0)
+
+    monkeypatch.setattr(balance, "baseline", counted)
+    shared = Balance(chute())
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(shared.at, [0.3, 0.3, 0.25, 0.3]))
+    assert sorted(made) == [0.25, 0.3]
+    assert found[0] is found[3]
+    assert found[2] != found[0]
+
+
 def test_where_it_does_not_apply_there_is_no_difference() -> None:
-    found = balance.beside(replace(chute(), surface=None), result_with(1.0))
+    found = balance.beside(Balance(replace(chute(), surface=None)), result_with(1.0))
     assert found.network == ()
     assert "it does not apply: the flow has no surface line" in str(found)

@@ -13,6 +13,8 @@ import torch
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow, known_sd, redraw
+from granpinn.identification import batch
+from granpinn.identification import case as case_module
 from granpinn.identification.case import member_seed, members, pose
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
@@ -45,6 +47,19 @@ def test_members_differ_in_their_seeds_and_share_clean_data(flow: Flow) -> None:
     assert [case.member.seed for case in made] == [member_seed(4, k) for k in range(3)]
     assert all(case.member.data is made[0].member.data for case in made)
     assert not any(case.redrawn for case in made)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_repeated_flow_of_a_batch_is_checked_once(
+    noise: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked: list[Flow] = []
+    monkeypatch.setattr(case_module, "refuse_slips", checked.append)
+    configs = [tiny(noise=noise, seed=seed, I0=0.3 - seed / 20, device="cpu") for seed in (0, 1)]
+    made = batch._pose([flow, flow], configs)
+    assert len(checked) == 1
+    assert [case.member.fixed for case in made] == [{"I0": 0.3}, {"I0": 0.25}]
+    assert (made[0].balance is made[1].balance) == (noise == 0)  # their noise differs
 
 
 @pytest.mark.parametrize("known", ["added", "in the file"])

@@ -31,6 +31,7 @@ def state_at(step: int) -> RunState:
             from_progress=0.0,
         ),
         history_bytes=(70, 80),
+        history_sha256=("a1", "b2"),
         wall_s=float(step),
         stopped="steps",
         settings={"seed": 3, "sigma": "inf"},
@@ -178,6 +179,8 @@ IMPOSSIBLE: list[dict[str, Any]] = [
     {"step": 7, "training__step": 7},
     {"history_bytes": [-1, 80]},
     {"history_bytes": [70]},
+    {"history_sha256": ["a1"]},
+    {"history_sha256": [1, 2]},
     {"wall_s": -1.0},
     {"wall_s": None},
     {"stopped": "later"},
@@ -207,7 +210,7 @@ def test_impossible_values_are_damage_whatever_their_checksum(
 def test_a_checkpoint_of_version_2_is_refused_in_one_sentence(tmp_path: Path) -> None:
     saved(tmp_path, 1)
     forged(tmp_path, 1, format_version=2)
-    with pytest.raises(CheckpointError, match=r"expected granpinn-checkpoint version 3, got .* 2"):
+    with pytest.raises(CheckpointError, match=r"expected granpinn-checkpoint version 4, got .* 2"):
         newest(tmp_path)
 
 
@@ -261,4 +264,4 @@ def test_infinity_is_text_in_the_state(tmp_path: Path) -> None:
     assert plain((1.5, float("inf"))) == [1.5, "inf"]
     saved(tmp_path, 1)
     text = (tmp_path / "step-000000001.json").read_text()
-    assert json.loads(text)["format_version"] == 3
+    assert json.loads(text)["format_version"] == 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import hashlib
 import io
 import math
 import sys
@@ -31,15 +32,15 @@ def row(step: int, **changes: float) -> Row:
 def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
     path = tmp_path / "history.csv"
     history = History(path, DEFAULT)
-    history.open(0)
+    history.open()
     rows = [row(1, loss=1 / 3), row(2, loss=1e-300, momentum=NAN), row(3)]
     for r in rows:
         history.append(r)
-    size = history.flush()
+    size, sha256 = history.flush()
     history.close()
     assert size == path.stat().st_size
     again = History(path, DEFAULT)
-    again.open(size)
+    again.open(size, sha256)
     assert [repr(r) for r in again.rows] == [repr(r) for r in rows]
     again.append(row(4))
     again.close()
@@ -52,15 +53,31 @@ def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
 
 def test_rows_after_the_offset_are_dropped(tmp_path: Path) -> None:
     history = History(tmp_path / "history.csv", DEFAULT)
-    history.open(0)
+    history.open()
     history.append(row(1))
-    offset = history.flush()
+    saved = history.flush()
     history.append(row(2))
     history.close()
-    history.open(offset)
+    history.open(*saved)
     assert [r.step for r in history.rows] == [1]
     history.close()
     assert len((tmp_path / "history.csv").read_text().splitlines()) == 2
+
+
+def test_a_changed_row_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    history = History(path, DEFAULT)
+    history.open()
+    history.append(row(1))
+    saved = history.flush()
+    history.append(row(2))
+    history.close()
+    changed = path.read_text().replace("\n1,", "\n3,")
+    path.write_text(changed)
+    with pytest.raises(ValueError, match=f"its first {saved[0]} bytes were changed"):
+        history.open(*saved)
+    history.close()
+    assert path.read_text() == changed
 
 
 def test_a_disk_that_fails_is_reported_with_the_path(
@@ -68,7 +85,7 @@ def test_a_disk_that_fails_is_reported_with_the_path(
 ) -> None:
     path = tmp_path / "history.csv"
     history = History(path, DEFAULT)
-    history.open(0)
+    history.open()
 
     def fail(handle: int) -> None:
         raise OSError(28, "No space left on device")
@@ -83,15 +100,16 @@ def test_a_disk_that_fails_is_reported_with_the_path(
 def test_a_rollback_forgets_later_rows(on_disk: bool, tmp_path: Path) -> None:
     path = tmp_path / "history.csv" if on_disk else None
     history = History(path, DEFAULT)
-    history.open(0)
+    history.open()
     for step in (1, 2, 3):
         history.append(row(step))
     history.forget_after(2)
     history.append(row(3, loss=7.0))
     assert [(r.step, r.loss) for r in history.rows][1:] == [(2, history.rows[1].loss), (3, 7.0)]
-    history.flush()
+    saved = history.flush()
     history.close()
     if path is not None:
+        assert saved == (path.stat().st_size, hashlib.sha256(path.read_bytes()).hexdigest())
         assert [line.split(",")[0] for line in path.read_text().splitlines()[1:]] == list("123")
 
 
@@ -218,12 +236,12 @@ def test_rows_of_another_law_have_its_columns(tmp_path: Path) -> None:
     assert columns(law)[-2:] == ("mu_s", "learning_rate")
     written = Row.of(law, [3, *(0.1 * k for k in range(1, len(columns(law))))])
     history = History(path, law)
-    history.open(0)
+    history.open()
     history.append(written)
-    size = history.flush()
+    size, sha256 = history.flush()
     history.close()
     again = History(path, law)
-    again.open(size)
+    again.open(size, sha256)
     assert again.rows == [written]
     again.close()
     assert describe(written).startswith("mu_s 0.8000  loss 0.2  vel 3.0e-01")

@@ -12,12 +12,13 @@ from granpinn import reference
 from granpinn.config import Config
 from granpinn.data import Flow, add_noise, training_set
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
 from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import Evaluation
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
-from granpinn.training.tolerances import magnitudes_of
+from granpinn.training.tolerances import NO_NOISE, VelocityNoise
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
 
@@ -119,7 +120,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     assert (P_out, p_floor) == (0.2, 1e-6)
     weights = Config().weights
     ratio = weights.sigma_constitutive / weights.law_error
-    rate = magnitudes_of(flow, scales).rate
+    rate = Facts(flow, scales).shear_rate
     assert law_rate == pytest.approx(ratio * rate)
 
 
@@ -164,12 +165,12 @@ def test_the_misfit_is_that_of_the_velocity(flow: Flow) -> None:
 
 def test_the_velocity_weighs_less_where_the_data_are_noisy(flow: Flow) -> None:
     clean = replace(posed(flow, tiny()), term_weights=[0.003**-2, 1, 1, 1, 1])
-    noisy = replace(clean, noise=0.05, noise_share=0.2)
+    noisy = replace(clean, noise=VelocityNoise(0.05, 0.2))
 
     def sigma(problem: Problem, misfit: float) -> float:
         return float(problem.term_weights[0] * problem.velocity_factor(misfit)) ** -0.5
 
-    assert sigma(replace(clean, noise=0.0), 0.2) == pytest.approx(0.003)
+    assert sigma(replace(clean, noise=NO_NOISE), 0.2) == pytest.approx(0.003)
     assert sigma(noisy, 0.04) == pytest.approx(0.2 * 0.04)  # fitted better than the noise
     assert sigma(noisy, 0.2) == pytest.approx(0.2 * 0.05)
     assert sigma(noisy, 0.0) == pytest.approx(0.2 * 0.05)  # no pre-fit

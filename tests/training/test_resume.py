@@ -206,6 +206,7 @@ def test_a_damaged_checkpoint_of_another_run_is_only_damaged(flow: Flow, tmp_pat
         lambda path: path.write_bytes(b"\xff" * path.stat().st_size),
         lambda path: path.write_text(path.read_text().replace("\n5,", "\n,,", 1)),
         lambda path: path.write_text(path.read_text().replace("\n5,", "\n1e999,", 1)),
+        lambda path: path.write_text(path.read_text().replace("\n5,", "\n4,", 1)),
     ],
 )
 def test_a_damaged_history_is_one_sentence(damage: Any, flow: Flow, tmp_path: Path) -> None:

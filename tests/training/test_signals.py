@@ -14,8 +14,8 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
+from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint
-from granpinn.training.guard import Signals, signals
 from tests.runs import make_run, tiny
 
 ENDLESS = ["--steps", "1000000", "--log-every", "10", "--network.widths", "6,5"]
@@ -60,10 +60,10 @@ def test_a_signal_saves_and_stops_within_ten_seconds(
 
 def test_a_second_signal_ends_the_process_at_once() -> None:
     code = (
-        "import time\nfrom granpinn.training.guard import signals\n"
-        "with signals() as caught:\n"
+        "import time\nfrom granpinn.signals import caught\n"
+        "with caught() as signals:\n"
         "    print('ready', flush=True)\n"
-        "    while not caught.received: time.sleep(0.01)\n"
+        "    while not signals.received: time.sleep(0.01)\n"
         "    print('first', flush=True)\n"
         "    time.sleep(100)\n"
     )
@@ -95,18 +95,18 @@ def test_a_signal_in_the_last_layer_step_stops_the_run(
 
 
 def test_a_signal_just_before_the_last_layer_is_not_lost() -> None:
-    caught = Signals()
-    caught.handle(signal.SIGINT, None)
+    signals = Signals()
+    signals.handle(signal.SIGINT, None)
     with pytest.raises(Interrupted, match="here") as stop:
-        caught.stop_at_once("here")
+        signals.stop_at_once("here")
     assert stop.value.signum == signal.SIGINT
 
 
 def test_handlers_are_put_back() -> None:
     before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
-    with signals() as caught:
+    with caught() as signals:
         signal.raise_signal(signal.SIGTERM)
-        assert caught.received == signal.SIGTERM
+        assert signals.received == signal.SIGTERM
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
 
 
@@ -152,9 +152,9 @@ def test_outside_the_main_thread_nothing_is_caught() -> None:
     received: list[int | None] = []
 
     def work() -> None:
-        with signals() as caught:
+        with caught() as signals:
             assert signal.getsignal(signal.SIGINT) is before
-            received.append(caught.received)
+            received.append(signals.received)
 
     thread = threading.Thread(target=work)
     thread.start()
@@ -166,12 +166,12 @@ def test_outside_the_main_thread_nothing_is_caught() -> None:
 def test_an_ignored_signal_stays_ignored(signum: signal.Signals) -> None:
     before = signal.signal(signum, signal.SIG_IGN)
     try:
-        with signals() as caught:
+        with caught() as signals:
             signal.raise_signal(signum)
-            assert not caught.received
+            assert not signals.received
             other = signal.SIGTERM if signum == signal.SIGINT else signal.SIGINT
             signal.raise_signal(other)
-            assert caught.received == other
+            assert signals.received == other
         assert signal.getsignal(signum) is signal.SIG_IGN
     finally:
         signal.signal(signum, before)

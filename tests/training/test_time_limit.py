@@ -12,9 +12,9 @@ import torch
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
+from granpinn.signals import Signals
 from granpinn.training import loop as loop_module
 from granpinn.training import time_limit
-from granpinn.training.guard import Signals
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
 from tests.runs import make_objective, make_trainer, tiny
@@ -121,9 +121,9 @@ def test_a_resumed_run_keeps_the_schedule(flow: Flow, ticking: Clock, tmp_path: 
     run = make(limited())
     loop = run._loop
 
-    def stop_at_once(caught: Signals) -> None:
-        caught.handle(2, None)
-        loop(caught)
+    def stop_at_once(signals: Signals) -> None:
+        signals.handle(2, None)
+        loop(signals)
 
     run._loop = stop_at_once  # type: ignore[method-assign]
     with pytest.raises(Interrupted):

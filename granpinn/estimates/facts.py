@@ -1,0 +1,135 @@
+"""The facts of a flow that its vectors show: speed, shear rate, noise, and symmetries.
+
+Each fact is measured once, when it is first asked for. The magnitudes are rounded to a quarter of
+an octave: no tolerance is known better, and the same flow in other units has the same tolerances
+(equal distances of neighbors may be sorted in another order).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.data import Flow, known_sd
+from granpinn.data.symmetry import invariant_axes
+from granpinn.estimates.gradients import Gradients, gradients
+from granpinn.estimates.noise import (
+    Noise,
+    ParticleFits,
+    grid_noise,
+    noise_map,
+    particle_fits,
+    particle_noise_map,
+    particle_vectors,
+)
+from granpinn.estimates.view import View, view_of
+from granpinn.physics.scales import Scales
+
+FRAMES = 12  # at most, for the shear rate
+STEPS = 4  # of an octave, to which magnitudes are rounded
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What the vectors of a flow show, dimensionless."""
+
+    flow: Flow
+    scales: Scales
+
+    @cached_property
+    def invariant(self) -> tuple[bool, bool, bool]:
+        """Whether the flow does not change with x, y and t, in the axes of its training."""
+        return invariant_axes(self.flow)
+
+    @cached_property
+    def columns(self) -> int:
+        """Columns of vectors whose mean a flow that is the same along x shows; else 1."""
+        return int(self.view.there.any(axis=(0, 1)).sum()) if self.invariant[0] else 1
+
+    @cached_property
+    def view(self) -> View:
+        """The flow on one grid."""
+        return view_of(self.flow, self.scales)
+
+    @cached_property
+    def vectors(self) -> tuple[Float64, ...]:
+        """t, x, y, u, v of all vectors of a flow of particles, [N] each."""
+        assert self.flow.particles is not None
+        return particle_vectors(self.flow.particles, self.scales)
+
+    @cached_property
+    def fits(self) -> ParticleFits:
+        """Local fits among the vectors of a flow of particles."""
+        return particle_fits(*self.vectors)
+
+    @cached_property
+    def noise(self) -> Noise:
+        """The noise of a typical vector."""
+        return grid_noise(self.view) if self.flow.particles is None else self.fits.noise
+
+    @cached_property
+    def noise_cells(self) -> Float64:
+        """The noise of every cell [Y, X], NaN where it is unknown."""
+        if self.flow.particles is None:
+            return noise_map(self.view)
+        _, x, y, _, _ = self.vectors
+        return particle_noise_map(self.fits, x, y, self.view)
+
+    @cached_property
+    def slopes(self) -> Gradients:
+        """Derivatives of the velocity in all cells."""
+        return gradients(self.view, self.noise.sigma or 0.0)
+
+    @cached_property
+    def speed(self) -> float:
+        """Rms speed; 1 for grains at rest."""
+        if self.flow.particles is None:
+            speeds = np.hypot(self.view.u, self.view.v)[self.view.there]
+        else:
+            speeds = np.hypot(*self.vectors[3:])
+        return _rounded(_rms(speeds)) or 1.0
+
+    @cached_property
+    def shear_rate(self) -> float:
+        """Rms shear rate, less the part of the noise; 1 for grains at rest."""
+        if self.flow.particles is None:
+            some = gradients(_some_frames(self.view), self.noise.sigma or 0.0).gamma_dot
+        else:
+            some = self.fits.shear_rate
+        return _rounded(_rms(some)) or 1.0
+
+    @cached_property
+    def sigma(self) -> float:
+        """Noise of one component of one vector: measured; if the vectors are too few, stated."""
+        measured = self.noise.sigma
+        if measured is None or not math.isfinite(measured):
+            measured = known_sd(self.flow) / self.scales.velocity
+        return _rounded(measured)
+
+    @cached_property
+    def independent(self) -> float:
+        """Number of independent vectors."""
+        particles = self.flow.particles
+        count = self.view.count.sum() if particles is None else particles.u.size
+        return float(count) / self.noise.vectors_per_independent
+
+
+def _some_frames(view: View) -> View:
+    """Frames spread over the time of the flow; slopes along x and y need no others."""
+    k = np.unique(np.linspace(0, len(view.t) - 1, FRAMES).round().astype(int))
+    names = ("t", "u", "v", "count", "grains")
+    return dataclasses.replace(view, **{name: getattr(view, name)[k] for name in names})
+
+
+def _rms(values: Float64) -> float:
+    return math.sqrt(float(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def _rounded(value: float) -> float:
+    """To a quarter of an octave; 0 for a value that is not positive."""
+    return 2 ** (round(STEPS * math.log2(value)) / STEPS) if value > 0 else 0.0

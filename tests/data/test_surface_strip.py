@@ -1,0 +1,82 @@
+"""Collocation points between the highest vectors and the free surface."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn.data import Flow, TrainingSet, training_set, with_collocation, with_surface_strip
+from granpinn.data.flow import Surface
+from granpinn.data.scaling import scales_of
+from granpinn.data.surface_strip import THICKEST
+from tests.flows import make_chute
+
+GAP = 1.4  # spacings between the centers of the highest cells and the line
+
+
+def layer(gap: float = GAP, frames: int = 3) -> Flow:
+    """A chute whose surface lies at a distance of its highest vectors."""
+    flow = make_chute(frames=frames)
+    spacing = flow.y[1] - flow.y[0]
+    top = flow.y[np.flatnonzero(flow.valid.any(axis=(0, 2)))[-1]]
+    t, x = (a.ravel() for a in np.meshgrid(flow.t, flow.x, indexing="ij"))
+    return replace(flow, surface=Surface(t, x, np.full(t.size, top + gap * spacing), None))
+
+
+def collocated(flow: Flow) -> TrainingSet:
+    scales = scales_of(flow)
+    return with_collocation(training_set(flow, scales), flow, scales, 1.0)
+
+
+def strip(flow: Flow, before: TrainingSet) -> torch.Tensor:
+    return with_surface_strip(before, flow, scales_of(flow)).between[len(before.between) :]
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_they_fill_the_strip_as_densely_as_the_flow(frames: int) -> None:
+    flow = layer(frames=frames)
+    before = collocated(flow)
+    found = strip(flow, before).double().numpy()
+    top = before.points[:, 1].max().item()
+    height = (found[:, 1] - top) / (before.surface_points[:, 1].max().item() - top)
+    assert np.histogram(height, 4, (0, 1))[0] == pytest.approx(
+        len(found) / 4, abs=4 * len(found) ** 0.5 / 2
+    )
+    columns = flow.valid.any(axis=(0, 1)).sum()
+    per_cell = len(before.between) / len(before.points)
+    assert len(found) == pytest.approx(per_cell * frames * columns * GAP, rel=0.15)
+    assert len(np.unique(found[:, 2])) == frames
+
+
+def test_the_rest_of_the_training_stays() -> None:
+    flow = layer()
+    before = collocated(flow)
+    after = with_surface_strip(before, flow, scales_of(flow))
+    for field in fields(before):
+        kept = getattr(after, field.name)[: len(getattr(before, field.name))]
+        assert torch.equal(kept, getattr(before, field.name))
+
+
+def test_a_wide_gap_is_no_strip() -> None:
+    flow = layer(THICKEST + 0.2)
+    assert len(strip(flow, collocated(flow))) == 0
+
+
+def test_a_line_without_vectors_at_its_time_has_no_strip() -> None:
+    flow = layer()
+    assert flow.surface is not None
+    between = (flow.t[1] + flow.t[2]) / 2
+    late = replace(flow.surface, t=np.where(flow.surface.t > flow.t[1], between, flow.surface.t))
+    flow = replace(flow, surface=late)
+    before = collocated(flow)
+    assert between not in strip(flow, before)[:, 2].unique().tolist()
+    assert len(strip(flow, before)) > 0
+
+
+def test_nothing_changes_without_points_between_the_vectors() -> None:
+    flow = layer()
+    data = training_set(flow, scales_of(flow))
+    assert with_surface_strip(data, flow, scales_of(flow)) is data
