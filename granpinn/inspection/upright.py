@@ -14,8 +14,8 @@ from granpinn.data.walls import segments_of
 from granpinn.inspection.plate import Plate, plate_on
 
 NO_TOP = (
-    "the flow has neither a surface line nor, with periodic sides, a plate of known pressure and "
-    "shear stress, from which the stress is counted"
+    "the flow has no surface line nor, with periodic sides, a plate of known pressure and shear "
+    "stress, and the stress is counted from these"
 )
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
