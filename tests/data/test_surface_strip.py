@@ -19,7 +19,7 @@ GAP = 1.4  # spacings between the centers of the highest cells and the line
 
 def layer(gap: float = GAP, frames: int = 3) -> Flow:
     """A chute whose surface lies at a distance of its highest vectors."""
-    flow = make_chute(frames=frames)
+    flow = make_chute(frames=frames, columns=120)
     spacing = flow.y[1] - flow.y[0]
     top = flow.y[np.flatnonzero(flow.valid.any(axis=(0, 2)))[-1]]
     t, x = (a.ravel() for a in np.meshgrid(flow.t, flow.x, indexing="ij"))
