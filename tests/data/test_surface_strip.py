@@ -65,15 +65,17 @@ def test_a_wide_gap_is_no_strip() -> None:
     assert len(strip(flow, collocated(flow))) == 0
 
 
-def test_a_line_without_vectors_at_its_time_has_no_strip() -> None:
+@pytest.mark.parametrize("steady", [True, False])
+def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> None:
     flow = layer()
+    if not steady:
+        flow = replace(flow, attributes={"period_x": 32.0})
     assert flow.surface is not None
-    between = (flow.t[1] + flow.t[2]) / 2
+    between = (flow.t[1] + flow.t[2]) / 2  # no vector has this time
     late = replace(flow.surface, t=np.where(flow.surface.t > flow.t[1], between, flow.surface.t))
     flow = replace(flow, surface=late)
-    before = collocated(flow)
-    assert between not in strip(flow, before)[:, 2].unique().tolist()
-    assert len(strip(flow, before)) > 0
+    found = strip(flow, collocated(flow))
+    assert len(found[:, 2].unique()) == (3 if steady else 2)
 
 
 def test_nothing_changes_without_points_between_the_vectors() -> None:
