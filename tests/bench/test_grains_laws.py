@@ -19,6 +19,7 @@ from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
 from bench.studies.grains.table import points
+from bench.studies.grains.tilt import tilt
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.results import Covariance, Parameter, Parameters
 from tests.examples import make_result
@@ -216,3 +217,36 @@ def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "drum" / "flow.h5").touch()
     (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
     assert scenes_in(tmp_path) == [tmp_path / "drum"]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, -0.2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_tilt_is_the_deviator_across_the_strain_rate(angle: float, sense: float) -> None:
+    shape = (1, 8, 12)
+    y, x = np.arange(8) + 0.5, np.arange(12) + 0.5
+    u = np.broadcast_to(sense * 0.1 * y[:, None], shape).astype(np.float32)  # simple shear
+    flow = Flow(
+        t=np.array([0.0]),
+        y=y,
+        x=x,
+        u=u,
+        v=np.zeros(shape, np.float32),
+        c=np.ones(shape, np.float32),
+        gravity=(0.0, -1.0),
+        density=1.0,
+        grain_diameter=1.0,
+    )
+    # u_y > 0 turns clockwise; the deviator turned by an angle has twice that angle in its plane
+    turned = 0.3 * np.exp(2j * (np.pi / 4 * sense - sense * angle))
+    ones = np.ones(shape)
+    stress = {
+        "sigma_xx": (1 - turned.real) * ones,
+        "sigma_yy": (1 + turned.real) * ones,
+        "sigma_xy": -turned.imag * ones,
+        "p": ones,
+        "I": 0.03 * ones,
+        "used": ones > 0,
+    }
+    found = tilt(flow, stress)
+    assert found["tilt"] == {"0.02..0.04": pytest.approx(0.3 * np.sin(2 * angle), abs=1e-6)}
+    assert found["rotation_over_rate"] == pytest.approx(1.0)
