@@ -15,6 +15,7 @@ SPREAD = 0.15  # diameters are uniform in 1 - SPREAD .. 1 + SPREAD
 STIFFNESS = 4e4
 DAMPING = 138.0
 TIME_STEP = 5e-4
+MEAN_AREA = math.pi / 4 * (1 + SPREAD**2 / 3)  # of a disk, d^2
 GRAIN_DENSITY = 4 / math.pi  # mass of a disk over its area
 BULK_FRACTION = 0.80  # solid fraction of a dense flow, for the inertial number and momentum
 BULK_DENSITY = BULK_FRACTION * GRAIN_DENSITY

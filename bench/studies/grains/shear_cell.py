@@ -27,7 +27,7 @@ from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import fit
 from bench.studies.grains.materials import (
     BULK_DENSITY,
-    SPREAD,
+    MEAN_AREA,
     TIME_STEP,
     Material,
     diameters,
@@ -54,7 +54,6 @@ def rate(inertial_number: float, pressure: float) -> float:
 def script(material: Material, pressure: float, numbers: Sequence[float], seed: int) -> str:
     """The input: compress, then shear at one rate after the other; blocks_I.txt for each."""
     first = rate(numbers[0], pressure)
-    area = np.pi / 4 * (1 + SPREAD**2 / 3)  # of a mean disk
     lines = [
         head("p p p"),
         f"region cell prism 0 {WIDTH} 0 {WIDTH} -0.5 0.5 0 0 0",
@@ -64,7 +63,7 @@ def script(material: Material, pressure: float, numbers: Sequence[float], seed: 
         diameters("all", seed),
         motion(material),
         f"velocity all ramp vx 0 {first * WIDTH:g} y 0 {WIDTH}",
-        f"variable fraction equal {area:.10f}*atoms/(lx*ly)",
+        f"variable fraction equal {MEAN_AREA:.10f}*atoms/(lx*ly)",
         "compute streaming all temp/deform",
         "compute stress all pressure streaming",
         *_sheared(pressure, START_GAIN, first),
