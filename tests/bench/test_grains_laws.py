@@ -13,7 +13,7 @@ import pytest
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains import flow_file, law, score, shear_cell
 from bench.studies.grains.coarse import Fields
-from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, Material
+from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, DISKS, SPHERES, Material
 from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
@@ -143,13 +143,23 @@ def test_the_standard_error_sees_correlation(seed: int) -> None:
 
 def test_a_point_of_the_shear_cell() -> None:
     blocks = np.tile([0, 18.0, 22.0, -6.0, 0.8, 0.5], (8, 1))
-    found = shear_cell.point(blocks)
+    found = shear_cell.point(DISKS, blocks)
     assert found["mu"] == pytest.approx(0.3)
     assert found["p"] == 20
     assert found["I"] == pytest.approx(0.5 * math.sqrt(BULK_DENSITY / 20))
-    text = shear_cell.script(Material(0.4), 20, [0.3, 0.1], 1)
+    text = shear_cell.script(DISKS, Material(0.4), 20, [0.3, 0.1], 1)
     assert text.count("deform/pressure") == 5
     assert "0.4 1" in text
+
+
+def test_a_point_of_spheres() -> None:
+    blocks = np.tile([0, 18.0, 22.0, -6.0, 0.6, 0.5, 17.0], (8, 1))
+    found = shear_cell.point(SPHERES, blocks)
+    assert found["I"] == pytest.approx(0.5 * math.sqrt(0.6 * 6 / math.pi / 20))
+    assert found["szz_by_p"] == pytest.approx(0.85)
+    text = shear_cell.script(SPHERES, Material(0.4), 20, [0.3], 1)
+    assert "enforce2d" not in text
+    assert "dimension 3" in text
 
 
 SUMMARY = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from bench.studies.grains.materials import GRAIN_DENSITY, TIME_STEP, Material, head, motion
+from bench.studies.grains.materials import DISKS, TIME_STEP, Material, Shape, head, motion
 from bench.studies.grains.packing import Packing
 from granpinn.arrays import Bool, Float64
 
@@ -45,6 +45,7 @@ class Scene:
         steady: the flow does not change during the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
+        shape: of the grains.
     """
 
     title: str
@@ -63,6 +64,7 @@ class Scene:
     steady: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
+    shape: Shape = DISKS
 
     @property
     def period(self) -> float | None:
@@ -86,14 +88,14 @@ def script(scene: Scene, material: Material) -> str:
     return (
         "\n".join(
             (
-                head(scene.boundary),
+                head(scene.shape, scene.boundary),
                 f"read_data {START}",
-                f"set atom * density/disc {GRAIN_DENSITY:.10f}",
+                scene.shape.set_density("atom *"),
                 "group free type 1",
                 "group fixed type 2",
                 "group moving type 3",
                 "group glued union fixed moving",
-                motion(material, "free"),
+                motion(scene.shape, material, "free"),
                 "neigh_modify exclude group glued glued",
                 "thermo 20000",
                 "thermo_modify lost ignore flush yes",
