@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bench.studies.grains.materials import Material
+from bench.studies.grains.scenes.channel import GAP, SEEN, channel
 from bench.studies.grains.scenes.chute import chute
 from bench.studies.grains.scenes.collapse import collapse
 from bench.studies.grains.scenes.drum import drum
@@ -21,10 +22,12 @@ HEAP_SLOPES = {0.2: 0.26, 0.4: 0.29, 0.7: 0.32}
 SCENES: dict[str, Callable[[Material], Scene]] = {
     "collapse_2": lambda _: collapse(48, 96, reach=240, duration=45),
     "collapse_6": lambda _: collapse(32, 192, reach=280, duration=60),
-    "chute_slow": lambda m: chute(SLOPES[m.friction][0], steady=False, duration=160),
-    "chute_fast": lambda m: chute(SLOPES[m.friction][1], steady=False, duration=160),
-    "chute_slow_steady": lambda m: chute(SLOPES[m.friction][0], steady=True, duration=100),
-    "chute_fast_steady": lambda m: chute(SLOPES[m.friction][1], steady=True, duration=100),
+    "channel_wall": lambda m: channel(m, SEEN, duration=60),
+    "channel_mean": lambda m: channel(m, GAP, duration=60),
+    "chute_slow": lambda m: chute(m, SLOPES[m.friction][0], steady=False, duration=160),
+    "chute_fast": lambda m: chute(m, SLOPES[m.friction][1], steady=False, duration=160),
+    "chute_slow_steady": lambda m: chute(m, SLOPES[m.friction][0], steady=True, duration=100),
+    "chute_fast_steady": lambda m: chute(m, SLOPES[m.friction][1], steady=True, duration=100),
     "drum": lambda _: drum(0.02, duration=150),
     "heap": lambda m: heap(100, 7 + 100 * HEAP_SLOPES[m.friction], 7, flux=20, duration=100),
     "silo": lambda _: silo(50, 90, outlet=14, duration=45),

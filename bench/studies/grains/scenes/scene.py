@@ -32,7 +32,7 @@ class Scene:
     Attributes:
         title: one line for tables.
         packing: grains at the start for a seed.
-        box: smallest x, largest x, smallest y, largest y.
+        box: smallest x, largest x, smallest y, largest y; of spheres, smallest and largest z.
         boundary: of LAMMPS; "p" along x is a periodic flow.
         stages: LAMMPS lines from the start to the first dump; gravity acts from the beginning.
         gravity: of the recorded stage.
@@ -45,12 +45,14 @@ class Scene:
         steady: the flow does not change during the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
+        columns: of the dump file.
         shape: of the grains.
+        view: of spheres between side walls: the smallest and largest z of what is seen.
     """
 
     title: str
     packing: Callable[[int], Sequence[Packing]]
-    box: tuple[float, float, float, float]
+    box: tuple[float, ...]
     boundary: str
     stages: str
     gravity: tuple[float, float]
@@ -64,7 +66,9 @@ class Scene:
     steady: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
+    columns: tuple[str, ...] = COLUMNS
     shape: Shape = DISKS
+    view: tuple[float, float] | None = None
 
     @property
     def period(self) -> float | None:
@@ -105,7 +109,7 @@ def script(scene: Scene, material: Material) -> str:
                 ),
                 "reset_timestep 0",
                 "compute virial free stress/atom NULL pair",
-                f"dump record free custom {every} {DUMP} {' '.join(COLUMNS)}",
+                f"dump record free custom {every} {DUMP} {' '.join(scene.columns)}",
                 "dump_modify record first yes format float %.6g",
                 f"run {every * (scene.snapshots - 1)}",
             )
