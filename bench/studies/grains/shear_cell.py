@@ -42,11 +42,11 @@ WIDTH = {2: 30, 3: 12}  # of the box, d, by the dimension
 # Strain for every inertial number, from fast to slow: the state of one starts the next.
 STRAINS = {0.3: 40.0, 0.185: 40.0, 0.1: 30.0, 0.055: 20.0, 0.03: 15.0, 0.01: 6.0, 0.003: 3.0}
 # Share of these strains, by the dimension: more grains have a better mean.
-SHARE = {2: 1.0, 3: 0.3}
+SHARE = {2: 1.0, 3: 0.5}
 BLOCKS = 64  # means of each rate in the file
-TRANSIENT = 0.25  # of the strain of a rate: left out before it
+TRANSIENT = 0.25  # of the strain of a rate in the table: left out before it
 # Relative growth of the height in a unit of time for a pressure that is 1 too large.
-GAIN = 2e-4
+GAIN = {2: 2e-4, 3: 5e-4}
 START_GAIN, START_TIME = 3e-4, 10.0
 
 
@@ -60,6 +60,7 @@ def script(
 ) -> str:
     """The input: compress, then shear at one rate after the other; blocks_I.txt for each."""
     first = rate(shape, numbers[0], pressure)
+    gain = GAIN[shape.dimension]
     width = WIDTH[shape.dimension]
     flat = shape.dimension == 2
     lines = [
@@ -88,10 +89,10 @@ def script(
             "variable low equal ylo",
             "variable high equal yhi",
             "velocity all ramp vx 0 ${change} y ${low} ${high} sum yes",
-            *_sheared(pressure, GAIN, gdot),
-            f"run {round(TRANSIENT * every * BLOCKS)}",
+            *_sheared(pressure, gain, gdot),
+            f"run {round(TRANSIENT * every * BLOCKS / SHARE[shape.dimension])}",
             "unfix box",
-            *_sheared(pressure, GAIN, gdot),
+            *_sheared(pressure, gain, gdot),
             f"fix mean all ave/time 10 {every // 10} {every} c_stress[1] c_stress[2] c_stress[4] "
             f"v_fraction v_gdot{'' if flat else ' c_stress[3]'} file blocks_{number:g}.txt",
             f"run {every * BLOCKS}",
