@@ -29,6 +29,11 @@ def heap(length: float, start: float, end: float, flux: float, duration: float) 
     top = start + 12.0
     fall = math.sqrt(FALL**2 + 2 * POURED) - FALL  # time to leave the stripe
     share = flux * fall * MEAN_AREA / ((FEED - 2) * POURED)
+    feed = (
+        f"fix feed free pour 10000000 {FREE} {SEED} region feed vol {share:.6g} 200 "
+        f"diam range {1 - SPREAD:g} {1 + SPREAD:g} "
+        f"dens {POURED_DENSITY:.10f} {POURED_DENSITY:.10f} vel 0 0 {-FALL:g}"
+    )
     return Scene(
         title=f"heap, flux {flux:g}",
         packing=lambda seed: (
@@ -41,13 +46,12 @@ def heap(length: float, start: float, end: float, flux: float, duration: float) 
             (
                 "fix wall free wall/gran WALL_SMOOTH xplane 0 NULL",
                 f"fix gate free wall/gran WALL_SMOOTH xplane NULL {length:g}",
-                run(1.2 * math.sqrt(start) + 15),
+                run(14.0),
                 "unfix gate",
                 f"region feed block 1 {FEED - 1:g} {top:g} {top + POURED:g} -0.5 0.5",
-                f"fix feed free pour 10000000 {FREE} {SEED} region feed vol {share:.6g} 200 "
-                f"diam range {1 - SPREAD:g} {1 + SPREAD:g} "
-                f"dens {POURED_DENSITY:.10f} {POURED_DENSITY:.10f} vel 0 0 {-FALL:g}",
-                run(110.0),
+                feed,
+                run(80.0),
+                "unfix feed",  # the time of a fix that pours cannot be set back
             )
         ),
         gravity=(0.0, -1.0),
@@ -57,6 +61,7 @@ def heap(length: float, start: float, end: float, flux: float, duration: float) 
         snapshots=400,
         frames=2,
         steady=True,
+        recorded=(feed,),
         attributes={"walls": "y = 0: rough, glued grains, no slip; left and right are open"},
     )
 

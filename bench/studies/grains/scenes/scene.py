@@ -45,6 +45,7 @@ class Scene:
         steady: the flow does not change during the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
+        recorded: LAMMPS lines at the start of the record.
         columns: of the dump file.
         shape: of the grains.
         view: of spheres between side walls: the smallest and largest z of what is seen.
@@ -66,6 +67,7 @@ class Scene:
     steady: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
+    recorded: tuple[str, ...] = ()
     columns: tuple[str, ...] = COLUMNS
     shape: Shape = DISKS
     view: tuple[float, float] | None = None
@@ -108,6 +110,7 @@ def script(scene: Scene, material: Material) -> str:
                     "WALL", material.wall(material.friction)
                 ),
                 "reset_timestep 0",
+                *scene.recorded,
                 "compute virial free stress/atom NULL pair",
                 f"dump record free custom {every} {DUMP} {' '.join(scene.columns)}",
                 "dump_modify record first yes format float %.6g",
