@@ -18,7 +18,7 @@ from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
-from bench.studies.grains.table import points
+from bench.studies.grains.table import markdown, points
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.results import Covariance, Parameter, Parameters
 from tests.examples import make_result
@@ -226,3 +226,27 @@ def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "drum" / "flow.h5").touch()
     (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
     assert scenes_in(tmp_path) == [tmp_path / "drum"]
+
+
+def test_the_table_says_how_far_laws_lie_apart() -> None:
+    own = {"law": LAW, "I_range": [0.02, 0.12], "mean": {"I": 0.06, "mu": 0.34}}
+    narrow = own | {"law": None, "mean": {"I": 0.1, "mu": 1.1 * 0.38}}
+    truth = {"mu_s": 0.26 / 1.25, "mu_2": 0.74 / 1.25, "I0": 0.3}
+    rest = {"material": 0.4, "vectors": 7, "noise": {"velocity_percent": 0.3}}
+    laws = {"norm": own, "dissipation_ratio": 0.98, "p_noise_percent": 4.0}
+    balance = own | {"error_percent": {"0.03": -1.0}}
+    alone = narrow | {"mean_error_percent": 3.0}
+    text = markdown(
+        [
+            rest
+            | {"scene": "a", "own": laws | {"along_D": own}, "truth": truth, "balance": balance},
+            rest
+            | {"scene": "b", "own": laws | {"along_D": narrow}, "truth": LAW, "balance": alone},
+        ]
+    )
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines()]
+    assert len({len(row) for row in rows}) == 1
+    assert rows[2][:5] == ["a, 0.4", "7", "0.020..0.120", "0.260/0.740", ". +25.0 +25.0 +25.0"]
+    assert rows[2][8] == ". -1.0 . ."
+    assert rows[3][3:5] == ["mu 0.418 at 0.100", "+10.0 at the mean"]
+    assert rows[3][8] == "+3.0 at the mean"
