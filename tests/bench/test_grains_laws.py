@@ -232,18 +232,13 @@ def test_the_table_says_how_far_laws_lie_apart() -> None:
     own = {"law": LAW, "I_range": [0.02, 0.12], "mean": {"I": 0.06, "mu": 0.34}}
     narrow = own | {"law": None, "mean": {"I": 0.1, "mu": 1.1 * 0.38}}
     truth = {"mu_s": 0.26 / 1.25, "mu_2": 0.74 / 1.25, "I0": 0.3}
-    rest = {"material": 0.4, "vectors": 7, "noise": {"velocity_percent": 0.3}}
+    rest = {"material": 0.4, "vectors": 7, "noise": {"velocity_percent": 0.3}, "scene": "a"}
     laws = {"norm": own, "dissipation_ratio": 0.98, "p_noise_percent": 4.0}
     balance = own | {"error_percent": {"0.03": -1.0}}
     alone = narrow | {"mean_error_percent": 3.0}
-    text = markdown(
-        [
-            rest
-            | {"scene": "a", "own": laws | {"along_D": own}, "truth": truth, "balance": balance},
-            rest
-            | {"scene": "b", "own": laws | {"along_D": narrow}, "truth": LAW, "balance": alone},
-        ]
-    )
+    wide_scene = rest | {"own": laws | {"along_D": own}, "truth": truth, "balance": balance}
+    narrow_scene = rest | {"own": laws | {"along_D": narrow}, "truth": LAW, "balance": alone}
+    text = markdown([wide_scene, narrow_scene])
     rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines()]
     assert len({len(row) for row in rows}) == 1
     assert rows[2][:5] == ["a, 0.4", "7", "0.020..0.120", "0.260/0.740", ". +25.0 +25.0 +25.0"]
