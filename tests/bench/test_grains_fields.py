@@ -15,7 +15,7 @@ from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import COLUMNS, Grid, Scene
 from bench.studies.grains.simulation import Snapshot, snapshots
 from granpinn.arrays import Float64
-from granpinn.inspection.local_fits import smooth
+from granpinn.estimates.quadratic_fits import smooth
 
 SPACING = 0.5  # of the particles below, fine against the kernel
 AREA = BULK_FRACTION * SPACING**2  # of a particle, so that the fraction is that of the bulk

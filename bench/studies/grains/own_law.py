@@ -24,7 +24,7 @@ from bench.studies.grains.coarse import XX, XY, YY, Fields
 from bench.studies.grains.law import SLOWEST, binned_law, mu_of_i
 from bench.studies.grains.materials import BULK_DENSITY
 from granpinn.arrays import Bool, Float64
-from granpinn.inspection.local_fits import smooth
+from granpinn.estimates.quadratic_fits import smooth
 
 WINDOW = (2, 2, 2)  # cells on each side in the local fits
 

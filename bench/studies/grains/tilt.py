@@ -27,7 +27,7 @@ from bench.studies.grains.make import FLOW, REFERENCE
 from bench.studies.grains.run import scenes_in
 from granpinn.arrays import Float64
 from granpinn.data import Flow, read_flow
-from granpinn.inspection.local_fits import smooth
+from granpinn.estimates.quadratic_fits import smooth
 
 EDGES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.2)  # of the bins of I
 HALF = (0, 2, 2)  # cells on each side in the local fits
