@@ -26,7 +26,7 @@ from scipy.signal import savgol_filter
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
-from granpinn.inspection.local_fits import noise_of, smooth
+from granpinn.estimates.quadratic_fits import noise_of, smooth
 from granpinn.inspection.upright import Upright, upright
 
 START = 0.4  # q/p before the first iteration
