@@ -19,6 +19,7 @@ namespace {
 constexpr int kThreads = 256;
 constexpr int kEach = 4;                    // values of a thread, loaded before any is stored
 constexpr std::int64_t kMostBlocks = 1024;  // of a member
+constexpr int kMostPolls = 1 << 22;         // seconds; blocks arrive within microseconds
 
 __device__ std::int64_t first_index() {
   return static_cast<std::int64_t>(blockIdx.x) * kThreads + threadIdx.x;
@@ -84,7 +85,8 @@ __device__ void arrive(const Control& control) {
 }
 
 // Advances to the next step. One block calls it; it waits until all blocks have arrived. The other
-// blocks do not wait.
+// blocks do not wait. A count that did not start from 0 ends the wait after some seconds: by then
+// all blocks have arrived, and the next step starts from 0.
 template <class T>
 __device__ void advance(const UpdateArguments<T>& a) {
   const std::int64_t step = a.control.counter[0];
@@ -92,7 +94,7 @@ __device__ void advance(const UpdateArguments<T>& a) {
   if (threadIdx.x == 0) {
     const std::int64_t blocks = std::int64_t{gridDim.x} * gridDim.y;
     std::int64_t arrived = 0;
-    while (arrived < blocks)
+    for (int polls = 0; arrived < blocks && polls < kMostPolls; ++polls)
       asm volatile("ld.acquire.gpu.global.u64 %0, [%1];"
                    : "=l"(arrived)
                    : "l"(a.control.counter + 2)

@@ -89,11 +89,13 @@ inline Members members_of(InPlace& in, const at::Tensor& lr_scale, const at::Ten
 }
 
 // A fault code has 61 bits for the step. On a GPU the counter is not read here: wrong steps give
-// wrong codes there.
+// wrong codes there, and a wrong count of blocks delays the step.
 inline void check_step(const Control& control, const at::Tensor& counter) {
   if (!counter.is_cpu()) return;
   GRANPINN_CHECK_VALUE(control.counter[0] >= 0 && control.counter[0] < kHealthy / kFaults,
                        "the step must be in 0..2^60 - 2, got ", control.counter[0]);
+  GRANPINN_CHECK_VALUE(control.counter[2] == 0, "the last number of counter must be 0, got ",
+                       control.counter[2]);
 }
 
 // Refuses places outside of `rows` rows, on a CPU. On a GPU draw_point gives NaN for them.

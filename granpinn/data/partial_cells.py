@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, Surface
-from granpinn.data.surface_line import line_heights, points_of
+from granpinn.data.surface_line import folded, line_heights, points_of
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
@@ -47,13 +47,14 @@ def _below(flow: Flow, surface: Surface) -> Bool:
     upright, downwards = vertical_coordinate(flow.gravity)
     up, along = (flow.y, flow.x) if upright else (flow.x, flow.y)
     line_up, line_along = (surface.y, surface.x) if upright else (surface.x, surface.y)
-    height, folds = line_heights(flow.t, along, surface.t, line_along, line_up)
-    level = height[:, None]
-    found = (up[:, None] > level) if downwards else (up[:, None] < level)
-    line = np.stack([line_along, line_up], 1)
-    for k, now in points_of(flow.t, surface.t) if folds.any() else ():
+    line = surface.t, line_along, line_up
+    height = line_heights(flow.t, along, *line)[:, None]
+    found = (up[:, None] > height) if downwards else (up[:, None] < height)
+    steep = folded(flow.t, along, *line)
+    for k, now in points_of(flow.t, surface.t) if steep.any() else ():
         full = flow.material[k] if upright else flow.material[k].T
-        found[k][:, folds[k]] = _beside(along, up, full, line[now])[:, folds[k]]
+        points = np.stack([line_along[now], line_up[now]], 1)
+        found[k][:, steep[k]] = _beside(along, up, full, points)[:, steep[k]]
     return found if upright else found.swapaxes(1, 2)
 
 

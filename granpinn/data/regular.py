@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 RETRY = "copy or make it again"
 
@@ -13,10 +14,10 @@ class UnsafeFileError(ValueError):
     """A file breaks a rule of its container; the message is one sentence without the path."""
 
 
-def read_regular_file(
+def open_regular_file(
     path: Path, max_bytes: int, remedy: str = "choose fewer frames", *, follow: bool = True
-) -> bytes:
-    """The content of a regular file.
+) -> BinaryIO:
+    """Opens a regular file with data for reading.
 
     Args:
         max_bytes: largest size.
@@ -27,39 +28,59 @@ def read_regular_file(
         UnsafeFileError: this is a directory, FIFO, device or socket, or the file is missing, empty
             or too large.
     """
-    with_links = 0 if follow else os.O_NOFOLLOW
-    try:
-        # Before opening: opening a device can have effects.
-        _require_regular(path.stat(follow_symlinks=follow).st_mode)
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | with_links)
-        with os.fdopen(handle, "rb") as file:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
-                raise UnsafeFileError("this file was replaced while it was opened: try again")
-            if status.st_size > max_bytes:
-                raise too_large(status.st_size, max_bytes, remedy)
-            content = file.read(status.st_size)
-    except FileNotFoundError:
-        raise UnsafeFileError("there is no such file: check the path") from None
-    except OSError as error:
-        raise UnsafeFileError(f"the file cannot be opened ({error.strerror}): check it") from None
+    stream = _opened(path, follow)
+    size = os.fstat(stream.fileno()).st_size
+    if 0 < size <= max_bytes:
+        return stream
+    stream.close()
+    if size:
+        raise too_large(size, max_bytes, remedy)
+    raise UnsafeFileError(f"the file is empty, expected data: {RETRY}")
+
+
+def read_regular_file(
+    path: Path, max_bytes: int, remedy: str = "choose fewer frames", *, follow: bool = True
+) -> bytes:
+    """The content of a regular file; arguments and errors as for `open_regular_file`."""
+    with open_regular_file(path, max_bytes, remedy, follow=follow) as file:
+        content = _read(file, os.fstat(file.fileno()).st_size)
     if not content:
-        raise UnsafeFileError(f"the file is empty, expected data: {RETRY}")
+        raise UnsafeFileError("the file was emptied while it was read: try again")
     return content
 
 
 def first_bytes(path: Path, count: int) -> bytes:
     """The start of a regular file, b"" of an empty one; UnsafeFileError for anything else."""
+    with _opened(path) as file:
+        return _read(file, count)
+
+
+def _opened(path: Path, follow: bool = True) -> BinaryIO:
+    """A regular file; never waits, as the open of a FIFO would."""
     try:
-        _require_regular(path.stat().st_mode)
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, "rb") as file:
-            _require_regular(os.fstat(handle).st_mode)
-            return file.read(count)
+        # Before opening: opening a device can have effects.
+        _require_regular(path.stat(follow_symlinks=follow).st_mode)
+        with_links = 0 if follow else os.O_NOFOLLOW
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | with_links)
+    except UnsafeFileError:
+        raise
     except FileNotFoundError:
         raise UnsafeFileError("there is no such file: check the path") from None
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the path
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise UnsafeFileError(f"the file cannot be opened ({reason}): check it") from None
+    stream = os.fdopen(handle, "rb")
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        stream.close()
+        raise UnsafeFileError("this file was replaced while it was opened: try again")
+    return stream
+
+
+def _read(file: BinaryIO, count: int) -> bytes:
+    try:
+        return file.read(count)
     except OSError as error:
-        raise UnsafeFileError(f"the file cannot be opened ({error.strerror}): check it") from None
+        raise UnsafeFileError(f"the file cannot be read ({error.strerror}): check it") from None
 
 
 def _require_regular(mode: int) -> None:

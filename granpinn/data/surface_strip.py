@@ -24,6 +24,9 @@ from granpinn.physics.axes import Axes
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
+# Points per area over those between the vectors. No vector holds the velocity in the strip: with as
+# many points as elsewhere the network changes it there (bench/studies/grains/note.md).
+DENSITY = 0.25
 THICKEST = 2.5  # spacings; a wider strip is a gap in the data
 SAME_TIME = 1e-6  # relative difference of times that are one
 _KEY = 4 << 64  # of Philox; the same points for every seed
@@ -32,39 +35,37 @@ _KEY = 4 << 64  # of Philox; the same points for every seed
 def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
     """The training set with points of the equations up to its free surface.
 
-    They lie between a point of the surface and the vector nearest to it at the same time, as
-    densely as the points between the vectors, and not behind a wall. Without points between the
-    vectors it is unchanged.
+    They lie between a point of the surface and the vector nearest to it at the same time, with no
+    wall between both. Without points between the vectors it is unchanged.
     """
     B, N = len(training.between), len(training.points)
     if B == 0:
         return training
-    spacing = max(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y)) / scales.length
-    points, surface = (
-        a.double().numpy().copy() for a in (training.points, training.surface_points)
-    )
-    if flow.steady:
-        points[:, 2] = surface[:, 2] = surface[:1, 2]
-    nearest, width = _below(points, surface, THICKEST * spacing)
+    dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
+    thickest = THICKEST * max(dx, dy)
+    points, surface = (a.double().numpy() for a in (training.points, training.surface_points))
+    nearest, width = _below(points, surface, thickest, flow.steady)
     depth = np.hypot(*(surface[:, :2] - nearest).T)
-    depth = np.where(depth <= THICKEST * spacing, depth, 0.0)  # NaN: no vector at this time
+    depth = np.where(depth <= thickest, depth, 0.0)  # NaN: no vector at this time
     if flow.walls is not None:
         hidden = _hidden(segments_of(flow.walls), axes_of(flow), scales, surface, nearest)
         depth[hidden] = 0.0
-    area = depth * np.minimum(width, THICKEST * spacing) / spacing**2
-    count = round(B / N * float(area.sum()))
+    area = depth * np.minimum(width, thickest)
+    count = round(DENSITY * B / N * float(area.sum()) / (dx * dy))
     if count == 0:
         return training
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     drawn = rng.choice(len(area), size=count, p=area / area.sum())
     part = rng.random((count, 1))
-    found = surface[drawn]
+    found = surface[drawn]  # a copy
     found[:, :2] = nearest[drawn] + part * (found[:, :2] - nearest[drawn])
     strip = torch.as_tensor(np.rint(found / RESOLUTION) * RESOLUTION).to(training.between)
     return replace(training, between=torch.cat([training.between, strip]))
 
 
-def _below(points: Float64, surface: Float64, farthest: float) -> tuple[Float64, Float64]:
+def _below(
+    points: Float64, surface: Float64, farthest: float, steady: bool
+) -> tuple[Float64, Float64]:
     """The vector nearest to each point of the surface [M, 2], and the width that it stands for [M].
 
     The width is the mean distance to its two neighbors on the surface. NaN and 0 at times without
@@ -72,6 +73,7 @@ def _below(points: Float64, surface: Float64, farthest: float) -> tuple[Float64,
 
     Args:
         points, surface: (x, y, t) of the vectors [N, 3] and of the surface [M, 3].
+        steady: the time of a vector does not matter.
     """
     nearest, width = np.full((len(surface), 2), np.nan), np.zeros(len(surface))
     times, frame = np.unique(points[:, 2], return_inverse=True)
@@ -79,10 +81,11 @@ def _below(points: Float64, surface: Float64, farthest: float) -> tuple[Float64,
     ends = np.searchsorted(frame[order], np.arange(len(times) + 1))
     for t in np.unique(surface[:, 2]):
         k = int(np.argmin(np.abs(times - t)))
-        if abs(times[k] - t) > SAME_TIME * max(abs(t), 1.0):
+        if not steady and abs(times[k] - t) > SAME_TIME * max(abs(t), 1.0):
             continue
         here = np.flatnonzero(surface[:, 2] == t)
-        vectors = points[order[ends[k] : ends[k + 1]], :2]
+        now = slice(None) if steady else slice(ends[k], ends[k + 1])
+        vectors = points[order[now], :2]
         distance, index = cKDTree(vectors).query(surface[here, :2], distance_upper_bound=farthest)
         found = np.isfinite(distance)
         nearest[here[found]] = vectors[index[found]]

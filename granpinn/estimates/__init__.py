@@ -1,1 +1,1 @@
-"""What the vectors of a flow say by themselves: their noise and their slopes."""
+"""What the vectors of a flow show by themselves: noise, slopes and magnitudes."""

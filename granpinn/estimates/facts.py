@@ -18,11 +18,9 @@ from granpinn.arrays import Float64
 from granpinn.data import Flow, known_sd
 from granpinn.data.symmetry import invariant_axes
 from granpinn.estimates.gradients import Gradients, gradients
-from granpinn.estimates.noise import (
-    Noise,
+from granpinn.estimates.noise import Noise, grid_noise, noise_map
+from granpinn.estimates.scattered_fits import (
     ParticleFits,
-    grid_noise,
-    noise_map,
     particle_fits,
     particle_noise_map,
     particle_vectors,

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Float64, Index
+from granpinn.estimates.fits import shear_rate
 from granpinn.estimates.view import View
 
 LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
@@ -56,9 +57,9 @@ class Gradients:
 
     @property
     def gamma_dot(self) -> Float64:
-        r"""Shear rate [K], $\dot\gamma^2 = (u_x - v_y)^2 + (u_y + v_x)^2$ less its bias."""
-        square = (self.du[:, 2] - self.dv[:, 1]) ** 2 + (self.du[:, 1] + self.dv[:, 2]) ** 2
-        return np.sqrt(np.maximum(square - self.bias, 0.0))
+        """Shear rate [K], less its bias."""
+        (_, u_y, u_x), (_, v_y, v_x) = self.du.T, self.dv.T
+        return shear_rate(u_x, u_y, v_x, v_y, self.bias)
 
     @property
     def divergence(self) -> Float64:

@@ -17,8 +17,7 @@ hundredth of the vectors of a PIV has half of the variance, the root mean square
 large (docs/guides/inspecting.md). Errors that are the same in every frame, such as means over
 windows, cancel.
 
-For particles: residuals of local parabolas in x and y among the neighbors of one frame. The random
-motion of grains about the mean flow counts as noise.
+For particles see `scattered_fits.py`.
 """
 
 from __future__ import annotations
@@ -28,20 +27,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.arrays import Float64, Index
-from granpinn.data.flow import Particles
+from granpinn.arrays import Float64
 from granpinn.estimates.view import View
-from granpinn.physics.scales import Scales
 
 ORDER = 3
 FEWEST = 50  # differences below which there is no estimate
 NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates
 FARTHEST = 4  # cells at which correlation is looked for
 LEAST_CORRELATION = 0.05  # below this it is scatter
-
-NEIGHBORS = 24
-SAMPLES = 4000
-CHI2_MEDIAN = 2 / 9  # the median of chi^2/n is (1 - CHI2_MEDIAN/n)^3 to 1 % from n = 6 on
 
 
 @dataclass(frozen=True)
@@ -61,14 +54,6 @@ class Noise:
     in_time: float | None
     in_space: float | None
     vectors_per_independent: float
-
-
-def particle_vectors(particles: Particles, scales: Scales) -> tuple[Float64, ...]:
-    """t, x, y, u, v of scattered vectors, dimensionless, [N] each."""
-    points = scales.points_to_dimensionless(particles.x, particles.y, particles.t)
-    velocity = [a.astype(np.float64) for a in (particles.u, particles.v)]
-    u, v = (scales.to_dimensionless(a, "velocity") for a in velocity)
-    return points[:, 2], points[:, 0], points[:, 1], u, v
 
 
 def grid_noise(view: View) -> Noise:
@@ -110,102 +95,6 @@ def noise_map(view: View) -> Float64:
         middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
         squares += (NORMAL * middle / _growth(order)) ** 2
     return np.where(enough, np.sqrt(squares / 2), np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class ParticleFits:
-    """Local parabolas among scattered vectors, dimensionless.
-
-    Attributes:
-        noise: the noise of a typical vector.
-        where: indices of the sampled vectors [S].
-        local: the noise around each of them [S].
-        shear_rate: at each of them, less the part of the noise [S].
-    """
-
-    noise: Noise
-    where: Index
-    local: Float64
-    shear_rate: Float64
-
-
-def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> ParticleFits:
-    """Noise and shear rate of scattered vectors, dimensionless, all [N]."""
-    from scipy.spatial import cKDTree
-
-    chosen, found, rates = [], [], []
-    _, size = np.unique(t, return_counts=True)
-    order = np.argsort(t, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(size)])
-    usable = np.flatnonzero(size > NEIGHBORS)
-    # Frames spread over the times; within each, vectors spread over their order.
-    picked = (
-        usable[np.unique(np.linspace(0, usable.size - 1, 40).astype(int))] if usable.size else []
-    )
-    for k in picked:
-        members = order[starts[k] : starts[k + 1]]
-        points = np.stack([x[members], y[members]], axis=-1)
-        stride = max(1, members.size * len(picked) // SAMPLES)
-        centers = np.arange(0, members.size, stride)
-        distance, near = cKDTree(points).query(points[centers], k=NEIGHBORS)
-        reach = np.maximum(distance[:, -1], np.finfo(float).tiny)
-        offset = (points[near] - points[centers][:, None]) / reach[:, None, None]
-        variance, rate = _local_parabolas(offset, np.stack([u, v], -1)[members][near], reach)
-        found.append(variance)
-        rates.append(rate)
-        chosen.append(members[centers])
-    if not chosen:
-        unknown = Noise(None, None, None, None, None, 1.0)
-        return ParticleFits(unknown, np.empty(0, np.intp), np.empty(0), np.empty(0))
-    variance = np.concatenate(found)
-    typical = np.sqrt(np.median(variance, axis=0))
-    noise = Noise(
-        sigma=float(np.sqrt(np.mean(typical**2))),
-        u=float(typical[0]),
-        v=float(typical[1]),
-        in_time=None,
-        in_space=float(np.sqrt(np.mean(typical**2))),
-        vectors_per_independent=1.0,
-    )
-    local = np.sqrt(variance.mean(axis=1))
-    return ParticleFits(noise, np.concatenate(chosen), local, np.concatenate(rates))
-
-
-def particle_noise_map(fits: ParticleFits, x: Float64, y: Float64, view: View) -> Float64:
-    """Noise of every cell of a view [Y, X], from scattered vectors at x, y [N]; NaN where none."""
-    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, y[fits.where])
-    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, x[fits.where])
-    shape = view.count.shape[1:]
-    place = np.ravel_multi_index((rows, columns), shape)
-    n = np.bincount(place, minlength=shape[0] * shape[1])
-    sums = np.bincount(place, weights=fits.local**2, minlength=n.size)
-    mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))
-    return np.asarray(mean.reshape(shape))
-
-
-def _local_parabolas(offset: Float64, velocity: Float64, reach: Float64) -> tuple[Float64, Float64]:
-    """Variance about local parabolas [S, 2], scaled to a median of the noise; shear rate [S].
-
-    Args:
-        offset: of the neighbors [S, k, 2], in units of the farthest.
-        velocity: of the neighbors [S, k, 2].
-        reach: distance of the farthest [S].
-    """
-    a, b = offset[..., 0], offset[..., 1]
-    basis = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1)
-    left, size, right = np.linalg.svd(basis, full_matrices=False)
-    used = size > 1e-8 * size[:, :1]
-    left = left * used[:, None, :]
-    in_basis = np.swapaxes(left, 1, 2) @ velocity
-    fitted = left @ in_basis
-    freedom = basis.shape[1] - basis.shape[2]
-    median = (1 - CHI2_MEDIAN / freedom) ** 3
-    variance: Float64 = np.sum((velocity - fitted) ** 2, axis=1) / (freedom * median)
-    inverse = np.swapaxes(right, 1, 2) * np.where(used, 1 / np.where(used, size, 1), 0)[:, None, :]
-    slopes = (inverse @ in_basis)[:, 1:3] / reach[:, None, None]  # along x and y, of u and v
-    of_noise = np.square(inverse[:, 1:3]).sum(axis=(1, 2)) / reach**2 * variance.sum(axis=1)
-    two_D1, two_D2 = slopes[:, 0, 0] - slopes[:, 1, 1], slopes[:, 1, 0] + slopes[:, 0, 1]
-    return variance, np.sqrt(np.maximum(two_D1**2 + two_D2**2 - of_noise, 0.0))
 
 
 def _spread(values: Float64, factor: float) -> float | None:

@@ -35,7 +35,7 @@ def grid_flow(
     """
     grains = grains_of(fields)
     if line is not None and grains.source == "vectors":
-        if any(folded(fields.x, line.x[k], line.y[k]).any() for k in _frames(line.t)):
+        if folded(fields.t, fields.x, line.t, line.x, line.y).any():
             _warn(
                 "the line of --surface is vertical or folds back, so that it does not say alone "
                 "which cells hold grains there: give --mask"
@@ -73,11 +73,6 @@ def grid_flow(
         surface=_within(surface, fields.t[kept]),
         **constants,
     )
-
-
-def _frames(t: Any) -> list[Any]:
-    """The points of every time."""
-    return [t == time for time in np.unique(t)]
 
 
 def _within(surface: Surface | None, t: Any) -> Surface | None:

@@ -6,12 +6,11 @@ of small types: a compressed file of a few megabytes can declare many gigabytes.
 
 from __future__ import annotations
 
-import os
-import resource
-import stat
 from pathlib import Path
 from typing import BinaryIO
 
+from granpinn.data.memory import available
+from granpinn.data.regular import UnsafeFileError, open_regular_file
 from granpinn.importers.vectors import DataFileError
 
 # Of the arrays of one flow, as float64.
@@ -48,57 +47,13 @@ def require_room(values: int, bytes_per_value: float, path: Path | str) -> None:
         )
 
 
-def available() -> int:
-    """Bytes of memory that this process may still take."""
-    free = _free_memory()
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if soft != resource.RLIM_INFINITY:
-        free = min(free, soft - _address_space())
-    return max(free, 0)
-
-
-def _free_memory() -> int:
-    """Free memory of the machine, and what the kernel can give back."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        fields = dict(line.split(":", 1) for line in lines)
-        return int(fields["MemAvailable"].split()[0]) * 1024
-    except (OSError, KeyError, ValueError):  # not Linux, or hidden in a container
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-
-def _address_space() -> int:
-    """Bytes of address space that this process has."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError):
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-
-
 def open_file(path: Path, max_bytes: int) -> BinaryIO:
-    """Opens a regular file for reading; never waits, as the open of a FIFO would.
+    """Opens a regular file with data for reading.
 
     Raises:
         DataFileError: it cannot be opened, is no regular file, is empty, or too large.
     """
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the path
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise DataFileError(f"{path} cannot be opened ({reason}): check it") from None
-    stream = os.fdopen(handle, "rb")
-    found = os.fstat(handle)
-    problem = ""
-    if not stat.S_ISREG(found.st_mode):
-        problem = "must be a file with data, got a folder, a device or a pipe: check the path"
-    elif found.st_size == 0:
-        problem = "is empty, expected vectors: export it again"
-    elif found.st_size > max_bytes:
-        problem = (
-            f"must hold at most {max_bytes / _GIB:.3g} GiB, got {found.st_size / _GIB:.3g} GiB: "
-            "split it into one file per frame"
-        )
-    if problem:
-        stream.close()
-        raise DataFileError(f"{path} {problem}")
-    return stream
+        return open_regular_file(path, max_bytes, "split it into one file per frame")
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None

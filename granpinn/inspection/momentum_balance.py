@@ -27,8 +27,8 @@ from scipy.signal import savgol_filter
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
+from granpinn.estimates.quadratic_fits import noise_of, smooth
 from granpinn.inspection.gaps import mean_along_x, nearest
-from granpinn.inspection.local_fits import noise_of, smooth
 from granpinn.inspection.side_walls import side_walls
 from granpinn.inspection.upright import Upright, upright
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
-from granpinn.data.surface_line import STEEP, line_heights
+from granpinn.data.surface_line import STEEP, folded, line_heights
 from granpinn.data.walls import segments_of
 from granpinn.inspection.plate import Plate, plate_on
 
 NO_TOP = (
-    "the flow has neither a surface line nor, with periodic sides, a plate of known pressure and "
-    "shear stress, from which the stress is counted"
+    "the flow has no surface line nor, with periodic sides, a plate of known pressure and shear "
+    "stress, and the stress is counted from these"
 )
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
@@ -74,13 +74,14 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     plate = None
     if free and flow.surface is not None:
         line = turned.points(flow.surface.x, flow.surface.y)
-        height, folds = line_heights(flow.t, x, flow.surface.t, *line)
+        height = line_heights(flow.t, x, flow.surface.t, *line)
+        steep = folded(flow.t, x, flow.surface.t, *line)
     else:
         plate = _plate(flow, turned, float(y[np.flatnonzero((c > 0).any(axis=(0, 2)))[-1]]))
         if plate is None:
             return NO_TOP
         height = np.full((len(flow.t), len(x)), plate.height)
-        folds = np.zeros(height.shape, bool)
+        steep = np.zeros(height.shape, bool)
     return Upright(
         t=flow.t,
         y=y,
@@ -90,7 +91,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         c=c,
         gravity=turned.points(*flow.gravity),
         height=height,
-        clear=_clear(height, folds, np.asarray((c > 0.5).any(axis=1)), x, reach),
+        clear=_clear(height, steep, np.asarray((c > 0.5).any(axis=1)), x, reach),
         steady=flow.steady,
         periodic=_periodic(flow, turned),
         load=(0.0, 0.0) if plate is None else (plate.p, plate.tau),
@@ -146,9 +147,9 @@ def _even(axis: Float64) -> bool:
     return bool(np.abs(step / step.mean() - 1).max() < EVEN)
 
 
-def _clear(height: Float64, folds: Bool, grains: Bool, x: Float64, reach: int) -> Bool:
+def _clear(height: Float64, steep: Bool, grains: Bool, x: Float64, reach: int) -> Bool:
     slope = np.abs(np.diff(height, axis=1)) / (x[1] - x[0]) > STEEP
-    bad = folds | (grains & ~np.isfinite(height))
+    bad = steep | (grains & ~np.isfinite(height))
     bad[:, 1:] |= slope
     bad[:, :-1] |= slope
     wide = np.pad(bad, ((0, 0), (reach, reach)))

@@ -26,12 +26,19 @@ DATA = ["points", "velocity", "point_weights", "surface_points", "surface_pressu
 _ops = torch.ops.granpinn
 
 
+def _require(fits: bool, expected: str, got: object) -> None:
+    """The check of csrc/ops for arguments on which a shape depends; ValueError."""
+    if not fits:
+        raise ValueError(f"{expected}, got {got!r}")
+
+
 def _leading(params: Tensor) -> list[int]:
     return list(params.shape[:-1])
 
 
 @torch.library.register_fake("granpinn::network_jet")
 def _(points, params, widths, input_shift, input_scale, order):  # type: ignore[no-untyped-def]
+    _require(0 <= order < len(CHANNELS), "order must be 0, 1 or 2", order)
     return params.new_empty([*_leading(params), CHANNELS[order], points.shape[-2], widths[-1]])
 
 
@@ -67,6 +74,7 @@ def _(grad, gamma_dot, p, theta, law, d, eta_min, eta_max, p_floor):  # type: ig
 
 @torch.library.register_fake("granpinn::pointwise_residuals")
 def _(raw_jets, theta, physics, form, law):  # type: ignore[no-untyped-def]
+    _require(form in RESIDUALS, "form must be 'mixed' or 'strong'", form)
     return raw_jets.new_empty([raw_jets.shape[1], len(RESIDUALS[form])])
 
 

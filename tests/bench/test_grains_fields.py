@@ -15,7 +15,7 @@ from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import COLUMNS, Grid, Scene
 from bench.studies.grains.simulation import Snapshot, snapshots
 from granpinn.arrays import Float64
-from granpinn.inspection.local_fits import smooth
+from granpinn.estimates.quadratic_fits import smooth
 
 SPACING = 0.5  # of the particles below, fine against the kernel
 AREA = BULK_FRACTION * SPACING**2  # of a particle, so that the fraction is that of the bulk
@@ -30,8 +30,7 @@ def particles(
     x, y = (a.ravel() for a in np.meshgrid(x, y))
     one = np.ones_like(x)
     virial = np.array([2.0, 3.0, 0.5]) * SPACING**2 * one[:, None]
-    radius = np.sqrt(AREA / np.pi) * one
-    return Snapshot(0.0, x, y, shear * y, 0.1 * x, radius, 1.3 * AREA * one, virial)
+    return Snapshot(0.0, x, y, shear * y, 0.1 * x, AREA * one, 1.3 * AREA * one, virial)
 
 
 def box(**changes: object) -> Scene:
@@ -135,6 +134,7 @@ def test_a_dump_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.x, [1, 5])
     np.testing.assert_array_equal(first.vy, [4, 8])
     np.testing.assert_array_equal(first.virial, [[7, 8, -9], [-1, -2, -3]])  # pressure positive
+    np.testing.assert_allclose(first.solid, np.pi * np.array([0.25, 0.36]))
     np.testing.assert_array_equal(second.mass, [0.9, 1.1])
 
 

@@ -13,12 +13,13 @@ import pytest
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains import flow_file, law, score, shear_cell
 from bench.studies.grains.coarse import Fields
-from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, Material
+from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, DISKS, SPHERES, Material
 from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
-from bench.studies.grains.table import points
+from bench.studies.grains.table import markdown, points
+from bench.studies.grains.tilt import tilt
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.results import Covariance, Parameter, Parameters
 from tests.examples import make_result
@@ -143,13 +144,23 @@ def test_the_standard_error_sees_correlation(seed: int) -> None:
 
 def test_a_point_of_the_shear_cell() -> None:
     blocks = np.tile([0, 18.0, 22.0, -6.0, 0.8, 0.5], (8, 1))
-    found = shear_cell.point(blocks)
+    found = shear_cell.point(DISKS, blocks)
     assert found["mu"] == pytest.approx(0.3)
     assert found["p"] == 20
     assert found["I"] == pytest.approx(0.5 * math.sqrt(BULK_DENSITY / 20))
-    text = shear_cell.script(Material(0.4), 20, [0.3, 0.1], 1)
+    text = shear_cell.script(DISKS, Material(0.4), 20, [0.3, 0.1], 1)
     assert text.count("deform/pressure") == 5
     assert "0.4 1" in text
+
+
+def test_a_point_of_spheres() -> None:
+    blocks = np.tile([0, 18.0, 22.0, -6.0, 0.6, 0.5, 17.0], (8, 1))
+    found = shear_cell.point(SPHERES, blocks)
+    assert found["I"] == pytest.approx(0.5 * math.sqrt(0.6 * 6 / math.pi / 20))
+    assert found["szz_by_p"] == pytest.approx(0.85)
+    text = shear_cell.script(SPHERES, Material(0.4), 20, [0.3], 1)
+    assert "enforce2d" not in text
+    assert "dimension 3" in text
 
 
 SUMMARY = {
@@ -216,3 +227,55 @@ def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "drum" / "flow.h5").touch()
     (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
     assert scenes_in(tmp_path) == [tmp_path / "drum"]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, -0.2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_tilt_is_the_deviator_across_the_strain_rate(angle: float, sense: float) -> None:
+    shape = (1, 8, 12)
+    y, x = np.arange(8) + 0.5, np.arange(12) + 0.5
+    u = np.broadcast_to(sense * 0.1 * y[:, None], shape).astype(np.float32)  # simple shear
+    flow = Flow(
+        t=np.array([0.0]),
+        y=y,
+        x=x,
+        u=u,
+        v=np.zeros(shape, np.float32),
+        c=np.ones(shape, np.float32),
+        gravity=(0.0, -1.0),
+        density=1.0,
+        grain_diameter=1.0,
+    )
+    # u_y > 0 turns clockwise; the deviator turned by an angle has twice that angle in its plane
+    turned = 0.3 * np.exp(2j * (np.pi / 4 * sense - sense * angle))
+    ones = np.ones(shape)
+    stress = {
+        "sigma_xx": (1 - turned.real) * ones,
+        "sigma_yy": (1 + turned.real) * ones,
+        "sigma_xy": -turned.imag * ones,
+        "p": ones,
+        "I": 0.03 * ones,
+        "used": ones > 0,
+    }
+    found = tilt(flow, stress)
+    assert found["tilt"] == {"0.02..0.04": pytest.approx(0.3 * np.sin(2 * angle), abs=1e-6)}
+    assert found["rotation_over_rate"] == pytest.approx(1.0)
+
+
+def test_the_table_says_how_far_laws_lie_apart() -> None:
+    own = {"law": LAW, "I_range": [0.02, 0.12], "mean": {"I": 0.06, "mu": 0.34}}
+    narrow = own | {"law": None, "mean": {"I": 0.1, "mu": 1.1 * 0.38}}
+    truth = {"mu_s": 0.26 / 1.25, "mu_2": 0.74 / 1.25, "I0": 0.3}
+    rest = {"material": 0.4, "vectors": 7, "noise": {"velocity_percent": 0.3}, "scene": "a"}
+    laws = {"norm": own, "dissipation_ratio": 0.98, "p_noise_percent": 4.0}
+    balance = own | {"error_percent": {"0.03": -1.0}}
+    alone = narrow | {"mean_error_percent": 3.0}
+    wide_scene = rest | {"own": laws | {"along_D": own}, "truth": truth, "balance": balance}
+    narrow_scene = rest | {"own": laws | {"along_D": narrow}, "truth": LAW, "balance": alone}
+    text = markdown([wide_scene, narrow_scene])
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines()]
+    assert len({len(row) for row in rows}) == 1
+    assert rows[2][:5] == ["a, 0.4", "7", "0.020..0.120", "0.260/0.740", ". +25.0 +25.0 +25.0"]
+    assert rows[2][8] == ". -1.0 . ."
+    assert rows[3][3:5] == ["mu 0.418 at 0.100", "+10.0 at the mean"]
+    assert rows[3][8] == "+3.0 at the mean"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.studies.grains.materials import MATERIALS
+from bench.studies.grains.materials import Material
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.walls import plate_of, walls_of
 from granpinn.data.walls import segments_of
@@ -16,7 +16,7 @@ from granpinn.data.walls import segments_of
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_has_walls_beside_its_grains(name: str) -> None:
     """Grains can be on one side of every wall, and of a plane of symmetry on both."""
-    scene = SCENES[name](MATERIALS["0.4"])
+    scene = SCENES[name](Material(0.4))
     grid, half = scene.grid, scene.grid.cell / 2
     x = np.arange(grid.left + half, grid.right, grid.cell)
     y = np.arange(grid.bottom + half, grid.top, grid.cell)

@@ -13,7 +13,7 @@ X = np.array([0.0, 0.5, 1.5, 3.0])
 
 def heights(*points: tuple[float, float, float]) -> np.ndarray:
     """Of points (t, x, y) in any order."""
-    return line_heights(T, X, *np.array(points, float).T)[0]
+    return line_heights(T, X, *np.array(points, float).T)
 
 
 def test_heights_are_linear_between_points_and_missing_beyond_them() -> None:

@@ -11,7 +11,7 @@ import torch
 from granpinn.data import Flow, TrainingSet, training_set, with_collocation, with_surface_strip
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
-from granpinn.data.surface_strip import THICKEST
+from granpinn.data.surface_strip import DENSITY, THICKEST
 from granpinn.data.symmetry import axes_of
 from tests.data.walled import line
 from tests.flows import make_chute
@@ -21,7 +21,7 @@ GAP = 1.4  # spacings between the centers of the highest cells and the line
 
 def layer(gap: float = GAP, frames: int = 3) -> Flow:
     """A chute whose surface lies at a distance of its highest vectors."""
-    flow = make_chute(frames=frames)
+    flow = make_chute(frames=frames, columns=120)
     spacing = flow.y[1] - flow.y[0]
     top = flow.y[np.flatnonzero(flow.valid.any(axis=(0, 2)))[-1]]
     t, x = (a.ravel() for a in np.meshgrid(flow.t, flow.x, indexing="ij"))
@@ -38,7 +38,7 @@ def strip(flow: Flow, before: TrainingSet) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("frames", [1, 3])
-def test_they_fill_the_strip_as_densely_as_the_flow(frames: int) -> None:
+def test_they_fill_the_strip_evenly(frames: int) -> None:
     flow = layer(frames=frames)
     before = collocated(flow)
     found = strip(flow, before).double().numpy()
@@ -48,7 +48,7 @@ def test_they_fill_the_strip_as_densely_as_the_flow(frames: int) -> None:
         len(found) / 4, abs=4 * len(found) ** 0.5 / 2
     )
     columns = flow.valid.any(axis=(0, 1)).sum()
-    per_cell = len(before.between) / len(before.points)
+    per_cell = DENSITY * len(before.between) / len(before.points)
     assert len(found) == pytest.approx(per_cell * frames * columns * GAP, rel=0.15)
     assert len(np.unique(found[:, 2])) == frames
 
@@ -67,15 +67,17 @@ def test_a_wide_gap_is_no_strip() -> None:
     assert len(strip(flow, collocated(flow))) == 0
 
 
-def test_a_line_without_vectors_at_its_time_has_no_strip() -> None:
+@pytest.mark.parametrize("steady", [True, False])
+def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> None:
     flow = layer()
+    if not steady:
+        flow = replace(flow, attributes={"period_x": 32.0})
     assert flow.surface is not None
-    between = (flow.t[1] + flow.t[2]) / 2
+    between = (flow.t[1] + flow.t[2]) / 2  # no vector has this time
     late = replace(flow.surface, t=np.where(flow.surface.t > flow.t[1], between, flow.surface.t))
     flow = replace(flow, surface=late)
-    before = collocated(flow)
-    assert between not in strip(flow, before)[:, 2].unique().tolist()
-    assert len(strip(flow, before)) > 0
+    found = strip(flow, collocated(flow))
+    assert len(found[:, 2].unique()) == (3 if steady else 2)
 
 
 def test_nothing_changes_without_points_between_the_vectors() -> None:

@@ -8,7 +8,8 @@ import pytest
 from granpinn.data import Flow, Particles, add_noise, particle_flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
-from granpinn.estimates.noise import grid_noise, noise_map, particle_fits
+from granpinn.estimates.noise import grid_noise, noise_map
+from granpinn.estimates.scattered_fits import particle_fits
 from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
 

@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.data import FlowFileError, FlowFileWarning
+from granpinn.data.memory import _address_space
 from granpinn.data.rules import check_flow
 from granpinn.importers import DataFileError, read
-from granpinn.importers.limits import _address_space
 from tests.importers import scene
 from tests.importers.mutants import mutants
 from tests.importers.test_other_piv import davis, insight, openpiv

@@ -238,7 +238,7 @@ def test_wrong_lines_are_refused(tmp_path: Path) -> None:
     late = line_file(tmp_path / "b.csv", "t,x,y", time=T + 100)
     with pytest.raises(DataFileError, match="given between the times 1 and 3 of the vectors"):
         read(masked(), surface=late, **MATERIAL)
-    with pytest.raises(DataFileError, match="c.csv cannot be opened"):
+    with pytest.raises(DataFileError, match="c.csv: there is no such file"):
         read(masked(), surface=str(tmp_path / "c.csv"), **MATERIAL)
     with pytest.raises(DataFileError, match="--surface fraction needs a fraction, got none"):
         read(masked(), surface="fraction", **MATERIAL)

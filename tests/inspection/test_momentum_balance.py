@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Particles, Surface
-from granpinn.inspection.local_fits import noise_of, smooth
+from granpinn.estimates.quadratic_fits import noise_of, smooth
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
 from tests.inspection.chutes import SURFACE, TANGENT, chute, number_of
 

@@ -221,6 +221,8 @@ def test_a_plate_without_its_shear_stress_gives_none() -> None:
     flow = under_a_plate(30.0, 16.0, 0.0)
     assert flow.walls is not None
     for walls in (replace(flow.walls, tau=None), replace(flow.walls, p=None), None):
-        assert "nor, with periodic sides, a plate" in str(baseline(replace(flow, walls=walls)))
+        assert "no surface line nor, with periodic sides, a plate" in str(
+            baseline(replace(flow, walls=walls))
+        )
     open_sides = baseline(replace(flow, attributes={}))
-    assert "nor, with periodic sides, a plate" in str(open_sides)
+    assert "no surface line nor, with periodic sides, a plate" in str(open_sides)

@@ -122,3 +122,15 @@ def test_too_many_layers(ops: ModuleType) -> None:
     case = problem(small("mixed", hidden=(2,) * 64))
     with pytest.raises(ValueError, match="a network has at most 64 layers, got 65"):
         ops.residual_loss(*case.loss)
+
+
+@pytest.mark.parametrize("device", ["cpu", "meta"])
+def test_shapes_without_data_refuse_what_a_kernel_refuses(device: str) -> None:
+    """`torch.compile` asks for the shapes on the device meta before any kernel runs."""
+    jets, theta = torch.zeros(4, 2, 5, device=device), CASE.theta.float().to(device)
+    with pytest.raises(ValueError, match=r"form must be 'mixed' or 'strong', got 'data'"):
+        torch.ops.granpinn.pointwise_residuals(jets, theta, CASE.physics, "data", "mu_of_i")
+    points, params = torch.zeros(2, 3, device=device), torch.zeros(20, device=device)
+    for order in (3, -1):
+        with pytest.raises(ValueError, match=f"order must be 0, 1 or 2, got {order}"):
+            torch.ops.granpinn.network_jet(points, params, [3, 5], [0.0] * 3, [1.0] * 3, order)

@@ -12,6 +12,7 @@ from torch import Tensor
 from .configurations import Problem, problem, small
 from .devices import moved
 from .op_inputs import LAW, as_tensors, flow, jet_backward, raw_jets
+from .step_inputs import state, update_arguments
 
 ops_ = torch.ops.granpinn
 
@@ -100,3 +101,17 @@ def test_strided_input_on_cuda(cuda_ops: ModuleType) -> None:
     assert torch.equal(
         ops_.viscosity(wide[:, 0], wide[:, 1], theta.cuda(), "mu_of_i", *LAW), direct
     )
+
+
+def test_a_wrong_count_of_blocks_delays_a_step_and_no_more(cuda_ops: ModuleType) -> None:
+    """The block that waits for the others gives up after seconds; the step is the right one."""
+    found = []
+    for count in (0, -3):
+        torch.manual_seed(0)
+        arguments = [*state(2), *update_arguments(2, 5000, torch.float32)]
+        arguments[0][2] = count
+        arguments = [moved(x, "cuda") for x in arguments]
+        torch.ops.granpinn.update(*arguments)
+        assert arguments[0].tolist() == [1, 0, 0]
+        found.append([x for x in arguments if isinstance(x, torch.Tensor)])
+    assert all(torch.equal(*pair) for pair in zip(*found, strict=True))

@@ -93,6 +93,7 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "gaps": ("update", 7, torch.rand(10, 3).T, "params must be .* and contiguous"),
     "members": ("update", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
     "counter": ("update", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
+    "count": ("update", 0, torch.tensor([0, 0, -1]), "last number of counter must be 0, got -1"),
     "table": ("update", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
     "overlap": ("update", 12, [2, 6, 7, 3], "matrices must be ascending and apart"),
     "beyond": ("update", 12, [2, 4, 7, 4], "matrices must end within 10 parameters"),

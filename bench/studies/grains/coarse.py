@@ -15,11 +15,12 @@ where the last term takes out what the gradient of the mean velocity adds within
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from bench.studies.grains.materials import DISKS
 from bench.studies.grains.scenes.scene import Grid, Scene
 from bench.studies.grains.simulation import Snapshot
 from granpinn.arrays import Float64
@@ -39,6 +40,7 @@ class Fields:
         phi, rho, u, v: solid fraction, density, velocity, [T, Y, X]; velocity NaN without grains.
         stress: contact and kinetic stress, pressure positive, [T, Y, X, 3] (xx, yy, xy).
         coverage: part of the kernel within the container, [Y, X].
+        bulk: solid fraction of a dense flow of these grains.
     """
 
     t: Float64
@@ -50,6 +52,7 @@ class Fields:
     v: Float64
     stress: Float64
     coverage: Float64
+    bulk: float = DISKS.fraction
 
 
 def kernel(distance: Float64) -> Float64:
@@ -95,9 +98,9 @@ def coverage(scene: Scene, y: Float64, x: Float64) -> Float64:
 
 
 def columns(snapshot: Snapshot) -> tuple[Float64, Float64, Float64]:
-    """x, y [n] and what the kernel averages: area, m (1, u, v, uu, vv, uv), virial [n, 10]."""
+    """x, y [n] and what the kernel averages: solid, m (1, u, v, uu, vv, uv), virial [n, 10]."""
     s = snapshot
-    parts = [np.pi * s.radius**2, s.mass, s.mass * s.vx, s.mass * s.vy]
+    parts = [s.solid, s.mass, s.mass * s.vx, s.mass * s.vy]
     parts += [s.mass * s.vx**2, s.mass * s.vy**2, s.mass * s.vx * s.vy]
     return s.x, s.y, np.column_stack([*parts, s.virial])
 
@@ -149,7 +152,7 @@ def coarse_grain(scene: Scene, snapshots: Iterable[Snapshot]) -> Fields:
     cover = coverage(scene, y, x)
     with np.errstate(divide="ignore", invalid="ignore"):
         means = np.stack(sums)[kept].reshape(-1, len(y), len(x), 10) / cover[:, :, None]
-    return _fields(t[kept], y, x, means, cover)
+    return replace(_fields(t[kept], y, x, means, cover), bulk=scene.shape.fraction)
 
 
 def _fields(t: Float64, y: Float64, x: Float64, means: Float64, cover: Float64) -> Fields:

@@ -8,13 +8,14 @@ attribute.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.studies.grains.coarse import SD, XX, XY, YY, Fields
-from bench.studies.grains.materials import BULK_DENSITY, BULK_FRACTION, I0, Material
+from bench.studies.grains.materials import I0, Material
 from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
@@ -40,7 +41,7 @@ def flow_of(
         truth: mu_s and mu_2 of the shear cell, or None.
         origin: further attributes, such as the name of the scene.
     """
-    vector = (fields.phi > KEPT * BULK_FRACTION) & (fields.coverage > 0.3)
+    vector = (fields.phi > KEPT * fields.bulk) & (fields.coverage > 0.3)
     vector &= np.isfinite(fields.u) & np.isfinite(fields.v)
     u, v = (np.where(vector, a, np.nan).astype(np.float32) for a in (fields.u, fields.v))
     surface = None
@@ -48,7 +49,7 @@ def flow_of(
         frame, column = np.nonzero(np.isfinite(height))
         surface = Surface(fields.t[frame], fields.x[column], height[frame, column])
     stated = {
-        "solid_fraction": BULK_FRACTION,
+        "solid_fraction": scene.shape.fraction,
         "window": "Gaussian, cut at 3 standard deviations",
         "window_sd": SD,
         "source": "discrete elements (LAMMPS), bench.studies.grains",
@@ -65,7 +66,7 @@ def flow_of(
         v=v,
         c=c.astype(np.float32),
         gravity=scene.gravity,
-        density=BULK_DENSITY,
+        density=scene.shape.bulk_density,
         grain_diameter=1.0,
         surface=surface,
         walls=walls_of(scene.attributes, fields.x, fields.y, plate),
@@ -74,13 +75,15 @@ def flow_of(
     )
 
 
-def cropped(fields: Fields) -> Fields:
-    """Without the rows and columns of cells that never hold grains."""
-    there = fields.phi > KEPT * BULK_FRACTION
+def cropped(fields: Fields, like: Fields | None = None) -> Fields:
+    """Without the rows and columns of cells that never hold grains in these fields, or in those
+    of `like`."""
+    held = like or fields
+    there = held.phi > KEPT * held.bulk
     rows, columns = _extent(there, (0, 2)), _extent(there, (0, 1))
     cut = (slice(None), rows, columns)
-    return Fields(
-        t=fields.t,
+    return replace(
+        fields,
         y=fields.y[rows],
         x=fields.x[columns],
         phi=fields.phi[cut],

@@ -24,16 +24,19 @@ import numpy as np
 
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains.coarse import coarse_grain
+from bench.studies.grains.coarse import Fields, coarse_grain
 from bench.studies.grains.flow_file import cropped, flow_of, write_reference
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import SLOWEST, errors_percent, mu_of_i
 from bench.studies.grains.materials import I0, Material
 from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.scenes import SCENES
+from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.simulation import simulate, snapshots
+from bench.studies.grains.slabs import measured_bulk, side_walls, slabs
 from bench.studies.grains.surface import fraction, surface_height
 from bench.studies.grains.truths import truth_of
+from granpinn.arrays import Float64
 from granpinn.data import Flow, write_flow
 from granpinn.inspection.baseline import baseline
 
@@ -44,14 +47,15 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
     """The files of a scene from its dump; the content of scene.json."""
     begin = time.monotonic()
     scene = SCENES[name](material)
-    truth = truth_of(material)
-    fields = cropped(coarse_grain(scene, snapshots(dump)))
-    height = surface_height(fields) if scene.surface else None
-    c = fraction(fields, height)
+    truth = truth_of(material, shape=scene.shape)
+    fields, seen = fields_of(scene, dump)
+    height, c = filled(scene, seen)
     origin: dict[str, float | str] = {"scene": name, "seed": seed}
-    flow = flow_of(scene, material, fields, c, height, truth, origin)
+    flow = flow_of(scene, material, seen, c, height, truth, origin)
     write_flow(flow, out / FLOW)
-    found = reference(fields, c, scene.steady, scene.period is not None)
+    c = filled(scene, fields)[1]
+    periodic = scene.period is not None
+    found = reference(fields, c, scene.steady, periodic, scene.shape.bulk_density)
     write_reference(out / REFERENCE, fields, found)
     own = own_law(found, truth)
     summary = {
@@ -67,12 +71,33 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
         "truth": truth,
         "own": own,
         "hydrostatic_ratio": hydrostatic_ratio(fields, found.used, scene.gravity[1])
-        if scene.surface and scene.period is not None
+        if scene.surface and periodic
         else None,
         "balance": balance_of(flow, own["along_D"]),
+        "side_walls": None if scene.view is None else side_walls(scene, dump, fields, seen),
         "coarse_graining_s": round(time.monotonic() - begin, 1),
     }
     return summary
+
+
+def fields_of(scene: Scene, dump: Path) -> tuple[Fields, Fields]:
+    """The fields that stress is taken from, and those that are seen: through a side wall they are
+    others. Both have the same cells."""
+    if scene.view is None:
+        fields = cropped(coarse_grain(scene, snapshots(dump)))
+        return fields, fields
+    gap = float(scene.attributes["wall_gap"])
+    fields, seen = (
+        measured_bulk(coarse_grain(scene, slabs(dump, *between)))
+        for between in ((0.0, gap), scene.view)
+    )
+    return cropped(fields), cropped(seen, like=fields)
+
+
+def filled(scene: Scene, fields: Fields) -> tuple[Float64 | None, Float64]:
+    """The surface line, [T, X], or None, and c of every cell, [T, Y, X]."""
+    height = surface_height(fields) if scene.surface else None
+    return height, fraction(fields, height)
 
 
 def balance_of(flow: Flow, own: dict[str, Any]) -> dict[str, Any]:

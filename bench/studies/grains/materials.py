@@ -1,9 +1,9 @@
-"""The grains: two-dimensional disks, and the LAMMPS lines that all scenes share.
+"""The grains, disks in two dimensions or spheres, and the LAMMPS lines that all scenes share.
 
-Units: mean grain diameter d, mass m of a disk of diameter d, gravity g; so time is in sqrt(d/g).
+Units: mean grain diameter d, mass m of a grain of diameter d, gravity g; so time is in sqrt(d/g).
 Diameters are uniform within 15 % of d. Contacts are springs and dashpots with friction
 (`gran/hooke/history`): normal stiffness k_n = 4e4 m g/d, tangential 2/7 of it, damping of a
-restitution of about 0.5. A grain is solid: its density is 4/pi.
+restitution of about 0.5. A grain is solid: the density of a disk is 4/pi, of a sphere 6/pi.
 """
 
 from __future__ import annotations
@@ -15,10 +15,44 @@ SPREAD = 0.15  # diameters are uniform in 1 - SPREAD .. 1 + SPREAD
 STIFFNESS = 4e4
 DAMPING = 138.0
 TIME_STEP = 5e-4
+MEAN_AREA = math.pi / 4 * (1 + SPREAD**2 / 3)  # of a disk, d^2
 GRAIN_DENSITY = 4 / math.pi  # mass of a disk over its area
-BULK_FRACTION = 0.80  # solid fraction of a dense flow, for the inertial number and momentum
+BULK_FRACTION = (
+    0.80  # solid fraction of a dense flow of disks, for the inertial number and momentum
+)
 BULK_DENSITY = BULK_FRACTION * GRAIN_DENSITY
 I0 = 0.3  # of the law that is fitted to the shear cells
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Disks or spheres.
+
+    Attributes:
+        dimension: 2 or 3.
+        density: mass of a grain over its area or volume.
+        fraction: solid fraction of a dense flow, for the inertial number and momentum.
+        mean_solid: mean area or volume of a grain.
+    """
+
+    dimension: int
+    density: float
+    fraction: float
+    mean_solid: float
+
+    @property
+    def bulk_density(self) -> float:
+        """Density of a dense flow."""
+        return self.fraction * self.density
+
+    def set_density(self, group: str) -> str:
+        """Gives the grains of a group their masses."""
+        keyword = "density/disc" if self.dimension == 2 else "density"
+        return f"set {group} {keyword} {self.density:.10f}"
+
+
+DISKS = Shape(2, GRAIN_DENSITY, BULK_FRACTION, MEAN_AREA)
+SPHERES = Shape(3, 6 / math.pi, 0.60, math.pi / 6 * (1 + SPREAD**2))
 
 
 @dataclass(frozen=True)
@@ -46,12 +80,12 @@ class Material:
 FRICTIONS = (0.2, 0.4, 0.7)
 
 
-def head(boundary: str) -> str:
+def head(shape: Shape, boundary: str) -> str:
     """The first lines of every input: units, dimension, what a grain is."""
     return "\n".join(
         (
             "units lj",
-            "dimension 2",
+            f"dimension {shape.dimension}",
             "atom_style sphere",
             "atom_modify map array",
             f"boundary {boundary}",
@@ -61,25 +95,25 @@ def head(boundary: str) -> str:
     )
 
 
-def diameters(group: str, seed: int) -> str:
-    """Draws the diameters of a group and gives its grains the mass of disks."""
+def diameters(shape: Shape, seed: int) -> str:
+    """Draws the diameters of all grains and gives them their masses."""
     low = 1 - SPREAD
     return (
         f"variable drawn atom {low:g}+{2 * SPREAD:g}*random(0,1,{seed})\n"
-        f"set group {group} diameter v_drawn\n"
-        f"set group {group} density/disc {GRAIN_DENSITY:.10f}"
+        "set group all diameter v_drawn\n" + shape.set_density("group all")
     )
 
 
-def motion(material: Material, group: str = "all") -> str:
-    """Contacts, neighbours and the integration of a group of disks."""
+def motion(shape: Shape, material: Material, group: str = "all") -> str:
+    """Contacts, neighbours and the integration of a group of grains."""
+    flat = shape.dimension == 2
     return "\n".join(
         (
             material.pair_style(),
             "neighbor 0.15 bin",
             "neigh_modify delay 0 every 1 check yes",
             f"timestep {TIME_STEP:g}",
-            "fix plane all enforce2d",
-            f"fix move {group} nve/sphere disc",
+            *(("fix plane all enforce2d",) if flat else ()),
+            f"fix move {group} nve/sphere{' disc' if flat else ''}",
         )
     )

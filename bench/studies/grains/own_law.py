@@ -24,7 +24,7 @@ from bench.studies.grains.coarse import XX, XY, YY, Fields
 from bench.studies.grains.law import SLOWEST, binned_law, mu_of_i
 from bench.studies.grains.materials import BULK_DENSITY
 from granpinn.arrays import Bool, Float64
-from granpinn.inspection.local_fits import smooth
+from granpinn.estimates.quadratic_fits import smooth
 
 WINDOW = (2, 2, 2)  # cells on each side in the local fits
 
@@ -52,8 +52,14 @@ class Reference:
     noise: dict[str, float]
 
 
-def reference(fields: Fields, c: Float64, steady: bool, periodic: bool) -> Reference:
-    """The reference of a scene from its fields and the c of its flow file."""
+def reference(
+    fields: Fields, c: Float64, steady: bool, periodic: bool, density: float = BULK_DENSITY
+) -> Reference:
+    """The reference of a scene from its fields and the c of its flow file.
+
+    Args:
+        density: of a dense flow of these grains, for I.
+    """
     xx, yy, xy = (fields.stress[..., k] for k in (XX, YY, XY))
     p = (xx + yy) / 2
     near = (c > 0.5) & np.isfinite(fields.u)
@@ -69,7 +75,7 @@ def reference(fields: Fields, c: Float64, steady: bool, periodic: bool) -> Refer
     tau_xx, tau_xy = -(xx - yy) / 2, -xy
     with np.errstate(divide="ignore", invalid="ignore"):
         tau_n = 2 * (tau_xx * d_xx + tau_xy * d_xy) / gdot
-        number = gdot * np.sqrt(BULK_DENSITY / p_smooth.value)
+        number = gdot * np.sqrt(density / p_smooth.value)
     used = (c == 1) & (fields.coverage > 0.999) & np.isfinite(number) & (p_smooth.value > 0)
     rest = np.hypot(fields.u - u.value, fields.v - v.value)[used]
     speed = np.hypot(fields.u, fields.v)[used]

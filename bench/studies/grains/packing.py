@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.studies.grains.materials import GRAIN_DENSITY, SPREAD
+from bench.studies.grains.materials import SPREAD
 from granpinn.arrays import Float64, Int64
 
 LATTICE = 1.18  # distance on a loose lattice, d: no two grains touch
-SETTLED_AREA = 0.97  # area that a grain takes once it has settled, d^2
+SETTLED_AREA = 0.97  # area that a disk takes once it has settled, d^2
+SETTLED_VOLUME = 0.92  # volume that a sphere takes once it has settled, d^3
 GLUED_DISTANCE = 0.95  # between the centres of neighbours of a rough wall, d
 ROUGHNESS = 0.2  # of a rough wall: its grains lie off the line by at most this, d
 FREE, FIXED, MOVING = 1, 2, 3  # types of grains
@@ -20,7 +21,7 @@ FREE, FIXED, MOVING = 1, 2, 3  # types of grains
 
 @dataclass(frozen=True)
 class Packing:
-    """Grains at the start: type [n] and centre [n, 2]."""
+    """Grains at the start: type [n] and centre [n, 2] or [n, 3]."""
 
     kind: Int64
     centre: Float64
@@ -43,6 +44,27 @@ def disk(radius: float, area: float) -> Packing:
     inside = np.hypot(x, y) < radius - 1.5
     count = min(round(area / SETTLED_AREA), int(inside.sum()))
     return _packing(FREE, x[inside][:count], y[inside][:count])
+
+
+def block(length: float, width: float, height: float) -> Packing:
+    """Free spheres above the floor of a channel, as many as fill a height once they settled."""
+    n = [int((extent - 0.2) / LATTICE) for extent in (length, width)]
+    count = round(length * width * height / SETTLED_VOLUME)
+    layer, rest = np.divmod(np.arange(count), n[0] * n[1])
+    row, column = np.divmod(rest, n[0])
+    x = length / n[0] * (column + 0.5 + 0.05 * (-1.0) ** layer)
+    z = width / n[1] * (row + 0.5)
+    return Packing(np.full(count, FREE), np.stack([x, LATTICE * (layer + 0.7), z], axis=1))
+
+
+def rough_floor(length: float, width: float, height: float, seed: int) -> Packing:
+    """Glued spheres at a height, on the floor of a channel."""
+    n = [round(extent / GLUED_DISTANCE) for extent in (length, width)]
+    x, z = np.meshgrid(
+        *((np.arange(k) + 0.5) * extent / k for k, extent in zip(n, (length, width), strict=True))
+    )
+    y = height + np.random.default_rng(seed).uniform(-ROUGHNESS, ROUGHNESS, x.size)
+    return Packing(np.full(x.size, FIXED), np.stack([x.ravel(), y, z.ravel()], axis=1))
 
 
 def rough_line(
@@ -75,7 +97,7 @@ def write_data(path: Path, parts: Sequence[Packing], box: Sequence[float], seed:
     """The data file of LAMMPS, with diameters and small random velocities drawn from the seed.
 
     Args:
-        box: smallest x, largest x, smallest y, largest y.
+        box: smallest x, largest x, smallest y, largest y; of spheres, smallest and largest z too.
 
     Returns:
         the number of grains.
@@ -85,18 +107,20 @@ def write_data(path: Path, parts: Sequence[Packing], box: Sequence[float], seed:
     n = len(kind)
     rng = np.random.default_rng(seed)
     diameter = rng.uniform(1 - SPREAD, 1 + SPREAD, n)
-    velocity = np.where(kind[:, None] == FREE, rng.uniform(-0.5, 0.5, (n, 2)), 0.0)
+    velocity = np.where(kind[:, None] == FREE, rng.uniform(-0.5, 0.5, centre.shape), 0.0)
+    if centre.shape[1] == 2:
+        centre, velocity = (np.pad(array, ((0, 0), (0, 1))) for array in (centre, velocity))
+    low, high = box[4:] or (-0.5, 0.5)
     head = (
         f"grains\n\n{n} atoms\n3 atom types\n\n{box[0]:g} {box[1]:g} xlo xhi\n"
-        f"{box[2]:g} {box[3]:g} ylo yhi\n-0.5 0.5 zlo zhi\n"
+        f"{box[2]:g} {box[3]:g} ylo yhi\n{low:g} {high:g} zlo zhi\n"
     )
     atoms = "\n".join(
-        f"{i + 1} {kind[i]} {diameter[i]:.6f} {GRAIN_DENSITY:.10f} "
-        f"{centre[i, 0]:.6f} {centre[i, 1]:.6f} 0"
+        f"{i + 1} {kind[i]} {diameter[i]:.6f} 1 {' '.join(f'{x:.6f}' for x in centre[i])}"
         for i in range(n)
     )
     speeds = "\n".join(
-        f"{i + 1} {velocity[i, 0]:.6f} {velocity[i, 1]:.6f} 0 0 0 0" for i in range(n)
+        f"{i + 1} {' '.join(f'{v:.6f}' for v in velocity[i])} 0 0 0" for i in range(n)
     )
     path.write_text(f"{head}\nAtoms # sphere\n\n{atoms}\n\nVelocities\n\n{speeds}\n")
     return n

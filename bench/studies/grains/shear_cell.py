@@ -2,10 +2,11 @@
 
     python -m bench.studies.grains.shear_cell --material 0.4 --pressure 20 --json truth.json
 
-900 disks in a periodic box, 30 d wide. The box is sheared at a rate gdot and its height follows the
-pressure sigma_yy. mu = |sigma_xy|/p and I = gdot d sqrt(rho_bulk/p) with p = (sigma_xx +
-sigma_yy)/2, contact and kinetic stress together, without gravity. Standard errors come from the
-scatter of long blocks: blocks are joined until the error grows no more.
+900 disks in a periodic box, 30 d wide, or 1,728 spheres in one of 12 d. The box is sheared at a
+rate gdot and its height follows the pressure sigma_yy. mu = |sigma_xy|/p and
+I = gdot d sqrt(rho_bulk/p) with p = (sigma_xx + sigma_yy)/2, contact and kinetic stress together,
+without gravity. Standard errors come from the scatter of long blocks: blocks are joined until the
+error grows no more.
 
 Defends: mu(I) of the shear cell to 1 % from I = 0.01 to 0.3.
 """
@@ -26,45 +27,52 @@ from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import fit
 from bench.studies.grains.materials import (
-    BULK_DENSITY,
-    SPREAD,
+    DISKS,
+    SPHERES,
     TIME_STEP,
     Material,
+    Shape,
     diameters,
     head,
     motion,
 )
 from granpinn.arrays import Float64
 
-WIDTH = 30  # of the box, d
+WIDTH = {2: 30, 3: 12}  # of the box, d, by the dimension
 # Strain for every inertial number, from fast to slow: the state of one starts the next.
 STRAINS = {0.3: 40.0, 0.185: 40.0, 0.1: 30.0, 0.055: 20.0, 0.03: 15.0, 0.01: 6.0, 0.003: 3.0}
+# Share of these strains, by the dimension: more grains have a better mean.
+SHARE = {2: 1.0, 3: 0.5}
 BLOCKS = 64  # means of each rate in the file
-TRANSIENT = 0.25  # of the strain of a rate: left out before it
+TRANSIENT = 0.25  # of the strain of a rate in the table: left out before it
 # Relative growth of the height in a unit of time for a pressure that is 1 too large.
-GAIN = 2e-4
+GAIN = {2: 2e-4, 3: 5e-4}
 START_GAIN, START_TIME = 3e-4, 10.0
 
 
-def rate(inertial_number: float, pressure: float) -> float:
+def rate(shape: Shape, inertial_number: float, pressure: float) -> float:
     """gdot of an inertial number at a pressure."""
-    return inertial_number * float(np.sqrt(pressure / BULK_DENSITY))
+    return inertial_number * float(np.sqrt(pressure / shape.bulk_density))
 
 
-def script(material: Material, pressure: float, numbers: Sequence[float], seed: int) -> str:
+def script(
+    shape: Shape, material: Material, pressure: float, numbers: Sequence[float], seed: int
+) -> str:
     """The input: compress, then shear at one rate after the other; blocks_I.txt for each."""
-    first = rate(numbers[0], pressure)
-    area = np.pi / 4 * (1 + SPREAD**2 / 3)  # of a mean disk
+    first = rate(shape, numbers[0], pressure)
+    gain = GAIN[shape.dimension]
+    width = WIDTH[shape.dimension]
+    flat = shape.dimension == 2
     lines = [
-        head("p p p"),
-        f"region cell prism 0 {WIDTH} 0 {WIDTH} -0.5 0.5 0 0 0",
+        head(shape, "p p p"),
+        f"region cell prism 0 {width} 0 {width} {'-0.5 0.5' if flat else f'0 {width}'} 0 0 0",
         "create_box 1 cell",
-        "lattice sq 1.0",
+        f"lattice {'sq' if flat else 'sc'} 1.0",
         "create_atoms 1 region cell",
-        diameters("all", seed),
-        motion(material),
-        f"velocity all ramp vx 0 {first * WIDTH:g} y 0 {WIDTH}",
-        f"variable fraction equal {area:.10f}*atoms/(lx*ly)",
+        diameters(shape, seed),
+        motion(shape, material),
+        f"velocity all ramp vx 0 {first * width:g} y 0 {width}",
+        f"variable fraction equal {shape.mean_solid:.10f}*atoms/vol",
         "compute streaming all temp/deform",
         "compute stress all pressure streaming",
         *_sheared(pressure, START_GAIN, first),
@@ -72,20 +80,21 @@ def script(material: Material, pressure: float, numbers: Sequence[float], seed: 
     ]
     before = first
     for number in numbers:
-        gdot = rate(number, pressure)
-        every = max(10, round(STRAINS[number] / gdot / TIME_STEP / BLOCKS) // 10 * 10)
+        gdot = rate(shape, number, pressure)
+        strain = SHARE[shape.dimension] * STRAINS[number]
+        every = max(10, round(strain / gdot / TIME_STEP / BLOCKS) // 10 * 10)
         lines += [
             "unfix box",
             f"variable change equal {gdot - before:.10g}*ly",
             "variable low equal ylo",
             "variable high equal yhi",
             "velocity all ramp vx 0 ${change} y ${low} ${high} sum yes",
-            *_sheared(pressure, GAIN, gdot),
-            f"run {round(TRANSIENT * every * BLOCKS)}",
+            *_sheared(pressure, gain, gdot),
+            f"run {round(TRANSIENT * every * BLOCKS / SHARE[shape.dimension])}",
             "unfix box",
-            *_sheared(pressure, GAIN, gdot),
+            *_sheared(pressure, gain, gdot),
             f"fix mean all ave/time 10 {every // 10} {every} c_stress[1] c_stress[2] c_stress[4] "
-            f"v_fraction v_gdot file blocks_{number:g}.txt",
+            f"v_fraction v_gdot{'' if flat else ' c_stress[3]'} file blocks_{number:g}.txt",
             f"run {every * BLOCKS}",
             "unfix mean",
         ]
@@ -112,17 +121,19 @@ def _sheared(pressure: float, gain: float, gdot: float) -> list[str]:
     ]
 
 
-def point(blocks: Float64) -> dict[str, float]:
+def point(shape: Shape, blocks: Float64) -> dict[str, float]:
     """One rate: I, mu with its standard error, p and the solid fraction, from block means.
 
     Args:
-        blocks: step, sigma_xx, sigma_yy, sigma_xy, solid fraction, gdot of each block, [B, 6].
+        blocks: step, sigma_xx, sigma_yy, sigma_xy, solid fraction, gdot of each block, [B, 6]; of
+            spheres sigma_zz too, which comes out as its ratio to p.
     """
     p, tau = (blocks[:, 1] + blocks[:, 2]) / 2, -blocks[:, 3]
     mu = float(tau.mean() / p.mean())
     pressure = float(p.mean())
-    return {
-        "I": float(blocks[:, 5].mean()) / float(np.sqrt(pressure / BULK_DENSITY)),
+    across = {} if shape.dimension == 2 else {"szz_by_p": float(blocks[:, 6].mean()) / pressure}
+    return across | {
+        "I": float(blocks[:, 5].mean()) / float(np.sqrt(pressure / shape.bulk_density)),
         "mu": mu,
         "se": standard_error((tau - mu * p) / pressure),
         "p": pressure,
@@ -140,17 +151,23 @@ def standard_error(values: Float64) -> float:
 
 
 def truth(
-    lammps: Lammps, material: Material, pressure: float, numbers: Sequence[float], folder: Path
+    lammps: Lammps,
+    shape: Shape,
+    material: Material,
+    pressure: float,
+    numbers: Sequence[float],
+    folder: Path,
 ) -> dict[str, Any]:
     """Measured points and the fitted law of one material at one pressure."""
     begin = time.monotonic()
-    lammps.run(script(material, pressure, numbers, seed=4711), folder)
+    lammps.run(script(shape, material, pressure, numbers, seed=4711), folder)
     points = []
     for number in numbers:
         blocks = np.loadtxt(folder / f"blocks_{number:g}.txt")
-        points.append(point(blocks))
+        points.append(point(shape, blocks))
     law = fit(*(np.array([p[name] for p in points]) for name in ("I", "mu", "se")))
     return {
+        "dimension": shape.dimension,
         "friction": material.friction,
         "pressure": pressure,
         "points": points,
@@ -162,6 +179,7 @@ def truth(
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--material", type=float, default=0.4, help="friction between the grains")
+    parser.add_argument("--spheres", action="store_true", help="in place of disks")
     parser.add_argument("--pressure", type=float, default=20.0, help="sigma_yy, m g/d")
     parser.add_argument("--rates", type=float, nargs="+", default=list(STRAINS), help="I")
     parser.add_argument("--folder", type=Path, default=Path("shear_cell"), help="LAMMPS's files")
@@ -170,7 +188,14 @@ def main() -> int:
     chosen = parser.parse_args()
     try:
         material = Material(chosen.material)
-        found = truth(Lammps(chosen.lmp), material, chosen.pressure, chosen.rates, chosen.folder)
+        found = truth(
+            Lammps(chosen.lmp),
+            SPHERES if chosen.spheres else DISKS,
+            material,
+            chosen.pressure,
+            chosen.rates,
+            chosen.folder,
+        )
     except ExperimentError as error:
         print(f"bench.studies.grains.shear_cell: {error}", file=sys.stderr)
         return 1

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from bench.studies.grains.coarse import SD, Fields
-from bench.studies.grains.materials import BULK_FRACTION
 from granpinn.arrays import Float64
 
 FULL = 0.9  # of the bulk fraction
@@ -25,7 +24,7 @@ UNCERTAINTY = 0.5  # of the line, d
 
 def surface_height(fields: Fields, level: float = 0.5) -> Float64:
     """Height of the line in every column, [T, X]; NaN where there are no grains."""
-    threshold = level * BULK_FRACTION
+    threshold = level * fields.bulk
     phi, y = fields.phi, fields.y
     above = phi > threshold
     above[:, -1] = False
@@ -40,8 +39,8 @@ def surface_height(fields: Fields, level: float = 0.5) -> Float64:
 
 def fraction(fields: Fields, height: Float64 | None) -> Float64:
     """c of every cell, [T, Y, X]; `height` is that of the line, None without a free surface."""
-    c = np.clip(fields.phi / BULK_FRACTION, 0, 0.999)
-    full = (fields.phi > FULL * BULK_FRACTION) & np.isfinite(fields.u)
+    c = np.clip(fields.phi / fields.bulk, 0, 0.999)
+    full = (fields.phi > FULL * fields.bulk) & np.isfinite(fields.u)
     if height is not None:
         full &= distance(fields, height) >= AWAY
         full &= fields.y[:, None] < height[:, None, :]

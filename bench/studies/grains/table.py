@@ -1,8 +1,9 @@
 """All scenes of a folder in one table: their own laws, noise and the plain momentum balance.
 
-    python -m bench.studies.grains.table SCENES --json scenes.json --csv scenes.csv
+    python -m bench.studies.grains.table SCENES --json scenes.json --csv scenes.csv --md scenes.md
 
-The CSV has the points of every law, for drawing: scene, material, kind, I, mu, standard error.
+The CSV has the points of every law, for drawing: scene, material, kind, I, mu, standard error. The
+table in Markdown has laws as mu_s/mu_2 at I0 = 0.3, or as mu at a mean I where I hardly varies.
 """
 
 from __future__ import annotations
@@ -11,14 +12,17 @@ import argparse
 import csv
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
+from bench.studies.grains.law import SCORED, errors_percent, mu_of_i
 from bench.studies.grains.make import SUMMARY, line
 from bench.studies.grains.run import scenes_in
 
+MOST = 0.10  # the largest inertial number of the table
 COLUMNS = ("scene", "material", "kind", "I", "mu", "se")
 
 
@@ -34,11 +38,65 @@ def points(summary: dict[str, Any]) -> list[tuple[Any, ...]]:
     ]
 
 
+HEAD = (
+    *("scene, friction", "vectors", "I, 5..95 %", "own law along D", "its % of the shear cell"),
+    *("by norm", "tau:D", "balance", "its % of the own law", "noise u, p %"),
+)
+
+
+def markdown(summaries: Sequence[dict[str, Any]]) -> str:
+    """The table, with errors in % at the inertial numbers of `law.SCORED` up to 0.10."""
+    rows = [HEAD, ("---",) * len(HEAD), *map(_row, summaries)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def _row(s: dict[str, Any]) -> tuple[str, ...]:
+    own, balance = s["own"], s["balance"]
+    law, ratio = own["along_D"], own["dissipation_ratio"]
+    return (
+        f"{s['scene']}, {s['material']:g}",
+        f"{s['vectors']}",
+        "..".join(f"{i:.3f}" for i in law["I_range"]),
+        _law(law),
+        _departure(law, s["truth"]),
+        _law(own["norm"]),
+        "-" if ratio is None else f"{ratio:.3f}",
+        _law(balance),
+        _percent(balance.get("error_percent") or {"mean": balance.get("mean_error_percent")}),
+        f"{s['noise']['velocity_percent']:.2f}, {own['p_noise_percent']:.0f}",
+    )
+
+
+def _law(found: dict[str, Any]) -> str:
+    if found["law"] is not None:
+        return f"{found['law']['mu_s']:.3f}/{found['law']['mu_2']:.3f}"
+    mean = found["mean"]
+    return "-" if mean is None else f"mu {mean['mu']:.3f} at {mean['I']:.3f}"
+
+
+def _departure(own: dict[str, Any], truth: Mapping[str, float] | None) -> str:
+    """Of the own law from that of the shear cell, in %."""
+    if truth is None or own["mean"] is None:
+        return "-"
+    if own["law"] is not None:
+        return _percent(errors_percent(own["law"], truth, *own["I_range"]))
+    return _percent({"mean": 100 * (own["mean"]["mu"] / mu_of_i(truth, own["mean"]["I"]) - 1)})
+
+
+def _percent(errors: Mapping[str, float | None]) -> str:
+    """Errors at the inertial numbers of the table, or the one at the mean I."""
+    if "mean" in errors:
+        return "-" if errors["mean"] is None else f"{errors['mean']:+.1f} at the mean"
+    numbers = [f"{i:g}" for i in SCORED if i <= MOST]
+    return " ".join(f"{errors[i]:+.1f}" if i in errors else "." for i in numbers)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("scenes", type=Path, help="folder of the scenes")
     parser.add_argument("--json", type=Path, help="file for all that the scenes say of themselves")
     parser.add_argument("--csv", type=Path, help="file for the points of their laws")
+    parser.add_argument("--md", type=Path, help="file for the table in Markdown")
     chosen = parser.parse_args()
     try:
         found = [json.loads((s / SUMMARY).read_text()) for s in scenes_in(chosen.scenes)]
@@ -48,6 +106,8 @@ def main() -> int:
     for summary in found:
         print(line(summary))
     raw.write(chosen.json, {"scenes": found})
+    if chosen.md is not None:
+        chosen.md.write_text(markdown(found))
     if chosen.csv is not None:
         with chosen.csv.open("w", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")

@@ -4,8 +4,10 @@
 
 A value is put once, or twice, into the data, the loss, the gradients, the parameters, the law or
 the state of the optimiser. It must be noticed in the same step, or (parts that no step reads) in
-the step before the state is copied or saved. The first time the run goes back and on; the second
-time it stops with a sentence that names the tensor. No checkpoint may ever hold the value.
+the step before the state is copied or saved. A GPU makes a stretch of steps before the host looks:
+there the value must be noticed at the end of its stretch. The first time the run goes back and on;
+the second time it stops with a sentence that names the tensor. No checkpoint may ever hold the
+value.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
@@ -46,6 +48,16 @@ SETTINGS: dict[str, Any] = {
     "batch__surface": 6,
     "optimizer__average": 0.8,
 }
+
+
+class Noticed(NamedTuple):
+    """A value that was noticed: the first and last step of its stretch, and the step where."""
+
+    first: int
+    last: int
+    seen: int
+
+
 # A tensor of the state -> words of which the sentence must have one.
 STATE = {
     "params": ("loss", "parameters", "gradient"),
@@ -114,7 +126,7 @@ def one(
         return "saved"
     if not noticed:
         return "not noticed"
-    if any(seen != at for at, seen in noticed) and not lasting:
+    if any(n.seen > n.last for n in noticed) and not lasting:
         return f"noticed late: {noticed}"
     if times == 1 and not lasting:
         return "" if run.trainer.finished and not message else f"did not go on: {message}"
@@ -126,41 +138,47 @@ def one(
 
 def inject(
     run: TrainingLoop, name: str, value: float, step: int, times: int, place: float
-) -> list[tuple[int, int]]:
-    """Put a value into a tensor; the list gets (step of the value, step where it was noticed)."""
+) -> list[Noticed]:
+    """Put a value into a tensor, in the stretch of steps that has the step.
+
+    The loss and the gradients exist on the device alone, inside of a captured step. They get the
+    value there, in the step itself; all else gets it before the stretch.
+    """
     trainer, objective = run.trainer, run.trainer.objective
-    put: list[int] = []
-    noticed: list[tuple[int, int]] = []
+    put: list[tuple[int, int]] = []
+    noticed: list[Noticed] = []
     advance, recover, evaluate = trainer.advance, run._recover, objective.evaluate
+    armed = torch.full_like(trainer.control.counter[0], -1)  # step of the value, on the device
 
     def spoil(tensor: torch.Tensor) -> None:
         flat = tensor.view(-1)
         flat[int(place * len(flat))] = value
 
-    def due() -> bool:
-        return trainer.step == step and len(put) < times
-
     def advanced() -> None:
-        if name in STATE and due():
-            put.append(trainer.step)
-            spoil(trainer.tensors()[name])
-        elif name in DATA and due():
-            put.append(trainer.step)
-            getattr(objective, name).fill_(value)
+        stretch = range(trainer.step, trainer.step + trainer._stretch())
+        due = step in stretch and len(put) < times
+        armed.fill_(step if due and name in GRADIENTS else -1)
+        if due:
+            put.append((stretch[0], stretch[-1]))
+            if name in STATE:
+                spoil(trainer.tensors()[name])
+            elif name in DATA:
+                getattr(objective, name).fill_(value)
         advance()
 
     def evaluated(*args: Any) -> Any:
         found = evaluate(*args)
-        if name in GRADIENTS and due():
-            put.append(trainer.step)
-            tensor = getattr(found, name).clone()
-            spoil(tensor)
-            return replace(found, **{name: tensor})
+        if name in GRADIENTS:
+            sound = getattr(found, name)
+            spoilt = sound.clone()
+            spoil(spoilt)
+            now = trainer.control.counter[0] == armed
+            return replace(found, **{name: torch.where(now, spoilt, sound)})
         return found
 
     def recovered(error: NonFiniteError) -> None:
-        # A part that no step reads is found after its step.
-        noticed.append((put[-1], max(put[-1], trainer.step - 1)))
+        # A part that no step reads is found after its stretch.
+        noticed.append(Noticed(*put[-1], max(put[-1][0], trainer.step - 1)))
         recover(error)
 
     patches: dict[str, tuple[Any, Callable[..., Any]]] = {

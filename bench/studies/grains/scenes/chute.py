@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 
+from bench.studies.grains.materials import I0, Material
 from bench.studies.grains.packing import lattice, rough_line
 from bench.studies.grains.scenes.scene import Grid, Scene, gravity, run
 
 LENGTH = 64.0
 DEPTH = 40.0
-# A guess of mu(I), only to start the steady chute near its profile.
-GUESS = {"mu_s": 0.257, "mu_2": 0.738, "I0": 0.3}
+# Guesses of mu_s and mu_2 by material, only to start the steady chute near its profile.
+GUESS = {0.2: (0.22, 0.72), 0.4: (0.257, 0.738), 0.7: (0.27, 0.78)}
 
 
-def chute(tangent: float, steady: bool, duration: float) -> Scene:
+def chute(material: Material, tangent: float, steady: bool, duration: float) -> Scene:
     """A layer of 40 d on a slope; x points down the slope, y away from the bed."""
     cos = 1 / math.hypot(1, tangent)
     tilted = (tangent * cos, -cos)
     stages = [run(35.0)]
     if steady:
-        stages += [_bagnold(tangent, cos), gravity(*tilted), run(110.0)]
+        stages += [_bagnold(GUESS[material.friction], tangent, cos), gravity(*tilted), run(110.0)]
     else:
         stages += [gravity(*tilted)]
     frames = 2 if steady else round(duration / 2)
@@ -47,10 +48,10 @@ def chute(tangent: float, steady: bool, duration: float) -> Scene:
     )
 
 
-def _bagnold(tangent: float, cos: float) -> str:
+def _bagnold(guess: tuple[float, float], tangent: float, cos: float) -> str:
     """Velocity u = 2/3 I sqrt(phi g cos) (h^1.5 - (h - y)^1.5) at the guessed I."""
-    ratio = (tangent - GUESS["mu_s"]) / (GUESS["mu_2"] - tangent)
-    factor = 2 / 3 * GUESS["I0"] * max(ratio, 0.02) * math.sqrt(cos)
+    ratio = (tangent - guess[0]) / (guess[1] - tangent)
+    factor = 2 / 3 * I0 * max(ratio, 0.02) * math.sqrt(cos)
     h = DEPTH + 1
     return (
         f"variable bagnold atom {factor:g}*({h:g}^1.5-((y<{h:g})*({h:g}-y))^1.5)\n"

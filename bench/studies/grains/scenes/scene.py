@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from bench.studies.grains.materials import GRAIN_DENSITY, TIME_STEP, Material, head, motion
+from bench.studies.grains.materials import DISKS, TIME_STEP, Material, Shape, head, motion
 from bench.studies.grains.packing import Packing
 from granpinn.arrays import Bool, Float64
 
@@ -32,7 +32,7 @@ class Scene:
     Attributes:
         title: one line for tables.
         packing: grains at the start for a seed.
-        box: smallest x, largest x, smallest y, largest y.
+        box: smallest x, largest x, smallest y, largest y; of spheres, smallest and largest z.
         boundary: of LAMMPS; "p" along x is a periodic flow.
         stages: LAMMPS lines from the start to the first dump; gravity acts from the beginning.
         gravity: of the recorded stage.
@@ -45,11 +45,15 @@ class Scene:
         steady: the flow does not change during the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
+        recorded: LAMMPS lines at the start of the record.
+        columns: of the dump file.
+        shape: of the grains.
+        view: of spheres between side walls: the smallest and largest z of what is seen.
     """
 
     title: str
     packing: Callable[[int], Sequence[Packing]]
-    box: tuple[float, float, float, float]
+    box: tuple[float, ...]
     boundary: str
     stages: str
     gravity: tuple[float, float]
@@ -63,6 +67,10 @@ class Scene:
     steady: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
+    recorded: tuple[str, ...] = ()
+    columns: tuple[str, ...] = COLUMNS
+    shape: Shape = DISKS
+    view: tuple[float, float] | None = None
 
     @property
     def period(self) -> float | None:
@@ -86,14 +94,14 @@ def script(scene: Scene, material: Material) -> str:
     return (
         "\n".join(
             (
-                head(scene.boundary),
+                head(scene.shape, scene.boundary),
                 f"read_data {START}",
-                f"set atom * density/disc {GRAIN_DENSITY:.10f}",
+                scene.shape.set_density("atom *"),
                 "group free type 1",
                 "group fixed type 2",
                 "group moving type 3",
                 "group glued union fixed moving",
-                motion(material, "free"),
+                motion(scene.shape, material, "free"),
                 "neigh_modify exclude group glued glued",
                 "thermo 20000",
                 "thermo_modify lost ignore flush yes",
@@ -102,8 +110,9 @@ def script(scene: Scene, material: Material) -> str:
                     "WALL", material.wall(material.friction)
                 ),
                 "reset_timestep 0",
+                *scene.recorded,
                 "compute virial free stress/atom NULL pair",
-                f"dump record free custom {every} {DUMP} {' '.join(COLUMNS)}",
+                f"dump record free custom {every} {DUMP} {' '.join(scene.columns)}",
                 "dump_modify record first yes format float %.6g",
                 f"run {every * (scene.snapshots - 1)}",
             )

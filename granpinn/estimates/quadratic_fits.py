@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from granpinn.arrays import Bool, Float64
+from granpinn.estimates.fits import quadratic_basis
 
 ENOUGH = 1.5  # cells in a window per coefficient; fewer give no value
 AT_ONCE = 8192  # windows that are copied at a time
@@ -118,10 +119,7 @@ def _windows(array: Float64, half: tuple[int, int, int], periodic: bool) -> Floa
 
 
 def _basis(half: tuple[int, int, int]) -> tuple[Float64, list[int]]:
-    """1, the used axes, and their products, at the cells of a window: [window, n]; the axes."""
+    """The quadratic basis at the cells of a window [window, n], and the used axes."""
     axes = [a for a in range(3) if half[a] > 0]
     grids = np.meshgrid(*(np.arange(-h, h + 1) / max(h, 1) for h in half), indexing="ij")
-    used = [grids[a].ravel() for a in axes]
-    terms = [np.ones(grids[0].size), *used]
-    terms += [used[i] * used[j] for i in range(len(used)) for j in range(i, len(used))]
-    return np.stack(terms, axis=1), axes
+    return quadratic_basis([grids[a].ravel() for a in axes]), axes

@@ -1,0 +1,117 @@
+"""The grains study: spheres between side walls, and the command that makes all scenes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.studies.grains import coarse, pack, slabs
+from bench.studies.grains.materials import SPHERES, Material
+from bench.studies.grains.packing import block, rough_floor, write_data
+from bench.studies.grains.scenes import SCENES
+from bench.studies.grains.scenes.channel import COLUMNS, DEPTH, GAP, LENGTH
+from granpinn.arrays import Float64
+
+SPACING = 0.5
+RADIUS = SPACING / 2
+FRACTION = np.pi / 6  # of a cubic lattice of touching spheres
+
+
+def test_a_sphere_is_shared_by_volume() -> None:
+    z = np.array([0.0, 1.0, 0.5, -2.0])
+    found = slabs.share(z, np.full(4, 0.5), 0.0, 1.0)
+    np.testing.assert_allclose(found, [0.5, 0.5, 1.0, 0.0], atol=1e-12)
+    # A cap of height r/2 has 5/32 of a sphere.
+    assert slabs.share(np.array([0.25]), np.array([0.5]), 0.0, 9.0)[0] == pytest.approx(27 / 32)
+
+
+def spheres() -> Float64:
+    """A lattice that fills the channel to 10 d: u = y + z, contact stress of (2, 3, 0.5) and 4.
+
+    The walls push each grain that touches them with 0.2 along -x and 2 across.
+    """
+    axes = [np.arange(RADIUS, extent, SPACING) for extent in (LENGTH, 10.0, GAP)]
+    x, y, z = (a.ravel() for a in np.meshgrid(*axes))
+    one = np.ones_like(x)
+    beside = (z < SPACING).astype(float) - (z > GAP - SPACING)
+    mass = SPHERES.density * np.pi / 6 * SPACING**3 * one
+    stress = [-s * SPACING**3 * one for s in (2.0, 3.0, 0.5, 4.0)]
+    side = [-0.2 * np.abs(beside), 0 * one, 2 * beside]
+    return np.stack([x, y, z, y + z, 0 * one, RADIUS * one, mass, *stress, *side], axis=1)
+
+
+@pytest.fixture
+def dump(tmp_path: Path) -> Path:
+    table = spheres()
+    rows = "\n".join(" ".join(f"{v:.7g}" for v in row) for row in table)
+    snapshot = (
+        f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{len(table)}\nITEM: BOX BOUNDS pp ff ff\n"
+        f"0 1\n0 1\n0 1\nITEM: ATOMS {' '.join(COLUMNS)}\n{rows}\n"
+    )
+    path = tmp_path / "grains.dump"
+    path.write_text(2 * snapshot)
+    return path
+
+
+def test_a_slab_has_the_fields_of_its_part_of_the_width(dump: Path) -> None:
+    scene = replace(SCENES["channel_wall"](Material(0.4)), snapshots=2, frames=2)
+    whole, seen = (
+        coarse.coarse_grain(scene, slabs.slabs(dump, low, high)) for low, high in ((0, GAP), (0, 2))
+    )
+    rows = slice(3, 7)
+    for fields, z in ((whole, GAP / 2), (seen, 1.0)):
+        np.testing.assert_allclose(fields.phi[:, rows], FRACTION, rtol=5e-3)
+        np.testing.assert_allclose(fields.rho[:, rows], FRACTION * SPHERES.density, rtol=5e-3)
+        means = fields.u[:, rows].mean(axis=(0, 2)) - fields.y[rows]
+        np.testing.assert_allclose(means, z, atol=0.02)
+        assert fields.stress[:, rows, :, coarse.YY].mean() == pytest.approx(3, rel=5e-3)
+    assert slabs.measured_bulk(seen).bulk == pytest.approx(FRACTION, rel=0.02)
+    made = slabs.side_walls(scene, dump, slabs.measured_bulk(whole), seen)
+    assert made["friction"] == pytest.approx(0.1)
+    # 2 per SPACING^2 of a wall; the velocity varies across, which adds a kinetic stress to p.
+    np.testing.assert_allclose(made["normal_stress"], 2 / SPACING**2, rtol=1e-6)
+    np.testing.assert_allclose(made["shear_stress"], 0.2 / SPACING**2, rtol=1e-6)
+    assert made["friction_by_p"] == pytest.approx(0.8 / np.mean(made["p"]), rel=1e-6)
+    expected = (np.array(made["y"]) + 1) / (np.array(made["y"]) + GAP / 2)
+    np.testing.assert_allclose(made["speed_seen_by_mean"][3:-3], expected[3:-3], atol=0.01)
+
+
+def test_the_channel_starts_with_the_stated_volume(tmp_path: Path) -> None:
+    free, floor = block(LENGTH, GAP, DEPTH), rough_floor(LENGTH, GAP, -0.5, 1)
+    assert len(free.kind) * SPHERES.mean_solid / (LENGTH * GAP * DEPTH) == pytest.approx(0.58, 0.02)
+    assert (free.centre[:, [0, 2]] > 0.5).all()
+    assert (free.centre[:, [0, 2]] < 9.5).all()
+    assert np.abs(floor.centre[:, 1] + 0.5).max() <= 0.2
+    count = write_data(tmp_path / "start", (free, floor), (0, 10, -2, 36, -0.1, 10.1), 1)
+    text = (tmp_path / "start").read_text()
+    assert count == len(free.kind) + len(floor.kind)
+    assert "-0.1 10.1 zlo zhi" in text
+    assert len(text.split("Velocities")[1].split()) == 7 * count
+
+
+def test_the_pack_makes_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = tmp_path / "drum-0.4"
+    done.mkdir()
+    (done / "scene.json").write_text(json.dumps({}))
+    ran: list[list[str]] = []
+
+    def record(lines: list[list[str]]) -> int:
+        ran.extend(lines)
+        return 0
+
+    monkeypatch.setattr(pack, "run", record)
+    monkeypatch.setattr("sys.argv", ["pack", "--out", str(tmp_path), "--lmp", "lmp"])
+    assert pack.main() == 0
+    made = [Path(line[line.index("--out") + 1]).name for line in ran]
+    assert len(made) == len(set(made)) == len(pack.PACK)  # one is done, one has two views
+    assert "drum-0.4" not in made
+    assert {line[3] for line in ran} | {"drum"} <= SCENES.keys()
+    (view,) = (line for line in ran if line[3] == "channel_mean")
+    assert Path(view[-1]) == tmp_path / "channel_wall-0.4" / "lammps" / "grains.dump"
+    monkeypatch.undo()
+    assert pack.run([["false"], ["touch", str(tmp_path / "never")]]) == 1
+    assert not (tmp_path / "never").exists()
