@@ -22,10 +22,11 @@ from granpinn.data.norms import rms
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
 from granpinn.second_opinion.comparison import Comparison, compare
-from granpinn.simulation.parameters import CELLS_MULTIPLE, FEWEST_CELLS, Collapse, law_settings
+from granpinn.simulation.parameters import FEWEST_CELLS, Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
+from granpinn.simulation.scene import CELLS_MULTIPLE, law_settings
 
 MOST_CELLS = 512  # across the box, unless the settings have a number
 LARGEST_AREA = 3  # largest number of cells of a box, in squares of so many across
