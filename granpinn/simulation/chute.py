@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,6 +55,10 @@ class Chute(Scene):
     stride: int = setting(
         1, "every how many cells one point of the grid is written", low=1, high=MOST_CELLS
     )
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *theta: float | None, law: str = "", **settings: Any) -> None: ...
 
     def _check(self) -> None:
         if self.d > self.height:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,6 +45,10 @@ class Collapse(Scene):
         low=FEWEST_CELLS,
         high=MOST_CELLS,
     )
+
+    if TYPE_CHECKING:
+
+        def __init__(self, *theta: float | None, law: str = "", **settings: Any) -> None: ...
 
     def _check(self) -> None:
         if len(self.gravity) != 2 or self.gravity[1] > -SIZE["low"]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import granpinn
-from granpinn.arrays import Float32, Float64
+from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data.flow import Flow, Surface, Truth
 from granpinn.simulation.engine import State
 from granpinn.simulation.scene import Scene
@@ -104,15 +104,15 @@ class Recorder:
         }
 
 
-def half_full_cells(state: State, h: float) -> tuple[Float64, Float64, Float64]:
+def half_full_cells(state: State, h: float) -> tuple[Floats, Floats, Floats]:
     """x, y and p [n] of the cells with c near 1/2; h is the cell size."""
     j, i = np.nonzero(np.abs(state.c - 0.5) < SURFACE_HALF_WIDTH)
     return (i + 0.5) * h, (j + 0.5) * h, state.p[j, i]
 
 
-def column_heights(state: State, h: float) -> tuple[Float64, Float64, Float64]:
+def column_heights(state: State, h: float) -> tuple[Floats, Floats, Floats]:
     """x of all columns of cells, the height of their grains and the pressure of the air above."""
-    cells = state.c.sum(axis=0)
+    cells: Float64 = state.c.sum(axis=0)
     i = np.arange(cells.size)
     j = np.minimum(np.ceil(cells - 1e-6).astype(int), len(state.c) - 1)
     return (i + 0.5) * h, cells * h, state.p[j, i]

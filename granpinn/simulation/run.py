@@ -26,7 +26,8 @@ DEMO = "collapse_0.40_0.64.h5"
 class Taker(Protocol):
     """Receiver of the frames of a run, such as a Recorder."""
 
-    scene: Scene
+    @property
+    def scene(self) -> Scene: ...
 
     def add(self, time: float, state: State) -> None: ...
 

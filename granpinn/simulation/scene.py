@@ -93,7 +93,8 @@ class Scene(CompleteLaw):
         def __init__(self, *theta: float | None, law: str = "", **settings: Any) -> None: ...
 
     def __post_init__(self) -> None:
-        for name, stated in settings_of(type(self)).items():
+        own: type = type(self)
+        for name, stated in settings_of(own).items():
             value = typed(getattr(self, name), stated.kind, name)
             stated.check(value, name)
             object.__setattr__(self, name, value)
