@@ -1,7 +1,9 @@
-"""The command `python -m granpinn.simulate`: a collapse with a known friction law as a flow file.
+"""The command `python -m granpinn.simulate`: a flow with a known friction law as a flow file.
 
 Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by SIGINT, SIGTERM,
 with the frames so far in the flow file if there are two.
+
+The first word is the scene: `collapse`, which is also the scene without a word, or `chute`.
 
 In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
 replaces that attribute of the package when it is imported, so it can be called like the function.
@@ -30,9 +32,9 @@ from granpinn.config.values import convert
 from granpinn.data.flow import Flow
 from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
-from granpinn.simulation import PAPER_CASES, Collapse, simulate
-from granpinn.simulation.parameters import law_settings
+from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, simulate
 from granpinn.simulation.progress import automatic
+from granpinn.simulation.scene import law_settings
 
 EXAMPLES = """examples:
   python -m granpinn.simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5
@@ -46,9 +48,13 @@ EXAMPLES = """examples:
   python -m granpinn.simulate --height 0.1 --aspect 2 --gravity 0,-9.81 --density 1550 --d 0.0008 \\
       --length-unit m --time-unit s --out beads.h5
       glass beads in SI units
+  python -m granpinn.simulate chute --slope 24 --height 0.04 --g 9.81 --density 1550 --d 0.001 \\
+      --length-unit m --time-unit s --out chute.h5
+      a layer 40 mm deep that starts from rest on a slope of 24 degrees
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
-OWN = ("out", "paper_cases", "figures", "animation")
+OWN = ("scene", "out", "paper_cases", "figures", "animation")
+SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute}
 
 
 class _CallableModule(types.ModuleType):
@@ -72,29 +78,60 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     """The outputs and settings of a command line, converted to the types of their fields."""
     parser = Parser(
         prog="python -m granpinn.simulate",
-        usage="%(prog)s --out FLOW.h5 [settings]",
-        description="Simulate the collapse of a column of grains with a known friction law.",
+        usage="%(prog)s [collapse|chute] --out FLOW.h5 [settings]",
+        description="Simulate a collapse or a chute of grains with a known friction law.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         argument_default=argparse.SUPPRESS,
         allow_abbrev=False,
     )
+    parser.add_argument(
+        "scene",
+        nargs="?",
+        default="collapse",
+        choices=SCENES,
+        metavar="SCENE",
+        help="collapse: a column that is released (the default); chute: a layer on a slope",
+    )
     parser.add_argument("--out", metavar="FLOW.h5", help="the flow file to write")
     parser.add_argument("--paper-cases", metavar="DIR", help="the paper's six regimes, to DIR")
     parser.add_argument("--figures", metavar="DIR", help="profiles and snapshots as PNG, to DIR")
     parser.add_argument("--animation", metavar="FILE.gif", help="the flow as an animated GIF")
-    for field in dataclasses.fields(Collapse):
-        default = "" if field.default is None else f" (default {field.default})"
-        text = (field.metadata["help"] + default).replace("%", "%%")
-        parser.add_argument(flag_of(field.name), dest=field.name, metavar="VALUE", help=text)
+    for name, text in _help_of_settings().items():
+        parser.add_argument(flag_of(name), dest=name, metavar="VALUE", help=text)
     given = vars(parser.parse_args(argv))
-    kinds = typing.get_type_hints(Collapse)
+    scene = given.pop("scene")
+    kinds = typing.get_type_hints(SCENES[scene])
+    for name in given:
+        if name not in OWN and name not in kinds:
+            other = next(s for s, kind in SCENES.items() if name in typing.get_type_hints(kind))
+            raise ConfigError(
+                f"{flag_of(name)} is a setting of a {other}, and this is a {scene}: leave it out, "
+                f"or begin with the word {other}"
+            )
     values = {
         name: Path(value) if name in OWN else convert(value, kinds[name], f"--{name}")
         for name, value in given.items()
     }
+    values["scene"] = SCENES[scene]
     _check(values)
     return values
+
+
+def _help_of_settings() -> dict[str, str]:
+    """The help of every setting of any scene; a scene with a setting of its own is named."""
+    texts: dict[str, dict[str, str]] = {}
+    for scene, kind in SCENES.items():
+        for field in dataclasses.fields(kind):
+            default = "" if field.default is None else f" (default {field.default})"
+            text = (field.metadata["help"] + default).replace("%", "%%")
+            texts.setdefault(field.name, {})[scene] = text
+    return {
+        name: found["collapse"]
+        if len(found) == len(SCENES) and len(set(found.values())) == 1
+        else "; ".join(f"{scene}: {text}" for scene, text in found.items())
+        for name, found in texts.items()
+    }
 
 
 def _check(values: dict[str, Any]) -> None:
@@ -103,6 +140,8 @@ def _check(values: dict[str, Any]) -> None:
         raise ConfigError("give either --out FLOW.h5 or --paper-cases DIR")
     if "paper_cases" in values and {"law", "mu_s", "mu_2", "animation"} & set(values):
         raise ConfigError("--paper-cases has its own law, mu_s and mu_2 and makes no animation")
+    if "paper_cases" in values and values["scene"] is not Collapse:
+        raise ConfigError("--paper-cases are collapses: leave the word for another scene out")
     if "animation" in values and values["animation"].suffix != ".gif":
         raise ConfigError(f"--animation must end in .gif, got {values['animation']}")
     for name in ("out", "animation"):
@@ -120,16 +159,16 @@ def _run(values: dict[str, Any]) -> None:
     if "paper_cases" in outputs:
         _paper_cases(outputs["paper_cases"], Collapse(**values), outputs.get("figures"))
         return
-    flow = _one(Collapse(**values), outputs["out"], outputs.get("figures"))
+    flow = _one(outputs["scene"](**values), outputs["out"], outputs.get("figures"))
     if "animation" in outputs:
         from granpinn.figures.animation import animate
 
         print(f"animation: {animate(flow, outputs['animation'])}")
 
 
-def _one(collapse: Collapse, out: Path, figures: Path | None) -> Flow:
-    """Simulates one collapse; its figures are named after the flow file."""
-    flow = simulate(collapse, out=out, listener=automatic())
+def _one(scene: Scene, out: Path, figures: Path | None) -> Flow:
+    """Simulates one scene; its figures are named after the flow file."""
+    flow = simulate(scene, out=out, listener=automatic())
     print(f"flow file: {out}")
     if figures is not None:
         from granpinn.figures.simulation import save_figures

@@ -82,10 +82,12 @@ void mixture_viscosity(const Friction<Law>& friction, const StrainRate& strain,
   });
 }
 
-// The lowest viscosity around a center, 0 unless all nine cells hold nothing but grains.
+// The lowest viscosity around a center, 0 unless all nine cells hold nothing but grains. Beyond
+// periodic sides, c and cell have ghost values.
 inline void plug_viscosity(const Field<double>& c, const Field<double>& cell,
                            const Field<double>& corner, Field<double>& plug, const Grid& grid,
                            Team& team) {
+  const int first = grid.periodic() ? -1 : 0, last = grid.periodic() ? grid.nx : grid.nx - 1;
   team.rows(0, grid.ny, grid.nx * 4, [&](int j0, int j1) {
     for (int j = j0; j < j1; ++j) {
       for (int i = 0; i < grid.nx; ++i) {
@@ -93,7 +95,7 @@ inline void plug_viscosity(const Field<double>& c, const Field<double>& cell,
         double least = std::min(std::min(corner(i, j), corner(i + 1, j)),
                                 std::min(corner(i, j + 1), corner(i + 1, j + 1)));
         for (int n = std::max(j - 1, 0); n <= std::min(j + 1, grid.ny - 1); ++n) {
-          for (int m = std::max(i - 1, 0); m <= std::min(i + 1, grid.nx - 1); ++m) {
+          for (int m = std::max(i - 1, first); m <= std::min(i + 1, last); ++m) {
             least_c = std::min(least_c, c(m, n));
             least = std::min(least, cell(m, n));
           }

@@ -107,11 +107,13 @@ Table CollapseSolver::table(const Field<double>& field, int more_columns, int mo
 Table CollapseSolver::pressure() const {
   Table out = table(p_[0], 0, 0);
   const double h = s_.spacing, top = s_.cells_y * h;
+  // Between periodic sides a mean gradient holds the air, and the rest of the pressure is periodic.
+  const double along = grid_.periodic() ? 0 : s_.gravity_x;
   for (int j = 0; j < out.rows; ++j) {
     for (int i = 0; i < out.columns; ++i) {
       const double x = (i + 0.5) * h, y = (j + 0.5) * h - top;
       out.values[static_cast<std::size_t>(j) * out.columns + i] +=
-          s_.air_density * (s_.gravity_x * x + s_.gravity_y * y);
+          s_.air_density * (along * x + s_.gravity_y * y);
     }
   }
   return out;

@@ -98,6 +98,7 @@ void CollapseSolver::fill_coefficients(double step) {
     mixture_viscosity(Friction<decltype(law)>(s_), strain_, pressure, drained_, eta_center_,
                       eta_corner_, grid_, s_, team_);
   });
+  if (grid_.periodic()) eta_center_.wrap();
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
   const double area = s_.spacing * s_.spacing;
   team_.rows(0, grid_.ny + 1, grid_.nx, [&](int j0, int j1) {

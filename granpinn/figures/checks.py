@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from granpinn.figures.style import (
@@ -61,11 +65,35 @@ def resimulation(comparison: Comparison, units: Units | None) -> Drawing:
     length = units.of("length") if units else None
     time = label("$t$", units.of("time") if units else None)
     c = comparison
-    figure = new_figure(7.2)
-    front, surface, error = figure.subplots(3, 1)
+    has_front = bool(np.isfinite(c.front).any())
+    figure = new_figure(7.2 if has_front else 2.6)
+    *above, error = figure.subplots(3 if has_front else 1, 1, squeeze=False)[:, 0]
+    if has_front:
+        _front_and_surface(above, c, time, length)
+    error.plot(c.t, c.velocity_percent, color=ORANGE)
+    error.set_ylim(bottom=0)
+    error.set_xlabel(time)
+    error.set_ylabel("velocity error [%]")
+    number = "(c) " if has_front else ""
+    error.set_title(f"{number}velocity, relative $L_2$ error over the common points")
+    for axes in (*above, error):
+        axes.grid(True)
+    start = "column" if has_front else "layer"
+    return Drawing(
+        figure,
+        f"The data against a simulation with the identified law, from the {start} "
+        "of the first frame.",
+    )
+
+
+def _front_and_surface(
+    panels: Sequence[Axes], c: Comparison, time: str, length: str | None
+) -> None:
+    """The two panels above the error of a collapse."""
+    front, surface = panels
     every = max(1, len(c.t) // 40)
     front.plot(c.t, c.front_simulated, color=BLUE, label="simulated")
-    dots = {"color": BLACK, "ms": 3.6, "mfc": "white", "mew": 1.0}
+    dots: dict[str, Any] = {"color": BLACK, "ms": 3.6, "mfc": "white", "mew": 1.0}
     front.plot(c.t[::every], c.front[::every], "o", label="data", **dots)
     front.set_xlabel(time)
     front.set_ylabel(label("front $x$", length))
@@ -80,15 +108,3 @@ def resimulation(comparison: Comparison, units: Units | None) -> Drawing:
     surface.set_ylabel(label("height", length))
     surface.set_title("(b) surface: lines simulated, dots data")
     surface.legend()
-    error.plot(c.t, c.velocity_percent, color=ORANGE)
-    error.set_ylim(bottom=0)
-    error.set_xlabel(time)
-    error.set_ylabel("velocity error [%]")
-    error.set_title("(c) velocity, relative $L_2$ error over the common points")
-    for axes in (front, surface, error):
-        axes.grid(True)
-    return Drawing(
-        figure,
-        "The data against a simulation with the identified law, from the column "
-        "of the first frame.",
-    )

@@ -144,6 +144,9 @@ class SimulatorFit:
         )
 
 
+NO_FIT_OF_LAYERS = "no fit of the simulator, which exists for collapses alone"
+
+
 @dataclass(frozen=True)
 class Resimulation:
     """The data against a simulation with the identified law (second_opinion/resimulation.py).
@@ -152,7 +155,9 @@ class Resimulation:
 
     Attributes:
         cells: across the box.
-        column: width and height of the column at the start, in the units of the file.
+        column: width and height of the column at the start, in the units of the file; None for a
+            layer on a slope, which has no front either.
+        layer: depth of this layer.
         velocity_percent: relative L2 error of the velocity over the common points, eq. (errorL2).
         common_percent: share of the points of the data that the simulation has too.
         front_percent, front_worst_percent: rms and largest difference of the fronts, relative to
@@ -170,6 +175,7 @@ class Resimulation:
     front_percent: float | None = None
     front_worst_percent: float | None = None
     profile_percent: float | None = None
+    layer: float | None = None
     fit: SimulatorFit | None = None
 
     def __str__(self) -> str:
@@ -178,8 +184,13 @@ class Resimulation:
             return f"not simulated again: {self.objection}"
         check = (
             f"simulated again with this law: velocity off by {self.velocity_percent:.2f} % on "
-            f"{self.common_percent:.0f} % of the points, front by {self.front_percent:.2f} % and "
-            f"surface by {self.profile_percent:.2f} % of the initial height (rms)"
+            f"{self.common_percent:.0f} % of the points"
+        )
+        if self.layer is not None:
+            return f"{check}; {NO_FIT_OF_LAYERS}"
+        check += (
+            f", front by {self.front_percent:.2f} % and surface by {self.profile_percent:.2f} % of "
+            f"the initial height (rms)"
         )
         return check if self.fit is None else f"{check}\n{self.fit}"
 

@@ -28,7 +28,8 @@ class Comparison(NamedTuple):
     """The two flows at the times of the data; lengths in the units of the file.
 
     Attributes:
-        t, front, front_simulated, velocity_percent, profile_rms: [T]; NaN where there is none.
+        t, front, front_simulated, velocity_percent, profile_rms: [T]; NaN where there is none. A
+            layer on a slope has no front.
         x: coordinates of the profiles [X].
         frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
     """

@@ -39,12 +39,12 @@ class AtPoints:
     """Records the velocity of a simulation at points of a flow, frame by frame.
 
     Attributes:
-        collapse: the settings of the simulation, resolved.
+        scene: the settings of the simulation, resolved.
         points: flat indices into [T, Y, X], in increasing order.
     """
 
     def __init__(self, collapse: Collapse, flow: Flow, points: Int64) -> None:
-        self.collapse, self._flow = collapse.resolved(), flow
+        self.scene, self._flow = collapse.resolved(), flow
         area = flow.c[0].size
         ends = np.searchsorted(points, area * np.arange(len(flow.t) + 1))
         self._of_frame = [points[a:b] - area * k for k, (a, b) in enumerate(pairwise(ends))]
@@ -52,7 +52,7 @@ class AtPoints:
 
     def add(self, time: float, state: State) -> None:
         """Keep the velocity of the next frame; NaN where there are no grains."""
-        s, h = self.collapse.stride, self.collapse.spacing
+        s, h = self.scene.stride, self.scene.spacing
         empty = state.c[::s, ::s] != 1
         ny, nx = empty.shape
         first = 0.5 * h

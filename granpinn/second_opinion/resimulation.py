@@ -1,9 +1,10 @@
 """Simulate with the identified law and compare with the data: a check beside the residuals.
 
-The simulator (granpinn/simulation) starts from the column of the first frame, with the gravity,
+The simulator (granpinn/simulation) starts from the grains of the first frame, with the gravity,
 density and grain diameter of the flow file, and writes its frames at the times of the data. It
-takes only the law from the training. It can start only from a column at rest in the lower left
-corner of a box; for other flows the result holds the reason instead.
+takes only the law from the training. It can start only from rest: from a column in the lower left
+corner of a box, or from an even layer with periodic sides (layers.py). For other flows the result
+holds the reason instead.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,21 +22,26 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.norms import rms
+from granpinn.data.symmetry import with_layer
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
+from granpinn.second_opinion import layers
 from granpinn.second_opinion.comparison import Comparison, compare
-from granpinn.simulation.parameters import CELLS_MULTIPLE, FEWEST_CELLS, Collapse, law_settings
+from granpinn.simulation.chute import Chute
+from granpinn.simulation.parameters import FEWEST_CELLS, Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
+from granpinn.simulation.scene import CELLS_MULTIPLE, Scene, law_settings
 
 MOST_CELLS = 512  # across the box, unless the settings have a number
 LARGEST_AREA = 3  # largest number of cells of a box, in squares of so many across
 MOST_STEPS = 100_000  # of the largest length; the paper's collapse has 500
 LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
-LATEST_START = 0.1  # of sqrt(H/|g|): latest time of the first frame
+LATEST_START = 0.1  # of the time in which the grains flow: latest time of the first frame
 AT_REST = 0.02  # of sqrt(|g| H)
 MORE_THAN_FREE_FALL = 1.5
+STEADY = "the flow is steady, and the simulator has only grains that start from rest"
 CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
 
 
@@ -47,8 +54,8 @@ class Column(NamedTuple):
 
 def initial_column(flow: Flow) -> Column | str:
     """The column at the start of a flow, or the reason why there is none."""
-    if objection := not_a_collapse(flow):
-        return objection
+    if flow.steady:
+        return STEADY
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
@@ -63,31 +70,44 @@ def initial_column(flow: Flow) -> Column | str:
             f"rectangle around them, at least {100 * LEAST_FILLED:.0f} % are expected"
         )
     g = math.hypot(*flow.gravity)
-    start = float(flow.t[0])
-    if not 0 <= start <= LATEST_START * math.sqrt(measured.height / g):
-        return (
-            f"the first frame is not the start: its time is {start:.3g}, and the simulator "
-            f"releases a column at rest at 0"
-        )
-    speed = float(np.nanmax(np.hypot(flow.u[0], flow.v[0]), initial=0.0))
-    fastest = MORE_THAN_FREE_FALL * g * start + AT_REST * math.sqrt(g * measured.height)
-    if speed > fastest:
-        return (
-            f"the column is not released from rest: grains move at {speed:.3g} in the first frame, "
-            f"free fall from rest explains at most {fastest:.3g}"
-        )
+    if objection := not_from_rest(flow, measured.height, math.sqrt(measured.height / g)):
+        return objection
     return Column(
         _stated(flow, "column_width", measured.width, dx),
         _stated(flow, "column_height", measured.height, dy),
     )
 
 
-def not_a_collapse(flow: Flow) -> str | None:
-    """Why the simulator cannot have a flow, from what its file states; None if it may."""
+def initial_depth(flow: Flow) -> float | str:
+    """The depth of a layer at the start of a flow, or the reason why there is none."""
     if flow.steady:
-        return "the flow is steady, and the simulator has only grains that collapse from rest"
-    if flow.periodic:
-        return "the sides of the flow are periodic, and the simulator has walls"
+        return STEADY
+    if objection := layers.not_a_layer(flow):
+        return objection
+    depth = layers.depth_of(flow, 0)
+    # A layer takes H/d times longer to flow than a column.
+    usual = depth / flow.grain_diameter * math.sqrt(depth / math.hypot(*flow.gravity))
+    return not_from_rest(flow, depth, usual) or depth
+
+
+def not_from_rest(flow: Flow, height: float, usual: float) -> str | None:
+    """Why the first frame does not follow a release at t = 0 of grains of some height, or None.
+
+    `usual` is the time in which such grains flow; the first frame is in a tenth of it.
+    """
+    g, start = math.hypot(*flow.gravity), float(flow.t[0])
+    if not 0 <= start <= LATEST_START * usual:
+        return (
+            f"the first frame is not the start: its time is {start:.3g}, and the simulator "
+            f"releases grains at rest at 0"
+        )
+    speed = float(np.nanmax(np.hypot(flow.u[0], flow.v[0]), initial=0.0))
+    fastest = MORE_THAN_FREE_FALL * g * start + AT_REST * math.sqrt(g * height)
+    if speed > fastest:
+        return (
+            f"the grains are not released from rest: they move at {speed:.3g} in the first frame, "
+            f"free fall from rest explains at most {fastest:.3g}"
+        )
     return None
 
 
@@ -148,13 +168,13 @@ def _require_few_cells(collapse: Collapse, chosen: int | None) -> None:
         )
 
 
-def _require_few_steps(collapse: Collapse) -> None:
+def _require_few_steps(scene: Scene) -> None:
     """Raise ConfigError for a last time in the file that is absurdly late for its grains."""
-    assert collapse.t_end is not None
-    steps = collapse.t_end / collapse.largest_step
+    assert scene.t_end is not None
+    steps = scene.t_end / scene.largest_step
     if not steps <= MOST_STEPS:
         raise ConfigError(
-            f"the last time in the file, {collapse.t_end:g}, would take at least {steps:.3g} steps "
+            f"the last time in the file, {scene.t_end:g}, would take at least {steps:.3g} steps "
             f"of the simulator, at most {MOST_STEPS} are allowed: check the units of time and "
             f"gravity"
         )
@@ -225,30 +245,41 @@ def resimulate(
     Raises:
         SimulationError: a solve did not converge.
     """
-    column = initial_column(flow)
-    if isinstance(column, str):
-        return Resimulation(column), None
+    flow = with_layer(flow)
+    layer = flow.periodic
+    begin_with = initial_depth(flow) if layer else initial_column(flow)
+    if isinstance(begin_with, str):
+        return Resimulation(begin_with), None
+    scene: Collapse | Chute
     try:
-        collapse = collapse_of(flow, column, law, theta, cells, wall_friction)
-        _require_few_steps(collapse)
+        if isinstance(begin_with, Column):
+            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
+        else:
+            scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)
+        _require_few_steps(scene)
     except ConfigError as error:
         return Resimulation(str(error)), None
     begin = time.monotonic()
-    recorder = Recorder(collapse)
+    recorder = Recorder(scene)
     record(recorder, listener or Silent(), flow.t.tolist())
     seconds = time.monotonic() - begin
     simulated = recorder.flow()
-    c, found = compare(flow, simulated)
-    front = (c.front_simulated - c.front) / column.height
+    c, found = compare(flow, layers.spread(simulated, flow.x) if layer else simulated)
     summary = Resimulation(
         objection=None,
-        cells=collapse.cells,
-        column=(column.width, column.height),
+        cells=scene.cells,
         seconds=seconds,
         velocity_percent=found.velocity_percent,
         common_percent=found.common_percent,
+    )
+    if not isinstance(begin_with, Column):
+        none = np.full(len(flow.t), np.nan)
+        return replace(summary, layer=begin_with), c._replace(front=none, front_simulated=none)
+    front = (c.front_simulated - c.front) / begin_with.height
+    return replace(
+        summary,
+        column=(begin_with.width, begin_with.height),
         front_percent=100 * rms(front),
         front_worst_percent=100 * float(np.nanmax(np.abs(front))),
-        profile_percent=100 * rms(c.profile_rms) / column.height,
-    )
-    return summary, c
+        profile_percent=100 * rms(c.profile_rms) / begin_with.height,
+    ), c

@@ -28,9 +28,10 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
-from granpinn.second_opinion import resimulation
+from granpinn.second_opinion import layers, resimulation
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.threads import threads
+from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import SimulationError, Start, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.settling import settle, settled_after
@@ -76,12 +77,15 @@ def at_frames(
     usable = usable_frames(flow)
     if isinstance(usable, str):
         return {}, SimulatedPressure(usable)
+    scenes: dict[int, Chute] | Collapse
+    chosen = evenly(usable, frames)
     try:
-        collapse = collapse_over(flow, usable, law, theta, cells, wall_friction)
+        if flow.periodic:
+            scenes = {k: layer_in(flow, k, law, theta, cells, wall_friction) for k in chosen}
+        else:
+            scenes = collapse_over(flow, usable, law, theta, cells, wall_friction)
     except ConfigError as error:
         return {}, SimulatedPressure(str(error))
-    chosen = evenly(usable, frames)
-    before = settled_after(collapse)
     begin = time.monotonic()
     lock, done = threading.Lock(), 0
 
@@ -91,10 +95,12 @@ def at_frames(
         if deadline is not None and time.monotonic() > deadline:
             return LATE
         try:
-            state = settle(collapse, start_of(flow, k, collapse, velocity, before))
+            if isinstance(scenes, Collapse):
+                p = above_floor(flow, k, scenes, velocity)
+            else:
+                p = in_layer(flow, k, scenes[k], velocity)
         except SimulationError:
             return FAILED
-        p = pressure_at(flow, state, collapse.spacing)
         with lock:
             done += 1
             if listener is not None:
@@ -109,13 +115,39 @@ def at_frames(
     missing = [p for p in found.values() if isinstance(p, str)]
     record = SimulatedPressure(
         objection=None,
-        cells=collapse.cells,
+        cells=(scenes if isinstance(scenes, Collapse) else scenes[chosen[-1]]).cells,
         frames=tuple(pressures),
         failed=missing.count(FAILED),
         late=missing.count(LATE),
         seconds=time.monotonic() - begin,
     )
     return pressures, record
+
+
+def above_floor(flow: Flow, k: int, collapse: Collapse, velocity: Velocity) -> Float64:
+    """The pressure of frame k [Y, X] between the walls of a collapse."""
+    start = start_of(flow, k, collapse, velocity, settled_after(collapse))
+    return pressure_at(flow, settle(collapse, start), collapse.spacing)
+
+
+def in_layer(flow: Flow, k: int, chute: Chute, velocity: Velocity) -> Float64:
+    """The pressure of frame k [Y, X] in an even layer on a slope."""
+    time = max(float(flow.t[k]) - settled_after(chute), 0.0)
+    state = settle(chute, layers.start_of(chute, velocity, time))
+    return layers.pressure_at(flow, state, chute.spacing)
+
+
+def layer_in(
+    flow: Flow,
+    k: int,
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None,
+    wall_friction: float | None = None,
+) -> Chute:
+    """The layer of frame k, resolved; ConfigError if it is invalid."""
+    chute = layers.chute_of(flow, layers.depth_of(flow, k), law, theta, cells, wall_friction)
+    return replace(chute, threads=1).resolved()
 
 
 def collapse_over(
@@ -135,8 +167,11 @@ def collapse_over(
 
 def usable_frames(flow: Flow) -> list[int] | str:
     """The frames at which a simulation can start, or the reason why there are none."""
-    if objection := resimulation.not_a_collapse(flow):
-        return objection
+    if flow.periodic:
+        there = flow.after_start(flow.t) & flow.material.any(axis=(1, 2))
+        return layers.not_a_layer(flow) or np.flatnonzero(there).tolist() or NO_FRAME
+    if flow.steady:
+        return resimulation.STEADY
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if resimulation.in_corner(flow, k)]
     if after and not standing:

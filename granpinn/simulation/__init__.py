@@ -1,13 +1,17 @@
-"""The column-collapse simulator: the flow of grains with a known friction law."""
+"""The simulator: collapses and chutes of grains with a known friction law."""
 
+from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
 from granpinn.simulation.parameters import PAPER_CASES, Collapse
 from granpinn.simulation.run import demo_path, simulate
+from granpinn.simulation.scene import Scene
 
 __all__ = [
     "PAPER_CASES",
+    "Chute",
     "Collapse",
     "Engine",
+    "Scene",
     "SimulationError",
     "State",
     "StepReport",

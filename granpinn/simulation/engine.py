@@ -21,8 +21,9 @@ from granpinn import _collapse
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
 from granpinn.physics.side_walls import coefficient
-from granpinn.simulation.parameters import MARGIN, Collapse
+from granpinn.simulation.scene import Scene
 
+MARGIN = 8  # cells of air around the grains
 SLOWEST_ON_WALLS = 1e-4  # of sqrt(|g| height): below it, grains creep along side walls
 
 
@@ -93,24 +94,24 @@ class Start(NamedTuple):
 class Engine:
     """A simulation in progress: grains in air at a time."""
 
-    def __init__(self, collapse: Collapse, start: Start | None = None, **overrides: Any) -> None:
+    def __init__(self, scene: Scene, start: Start | None = None, **overrides: Any) -> None:
         """Makes a simulation at t = 0.
 
         Args:
-            start: by default the column at rest.
+            start: by default the grains of the scene at rest.
             overrides: fields of `_collapse.Parameters`, for tests.
         """
-        self.collapse = collapse.resolved()
-        self.spacing = self.collapse.spacing
-        parameters = solver_parameters(self.collapse)
+        self.scene = scene.resolved()
+        self.spacing = self.scene.spacing
+        parameters = solver_parameters(self.scene)
         for name, value in overrides.items():
             setattr(parameters, name, value)
         with _named_errors():
             self._solver = _collapse.Solver(parameters)
         nx, ny = parameters.cells_x, parameters.cells_y
         if start is None:
-            column = column_fraction(self.collapse, nx, ny)
-            start = Start(column, np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx)))
+            rest = np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx))
+            start = Start(self.scene.start_fraction(), *rest)
         with _named_errors():
             self._solver.set_state(*start)
 
@@ -135,40 +136,30 @@ def _named_errors() -> Iterator[None]:
         raise SimulationError(str(error)) from None
 
 
-def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
-    """The parameters of the compiled solver for a resolved collapse."""
+def solver_parameters(scene: Scene) -> _collapse.Parameters:
+    """The parameters of the compiled solver for a resolved scene."""
     parameters = _collapse.Parameters()
     values = {
-        "law": collapse.law,
-        "theta": collapse.theta,
-        "cells_x": collapse.cells,
-        "cells_y": collapse.cells_y,
-        "spacing": collapse.spacing,
-        "grain_diameter": collapse.d,
-        "gravity_x": collapse.gravity[0],
-        "gravity_y": collapse.gravity[1],
-        "chunk": collapse.chunk,
+        "law": scene.law,
+        "theta": scene.theta,
+        "grain_diameter": scene.d,
+        "gravity_x": scene.gravity[0],
+        "gravity_y": scene.gravity[1],
         "margin": MARGIN,
-        "largest_step": collapse.largest_step,
+        "viscous_tolerance": scene.VISCOUS_TOLERANCE,
+        "pressure_tolerance": scene.PRESSURE_TOLERANCE,
     }
+    if scene.PERIODIC:
+        values["left"] = values["right"] = _collapse.Side.periodic
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
-    for name in (*same, "cfl", "threads"):
-        values[name] = getattr(collapse, name)
-    if collapse.wall_gap is not None:
-        assert collapse.wall_friction is not None  # resolved
-        values["side_wall"] = coefficient(collapse.wall_friction, collapse.wall_gap)
-        fall = math.sqrt(math.hypot(*collapse.gravity) * collapse.height)
+    grid = ("cells_x", "cells_y", "spacing", "chunk", "largest_step")
+    for name in (*same, *grid, "cfl", "threads"):
+        values[name] = getattr(scene, name)
+    if scene.wall_gap is not None:
+        assert scene.wall_friction is not None  # resolved
+        values["side_wall"] = coefficient(scene.wall_friction, scene.wall_gap)
+        fall = math.sqrt(math.hypot(*scene.gravity) * scene.height)
         values["side_wall_speed"] = SLOWEST_ON_WALLS * fall
     for name, value in values.items():
         setattr(parameters, name, value)
     return parameters
-
-
-def column_fraction(collapse: Collapse, nx: int, ny: int) -> Float64:
-    """Fraction of grains at the start, [ny, nx]: a rectangle in the lower left corner."""
-    h = collapse.spacing
-
-    def filled(length: float, count: int) -> Float64:
-        return np.clip((length - h * np.arange(count)) / h, 0.0, 1.0)
-
-    return np.outer(filled(collapse.height, ny), filled(collapse.width, nx))

@@ -1,21 +1,23 @@
 """Collects the frames of a simulation and makes a flow of them.
 
 Velocity and pressure are recorded at every `stride`-th cell center. They are NaN unless the cell
-holds nothing but grains. The surface consists of all cells of the full grid with |c - 0.5| < 0.1,
-as in the paper.
+holds nothing but grains. The surface of a collapse consists of all cells of the full grid with
+|c - 0.5| < 0.1, as in the paper. Between periodic sides it is the height of the grains in every
+column of cells, with the pressure of the air above: an even surface lies between two rows.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 import granpinn
-from granpinn.arrays import Float32, Float64
+from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data.flow import WALL_GAP, Flow, Surface, Truth
 from granpinn.simulation.engine import State
-from granpinn.simulation.parameters import Collapse
+from granpinn.simulation.scene import Scene
 
 SURFACE_HALF_WIDTH = 0.1
 
@@ -23,29 +25,30 @@ SURFACE_HALF_WIDTH = 0.1
 class Recorder:
     """Collects frames and turns them into a flow at any time."""
 
-    def __init__(self, collapse: Collapse) -> None:
-        self.collapse = collapse.resolved()
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene.resolved()
         self.times: list[float] = []
         self.frames: list[dict[str, Float64]] = []
         self.surface: list[Float64] = []  # [n, 4]: t, x, y, p
 
     def add(self, time: float, state: State) -> None:
         """Adds a frame: fields at the strided cell centers, and all surface points."""
-        step, h = self.collapse.stride, self.collapse.spacing
+        step, h = self.scene.stride, self.scene.spacing
         fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
         self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
         self.times.append(time)
-        j, i = np.nonzero(np.abs(state.c - 0.5) < SURFACE_HALF_WIDTH)
-        points = (np.full(len(i), time), (i + 0.5) * h, (j + 0.5) * h, state.p[j, i])
-        self.surface.append(np.stack(points, axis=1))
+        x, y, p = (column_heights if self.scene.PERIODIC else half_full_cells)(state, h)
+        self.surface.append(np.stack([np.full(len(x), time), x, y, p], axis=1))
 
     def flow(self) -> Flow:
         """The frames so far, cut to the grains and the surface."""
-        s, points = self.collapse, np.concatenate(self.surface)
+        s, points = self.scene, np.concatenate(self.surface)
         occupied = [np.argwhere(frame["c"] > 0).max(axis=0) for frame in self.frames]
         # The surface is on all cells: its last ones may lie between two points of the grid.
         beyond = np.ceil((points[:, [2, 1]] / s.spacing - 0.5).round() / s.stride)
         ny, nx = np.concatenate([occupied, beyond]).max(axis=0) + 1
+        if s.PERIODIC:  # every place once
+            nx = min(nx, math.ceil(s.cells_x / s.stride))
         arrays = {name: self._stack(name, int(ny), int(nx)) for name in ("c", "u", "v", "p")}
         for name in ("u", "v", "p"):
             arrays[name][arrays["c"] < 1] = np.nan
@@ -65,7 +68,7 @@ class Recorder:
 
     def constants(self) -> dict[str, Any]:
         """The fields of the flow that are known before the first frame."""
-        s = self.collapse
+        s = self.scene
         return {
             "gravity": s.gravity,
             "density": s.density,
@@ -88,15 +91,12 @@ class Recorder:
 
     def _settings(self) -> dict[str, float | str | None]:
         """Settings of the simulation for which the format has no attribute of its own."""
-        s = self.collapse
+        s = self.scene
         walls = {WALL_GAP: s.wall_gap, "true_wall_friction": s.wall_friction}
         return {
             **({} if s.wall_gap is None else walls),
             "source": f"granpinn {granpinn.__version__} simulation",
-            "column_height": s.height,
-            "column_width": s.width,
-            "box_width": s.box_width,
-            "box_height": s.box_height,
+            **s.shape_attributes(),
             "grid_spacing_of_solver": s.spacing,
             "stride": s.stride,
             "air_density": s.air_density,
@@ -104,3 +104,17 @@ class Recorder:
             "cohesion": s.cohesion,
             "cfl": s.cfl,
         }
+
+
+def half_full_cells(state: State, h: float) -> tuple[Floats, Floats, Floats]:
+    """x, y and p [n] of the cells with c near 1/2; h is the cell size."""
+    j, i = np.nonzero(np.abs(state.c - 0.5) < SURFACE_HALF_WIDTH)
+    return (i + 0.5) * h, (j + 0.5) * h, state.p[j, i]
+
+
+def column_heights(state: State, h: float) -> tuple[Floats, Floats, Floats]:
+    """x of all columns of cells, the height of their grains and the pressure of the air above."""
+    cells: Float64 = state.c.sum(axis=0)
+    i = np.arange(cells.size)
+    j = np.minimum(np.ceil(cells - 1e-6).astype(int), len(state.c) - 1)
+    return (i + 0.5) * h, cells * h, state.p[j, i]

@@ -18,6 +18,7 @@ from granpinn.simulation.engine import Engine, SimulationError, State
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
+from granpinn.simulation.scene import Scene
 
 DEMO = "collapse_0.40_0.64.h5"
 
@@ -25,22 +26,24 @@ DEMO = "collapse_0.40_0.64.h5"
 class Taker(Protocol):
     """Receiver of the frames of a run, such as a Recorder."""
 
-    collapse: Collapse
+    @property
+    def scene(self) -> Scene: ...
 
     def add(self, time: float, state: State) -> None: ...
 
 
 def simulate(
-    collapse: Collapse | None = None,
+    scene: Scene | None = None,
     *,
     out: str | os.PathLike[str] | None = None,
     listener: Silent | None = None,
     **settings: Any,
 ) -> Flow:
-    """Simulates the collapse of a column of grains.
+    """Simulates the collapse of a column of grains, or another scene.
 
     Args:
-        collapse: what to simulate; or give its fields as keywords, such as mu_s=0.4, cells=128.
+        scene: what to simulate, such as `Chute(slope=24)`; or give the fields of a collapse as
+            keywords, such as mu_s=0.4, cells=128.
         out: flow file to write.
         listener: its `show` gets the report of every step (simulation/progress.py).
 
@@ -48,19 +51,19 @@ def simulate(
         The flow, with the true parameters.
 
     Raises:
-        ConfigError: the collapse cannot be simulated; one sentence.
+        ConfigError: the scene cannot be simulated; one sentence.
         SimulationError: a solve did not converge.
         Interrupted: Ctrl-C, with `out`. Like SimulationError, it comes after the frames so far have
             been written to `out`, if there are two; the message says what was written.
     """
-    if collapse is not None and settings:
-        raise TypeError("give either a Collapse or its fields as keywords, not both")
-    recorder = Recorder(collapse or Collapse(**settings))
+    if scene is not None and settings:
+        raise TypeError("give either a scene or the fields of a collapse as keywords, not both")
+    recorder = Recorder(scene or Collapse(**settings))
     if out is not None:
         try:
             check_constants(**recorder.constants())
         except FlowFileError as error:
-            raise ConfigError(f"the flow file cannot hold this collapse: {error}") from None
+            raise ConfigError(f"the flow file cannot hold this simulation: {error}") from None
     try:
         record(recorder, listener or Silent())
     except (KeyboardInterrupt, SimulationError) as error:
@@ -87,20 +90,20 @@ def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
 
 
 def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None) -> None:
-    """Simulates `taker.collapse` and calls `taker.add` for every frame.
+    """Simulates `taker.scene` and calls `taker.add` for every frame.
 
     Args:
-        times: of the frames, increasing; by default those of the collapse.
+        times: of the frames, increasing; by default those of the scene.
     """
-    collapse = taker.collapse
-    assert collapse.t_end is not None  # resolved
-    engine = Engine(collapse)
-    listener.start(collapse.t_end)
+    scene = taker.scene
+    assert scene.t_end is not None  # resolved
+    engine = Engine(scene)
+    listener.start(scene.t_end)
     try:
         if times is None:
-            times = [collapse.t_end * k / collapse.frames for k in range(1, collapse.frames + 1)]
+            times = [scene.t_end * k / scene.frames for k in range(1, scene.frames + 1)]
         for time in times:
-            while time - engine.time > 1e-9 * collapse.t_end:
+            while time - engine.time > 1e-9 * scene.t_end:
                 listener.show(engine.step(time - engine.time))
             taker.add(time, engine.state())
     finally:

@@ -17,7 +17,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.simulation.engine import Engine, Start, State
-from granpinn.simulation.parameters import Collapse
+from granpinn.simulation.scene import Scene
 
 STEPS = 40
 STEP = 6e-5  # of sqrt(height / |g|)
@@ -25,24 +25,24 @@ PROJECTIONS = 3
 PROJECTION_STEP = 3e-7  # of sqrt(height / |g|)
 
 
-def settled_after(collapse: Collapse, steps: int = STEPS, step: float = STEP) -> float:
+def settled_after(scene: Scene, steps: int = STEPS, step: float = STEP) -> float:
     """Time from the `start` of `settle` to the state that it returns."""
-    return steps * step * math.sqrt(collapse.height / math.hypot(*collapse.gravity))
+    return steps * step * math.sqrt(scene.height / math.hypot(*scene.gravity))
 
 
-def settle(collapse: Collapse, start: Start, steps: int = STEPS, step: float = STEP) -> State:
+def settle(scene: Scene, start: Start, steps: int = STEPS, step: float = STEP) -> State:
     """The state a moment after `start`, with the pressure of its velocity.
 
     Args:
-        collapse: the box and the material; sqrt(height / |g|) is the unit of time.
+        scene: the box and the material; sqrt(height / |g|) is the unit of time.
         steps, step: number of steps, and length of one in that unit.
 
     Raises:
         SimulationError: a solve did not converge.
     """
-    unit = math.sqrt(collapse.height / math.hypot(*collapse.gravity))
+    unit = math.sqrt(scene.height / math.hypot(*scene.gravity))
     for _ in range(PROJECTIONS):
-        engine = Engine(collapse, start)
+        engine = Engine(scene, start)
         engine.step(PROJECTION_STEP * unit)
         state = engine.state()
         start = Start(start.c, _widened(state.u, start.u), _widened(state.v, start.v))

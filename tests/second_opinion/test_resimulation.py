@@ -88,7 +88,7 @@ def heap(flow: Flow) -> Flow:
     ("change", "words"),
     [
         (late, "the first frame is not the start: its time is 1.15"),
-        (moving, "not released from rest: grains move at"),
+        (moving, "not released from rest: they move at"),
         (elsewhere, "do not stand in the corner"),
         (heap, "the first frame is not a column: its grains fill"),
     ],

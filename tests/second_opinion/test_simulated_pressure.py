@@ -43,8 +43,8 @@ class Known(NamedTuple):
 @pytest.fixture(scope="module")
 def known() -> Known:
     recorder = Recorder(Collapse(*THETA[:2], cells=128, stride=2, threads=1))
-    engine, starts = Engine(recorder.collapse), list[State]()
-    before = settled_after(recorder.collapse)
+    engine, starts = Engine(recorder.scene), list[State]()
+    before = settled_after(recorder.scene)
 
     def run_to(t: float) -> State:
         while t - engine.time > 1e-9:
@@ -153,10 +153,10 @@ def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> No
 
 def test_the_grains_of_a_frame_are_those_of_the_solver() -> None:
     recorder = Recorder(Collapse(cells=128, stride=1, threads=1))
-    engine = Engine(recorder.collapse)
+    engine = Engine(recorder.scene)
     recorder.add(0.0, engine.state())
     recorder.add(1.0, engine.state())
-    found = simulated_pressure.fraction_of(recorder.flow(), 0, recorder.collapse)
+    found = simulated_pressure.fraction_of(recorder.flow(), 0, recorder.scene)
     c = engine.state().c
     # A surface between two points is found to half of their distance: 10.7 x 106.7 cells.
     assert abs(found.sum() / c.sum() - 1) < 0.5 / 10.7 + 0.5 / 106.7

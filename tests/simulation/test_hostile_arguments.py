@@ -17,10 +17,12 @@ from granpinn.config import ConfigError
 from granpinn.simulation import Collapse, run
 
 VALUES = ["0", "-1", "nan", "inf", "1e308", "5e-324", str(2**31), str(2**63), "", "text", "1,2"]
-NAMES = [field.name for field in dataclasses.fields(Collapse)]
+NAMES = [("collapse", field.name) for field in dataclasses.fields(Collapse)]
+NAMES += [("chute", name) for name in ("slope", "g", "period", "cells", "stride", "height", "d")]
 # Small enough to run where a value is accepted.
 BASE = {"cells": "32", "frames": "2", "t_end": "0.02", "stride": "1", "threads": "1",
         "box_width": "10", "height": "5", "aspect": "2"}  # fmt: skip
+CHUTE = {"cells": "8", "frames": "2", "t_end": "0.02", "threads": "1", "height": "5"}
 ACCEPTED = {  # whatever else is accepted, is wrong
     "cohesion": {"0", "5e-324", str(2**31), str(2**63)},
     "air_density": {str(2**31)},
@@ -33,10 +35,11 @@ ACCEPTED = {  # whatever else is accepted, is wrong
     "mu_2": {str(2**31), str(2**63)},
     "I0": {str(2**31), str(2**63)},
 }
+ACCEPTED_OF_CHUTE = {"slope": {"0", "5e-324"}, "g": {str(2**31)}, "height": {str(2**31)}}
 
 
-def flags(**values: str) -> list[str]:
-    return [f"--{name.replace('_', '-')}={value}" for name, value in (BASE | values).items()]
+def flags(base: dict[str, str] = BASE, **values: str) -> list[str]:
+    return [f"--{name.replace('_', '-')}={value}" for name, value in (base | values).items()]
 
 
 class Computed(Exception):
@@ -44,8 +47,9 @@ class Computed(Exception):
 
 
 @pytest.mark.parametrize("value", VALUES)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("scene", "name"), NAMES)
 def test_every_option_refuses_or_accepts_before_the_simulation(
+    scene: str,
     name: str,
     value: str,
     tmp_path: Path,
@@ -56,17 +60,20 @@ def test_every_option_refuses_or_accepts_before_the_simulation(
         raise Computed
 
     monkeypatch.setattr(run, "record", record)
-    code = command.main([*flags(**{name: value}), "--out", str(tmp_path / "flow.h5")])
+    settings = flags(BASE if scene == "collapse" else CHUTE, **{name: value})
+    code = command.main([scene, *settings, "--out", str(tmp_path / "flow.h5")])
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     if "Computed" in err:
-        assert value in ACCEPTED.get(name, set()), f"--{name} {value} is accepted"
+        accepted = ACCEPTED if scene == "collapse" else ACCEPTED_OF_CHUTE
+        assert value in accepted.get(name, set()), f"--{name} {value} is accepted"
         return
     assert code == 2
     assert "this is a bug" not in err
     also = {"air_viscosity": "eta_min"}  # its default
     assert any(
-        word in err for word in (name, name.replace("_", "-"), also.get(name, name), "column")
+        word in err
+        for word in (name, name.replace("_", "-"), also.get(name, name), "column", "layer")
     )
     assert list(tmp_path.iterdir()) == []
 

@@ -7,7 +7,7 @@ from granpinn._collapse import Parameters, Side
 from granpinn.config import ConfigError
 from granpinn.physics.laws import LAWS
 from granpinn.simulation import Collapse, Engine
-from granpinn.simulation.parameters import law_settings
+from granpinn.simulation.scene import law_settings
 from tests.simulation import problems as p
 
 SMALL = {"cells": 64, "threads": 1}

@@ -185,8 +185,8 @@ MISTAKES = [
     *_rows("simulation", "granpinn/simulation", [
         ("index", "engine.py", "0.5 * (self.v[1:] + self.v[:-1])",
          "0.5 * (self.v[1:] + self.v[1:])"),
-        ("index", "engine.py", '"gravity_y": collapse.gravity[1],',
-         '"gravity_y": collapse.gravity[0],'),
+        ("index", "engine.py", '"gravity_y": scene.gravity[1],',
+         '"gravity_y": scene.gravity[0],'),
     ]),
     *_rows("cuda", "csrc/cuda", [
         ("missing term", "step.cu", "rates = adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e]",

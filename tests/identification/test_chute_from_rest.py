@@ -1,0 +1,39 @@
+"""A simulated chute from rest, identified: its law, and the weight of the layer as pressure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from granpinn.arrays import Float64
+from granpinn.config import Config, Network
+from granpinn.data import Flow
+from granpinn.identification.single import identify
+from granpinn.simulation import Chute, simulate
+
+LAW = (0.3, 0.7, 0.3)
+WITHIN_LAW, WITHIN_PRESSURE = 3.0, 2.0  # per cent
+
+
+@pytest.fixture(scope="module")
+def flow() -> Flow:
+    chute = Chute(*LAW, slope=24.2, height=20.0, d=1.0, cells=24, frames=50, t_end=150.0, threads=1)
+    return simulate(chute)
+
+
+def mu(theta: tuple[float, ...], number: Float64) -> Float64:
+    mu_s, mu_2, I0 = theta
+    friction: Float64 = mu_s + (mu_2 - mu_s) / (I0 / number + 1)
+    return friction
+
+
+@pytest.mark.parametrize("noise", [0.0, pytest.param(0.02, marks=pytest.mark.long)])
+def test_law_and_pressure_of_a_chute_from_rest(noise: float, flow: Flow) -> None:
+    config = Config(steps=4000, network=Network(widths=(32, 32, 32)), noise=noise, device="cpu")
+    result = identify(flow, config)
+    assert result.inertial_number is not None
+    covered = np.geomspace(result.inertial_number.q05, result.inertial_number.q95, 5)
+    error = 100 * (mu(result.theta, covered) / mu(LAW, covered) - 1)
+    assert np.abs(error).max() < WITHIN_LAW
+    assert result.error_percent.pressure is not None
+    assert result.error_percent.pressure < WITHIN_PRESSURE

@@ -1,0 +1,153 @@
+"""Chutes in the simulator: the check by simulation and the simulated pressure."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn import results, train
+from granpinn.data import Flow, write_flow
+from granpinn.physics.laws import DEFAULT
+from granpinn.second_opinion import layers, simulated_pressure
+from granpinn.second_opinion.comparison import FILE
+from granpinn.second_opinion.resimulation import resimulate
+from granpinn.simulation import Chute, simulate
+from tests.flows import make_chute
+
+LAW = (0.3, 0.7, 0.3)
+
+
+@pytest.fixture(scope="module")
+def flow() -> Flow:
+    """A layer of 20 grains that starts on a slope of 23 degrees."""
+    chute = Chute(*LAW, slope=23.0, height=20.0, d=1.0, cells=16, frames=8, t_end=30.0, threads=1)
+    return simulate(chute)
+
+
+def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
+    summary, comparison = resimulate(flow, DEFAULT, LAW)
+    assert comparison is not None
+    assert summary.objection is None
+    assert (summary.cells, summary.layer, summary.column) == (16, pytest.approx(20.0), None)
+    assert summary.common_percent == 100
+    assert summary.velocity_percent == pytest.approx(0, abs=0.01)
+    assert np.isnan(comparison.front).all()
+    assert "front" not in str(summary)
+    assert "no fit of the simulator, which exists for collapses alone" in str(summary)
+
+
+def test_another_law_does_not(flow: Flow) -> None:
+    summary, _ = resimulate(flow, DEFAULT, (0.33, 0.7, 0.3))
+    assert summary.velocity_percent is not None
+    assert summary.velocity_percent > 5
+
+
+def test_the_columns_of_the_data_are_their_own(flow: Flow) -> None:
+    """A file with other columns and coarser rows, which does not state the grid of a solver."""
+    stated = {k: v for k, v in flow.attributes.items() if k != "grid_spacing_of_solver"}
+    coarse = dataclasses.replace(
+        flow,
+        attributes={**stated, "period_x": 100.0},
+        x=np.array([3.0, 20.0, 55.0]),
+        y=flow.y[::2],
+        **{name: getattr(flow, name)[:, ::2, :3] for name in ("u", "v", "c", "p")},
+    )
+    summary, _ = resimulate(coarse, DEFAULT, LAW)
+    assert summary.cells == 32
+    assert summary.common_percent == 100
+    assert summary.velocity_percent is not None
+    assert summary.velocity_percent < 3  # 16 cells against 32, from rest
+
+
+def steady_velocity(flow: Flow) -> simulated_pressure.Velocity:
+    """The velocity of a file of one frame at any height."""
+    full = flow.material[0, :, 0]
+
+    def velocity(x: Any, y: Any, t: float) -> Any:
+        return np.interp(y, flow.y[full], flow.u[0, full, 0]), np.zeros_like(y)
+
+    return velocity
+
+
+def test_pressure_of_a_steady_chute_is_the_weight_above() -> None:
+    flow = make_chute()
+    assert flow.p is not None
+    pressures, record = simulated_pressure.at_frames(flow, DEFAULT, LAW, steady_velocity(flow), 3)
+    assert (record.objection, record.frames) == (None, (0,))
+    full = flow.material[0]
+    np.testing.assert_allclose(pressures[0][full], flow.p[0][full], atol=0.002 * flow.p[0].max())
+
+
+OTHERS: dict[str, tuple[Callable[[Flow], Flow], str]] = {
+    "late": (
+        lambda flow: dataclasses.replace(flow, t=flow.t + 500),
+        "the first frame is not the start: its time is",
+    ),
+    "moving": (
+        lambda flow: dataclasses.replace(flow, u=flow.u + np.float32(50)),
+        "the grains are not released from rest: they move at",
+    ),
+    "upwards": (
+        lambda flow: dataclasses.replace(flow, gravity=(-0.4, -0.9)),
+        "a chute of the simulator descends along x, by at most 60 degrees",
+    ),
+    "waves": (
+        lambda flow: dataclasses.replace(
+            flow, u=flow.u * (1 + 0.3 * np.sin(2 * np.pi * np.arange(8) / 8)).astype(np.float32)
+        ),
+        "the flow changes along x, and a layer of the simulator is even",
+    ),
+    "raised": (
+        lambda flow: dataclasses.replace(flow, y=flow.y + 30),
+        "the grains do not lie on the floor that the simulator has at y = 0",
+    ),
+    "steady": (
+        lambda flow: dataclasses.replace(flow, attributes={**flow.attributes, "steady": 1}),
+        "the flow is steady, and the simulator has only grains that start from rest",
+    ),
+    "endless": (
+        lambda flow: dataclasses.replace(flow, t=flow.t + np.arange(8) * 1e7),
+        "t_end must be at most",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "words"), OTHERS.values(), ids=OTHERS.keys())
+def test_another_layer_is_left_out_with_the_reason(
+    change: Callable[[Flow], Flow], words: str, flow: Flow
+) -> None:
+    summary, comparison = resimulate(change(flow), DEFAULT, LAW)
+    assert comparison is None
+    assert words in str(summary.objection)
+
+
+def test_depth_without_a_surface_line(flow: Flow) -> None:
+    assert layers.depth_of(flow, 3) == pytest.approx(20.0, rel=1e-6)
+    assert layers.depth_of(dataclasses.replace(flow, surface=None), 3) == pytest.approx(20.0)
+
+
+def test_the_command_has_both_opinions(
+    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_flow(flow, tmp_path / "chute.h5")
+    flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
+    assert train.main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
+    printed = capsys.readouterr()
+    assert "simulated again with this law: velocity off by" in printed.out
+    assert "simulated pressure at" in printed.out
+    found = results.read_results(tmp_path / "run" / "results.json")
+    assert found.not_done == ()
+    assert found.resimulation is not None
+    assert found.resimulation.layer == pytest.approx(20.0)
+    assert found.resimulation.fit is None
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "An even layer 20 deep was released on the slope" in page
+    assert (tmp_path / "run" / "figures" / "resimulation.png").exists()
+    written = json.loads((tmp_path / "run" / FILE).read_text(encoding="utf-8"))
+    assert set(written["comparison"]["front"]) == {None}
