@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from granpinn.arrays import Bool, Float64, Floats
+from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.data.symmetry import axes_of
@@ -42,15 +42,24 @@ def with_collocation(
     """
     if flow.particles is not None:
         return training
-    above = above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
-    vectors = len(training.points)
-    least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
-    x, y, t = points_between(flow, above, max(round(share * vectors), least))
+    above = above_ground_after_start(flow)
+    x, y, t = points_between(flow, above, count_between(share, len(training.points)))
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)
     between = torch.as_tensor(turned_and_rounded(points, axes_of(flow)))
     return replace(training, between=between.to(training.points))
+
+
+def count_between(share: float, vectors: int) -> int:
+    """The number of points between so many vectors."""
+    least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
+    return max(round(share * vectors), least)
+
+
+def above_ground_after_start(flow: Flow) -> Bool:
+    """Cells full of grains that count, without the lowest row [T, Y, X]."""
+    return above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
 
 
 def above_ground(grains: Bool, gravity: tuple[float, float]) -> Bool:
@@ -71,9 +80,7 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
     with a vector or without; four corners in a flow of one frame. The points are uniform over all
     complete cells.
     """
-    complete = grains
-    for axis in range(3) if flow.t.size > 1 else (1, 2):
-        complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
+    complete = _complete(flow, grains)
     cells = np.argwhere(complete)
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     drawn = cells[rng.integers(len(cells), size=count)] if len(cells) else cells
@@ -86,3 +93,23 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
         return np.asarray(values[k] + part[:, axis] * (values[k + 1] - values[k]))
 
     return within(flow.x, 2), within(flow.y, 1), within(flow.t, 0)
+
+
+def lie_between(flow: Flow, grains: Bool, x: Float64, y: Float64, t: Float64) -> Bool:
+    """Whether points, in the units of the file, lie in complete cells of `grains` [n]."""
+    places = (_cell(flow.t, t), _cell(flow.y, y), _cell(flow.x, x))
+    return np.asarray(_complete(flow, grains)[places])
+
+
+def _complete(flow: Flow, grains: Bool) -> Bool:
+    """Cells with all corners in `grains` [T, Y, X]: one less along each axis with a step."""
+    complete = grains
+    for axis in range(3) if flow.t.size > 1 else (1, 2):
+        complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
+    return complete
+
+
+def _cell(edges: Floats, values: Float64) -> Index:
+    """Number of the cell between edges that holds each value."""
+    last = max(edges.size - 2, 0)
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, last)

@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import LARGEST, LEAST, PERIOD_X, STEADY, Flow, FlowFileError, Truth
+from granpinn.data.flow import (
+    LARGEST,
+    LEAST,
+    PERIOD_X,
+    STEADY,
+    SURFACE_SD,
+    Flow,
+    FlowFileError,
+    Truth,
+)
 from granpinn.data.format import TRUTH
 
 LONGEST_UNIT = 64  # characters
@@ -69,6 +78,12 @@ def _check_attributes(flow: Flow) -> None:
         raise FlowFileError(
             f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
             f"{steady!r}: correct it or leave it out"
+        )
+    sd = flow.attributes.get(SURFACE_SD, 0)
+    if isinstance(sd, str) or not (sd == 0 or LEAST <= sd <= LARGEST):
+        raise FlowFileError(
+            f"the attribute {SURFACE_SD} must be 0 for an exact line or a length from {LEAST:g} to "
+            f"{LARGEST:g}, got {sd!r}: correct it or leave it out"
         )
     if isinstance(period, str) or not LEAST <= period <= LARGEST:
         raise FlowFileError(

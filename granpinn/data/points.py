@@ -215,6 +215,16 @@ def _velocity_weights(samples: Particles) -> Float64:
 
 def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
     """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
+    surface = surface_of(flow, level)
+    points = scales.points_to_dimensionless(surface.x, surface.y, surface.t)
+    if level != "V2" or surface.p is None:
+        return points, np.zeros(len(points))
+    pressure = surface.p.astype(np.float64)
+    return points, scales.to_dimensionless(pressure, "pressure")
+
+
+def surface_of(flow: Flow, level: str) -> Surface:
+    """The points of the free surface that a level uses: after the start and above the toe."""
     surface = outline(flow) if level == "V0" else flow.surface
     if surface is None:
         raise FlowFileError(
@@ -236,11 +246,8 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
             f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
             "the surface or use level V0"
         )
-    points = scales.points_to_dimensionless(surface.x[kept], surface.y[kept], surface.t[kept])
-    if level != "V2" or surface.p is None:
-        return points, np.zeros(len(points))
-    pressure = surface.p[kept].astype(np.float64)
-    return points, scales.to_dimensionless(pressure, "pressure")
+    parts = {name: None if a is None else a[kept] for name, a in vars(surface).items()}
+    return Surface(**parts)  # type: ignore[arg-type]
 
 
 def outline(flow: Flow) -> Surface:

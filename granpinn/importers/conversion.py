@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.data.flow import PERIOD_X, STEADY, Flow, Surface
+from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, Flow, Surface
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
@@ -98,6 +98,8 @@ def _attributes(
         found["wall_gap"] = material.wall_gap
     if material.period_x is not None:
         found[PERIOD_X] = material.period_x
+    if material.surface_sd is not None:
+        found[SURFACE_SD] = material.surface_sd
     if settings.steady:
         found[STEADY] = 1
     return found

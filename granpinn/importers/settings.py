@@ -116,6 +116,12 @@ class Settings:
         "line of the free surface: mask, fraction, none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
     )
+    surface_sd: str | None = _setting(
+        None,
+        "grains",
+        "how well the line of the free surface is known, '0.4 mm': standard deviation of an offset "
+        "of the whole line; default half a grain, or half a spacing where a mask gives the line",
+    )
     wall_gap: str | None = _setting(
         None,
         "grains",

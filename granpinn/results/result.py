@@ -23,6 +23,7 @@ from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
+from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import decode, encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
@@ -152,6 +153,7 @@ class Result:
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
         not_done: parts after the identification that the run lacks, with the reasons.
+        assumptions: what the data do not contain, and its effect on the law.
     """
 
     parameters: Parameters
@@ -184,6 +186,7 @@ class Result:
     baseline: Baseline | None = None
     determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
+    assumptions: tuple[Assumed, ...] = ()
 
     def __post_init__(self) -> None:
         for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
@@ -199,6 +202,10 @@ class Result:
                 raise ValueError(f"parameters: {p.name} must be positive, got {value}")
         if self.members is not None:
             require_names(self.members.values, law.free, where="members.")
+        for assumed in self.assumptions:
+            for name in ("derivative", "percent"):
+                if (values := getattr(assumed, name)) is not None:
+                    require_names(values, law.free, where=f"assumptions.{name}.")
         for name in self.covariance.names if self.covariance else ():
             if name not in law.names:
                 known = ", ".join(law.names)
@@ -235,6 +242,7 @@ class Result:
             lines.append(str(self.determined))
         if self.verdict is not None:
             lines.append(self.verdict.words)
+        lines += [str(assumed) for assumed in self.assumptions]
         parts = (self.baseline, self.simulated_pressure, self.profile, self.resimulation)
         lines += [str(part) for part in (*parts, *self.not_done) if part is not None]
         return "\n".join(lines)
