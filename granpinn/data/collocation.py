@@ -43,18 +43,14 @@ def with_collocation(
     if flow.particles is not None:
         return training
     above = above_ground_after_start(flow)
-    x, y, t = points_between(flow, above, count_between(share, len(training.points)))
+    vectors = len(training.points)
+    least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
+    x, y, t = points_between(flow, above, max(round(share * vectors), least))
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)
     between = torch.as_tensor(turned_and_rounded(points, axes_of(flow)))
     return replace(training, between=between.to(training.points))
-
-
-def count_between(share: float, vectors: int) -> int:
-    """The number of points between so many vectors."""
-    least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
-    return max(round(share * vectors), least)
 
 
 def above_ground_after_start(flow: Flow) -> Bool:

@@ -13,16 +13,16 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from granpinn.arrays import Bool
+from granpinn.arrays import Float64
 from granpinn.data.collocation import (
     above_ground_after_start,
-    count_between,
     lie_between,
     points_between,
     with_collocation,
 )
 from granpinn.data.flow import Flow, Surface
 from granpinn.data.points import TrainingSet, training_set, turned_and_rounded
+from granpinn.data.surface_strip import draw, strip_of
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.scales import Scales
 
@@ -36,6 +36,8 @@ def corresponding_sets(
 ) -> list[TrainingSet]:
     """The pooled training set (`TrainingSet.pooled`) of every variant.
 
+    Points in the strip under the surface move with it, and so differ between the sets.
+
     Args:
         variants: flows that differ in `c` alone, each with its points of the free surface; all
             surfaces have the same number of points.
@@ -47,31 +49,43 @@ def corresponding_sets(
     flow = variants[0][0]
     union = replace(flow, c=np.max([variant.c for variant, _ in variants], axis=0))
     data = training_set(union, scales, level, dtype)
-    everything = with_collocation(data, union, scales, collocation).pooled()
+    everything = with_collocation(data, union, scales, collocation)
+    lines = [_surface_points(surface, union, scales, dtype) for _, surface in variants]
+    full = [_belongs(variant, union, len(everything.between)) for variant, _ in variants]
+    strips = []
+    for belongs, line in zip(full, lines, strict=True):
+        vectors = data.points[torch.as_tensor(belongs[: len(data.points)] > 0)]
+        strips.append(strip_of(replace(data, points=vectors, surface_points=line), union, scales))
+    drawn = None
+    if level != "V0" and len(everything.between) > 0:
+        drawn = draw(strips, len(everything.between), len(data.points))
     sets = []
-    for variant, surface in variants:
-        belongs = _belongs(variant, union, count_between(collocation, len(data.points)))
-        weights = _weights(everything, belongs)
-        line = _surface_points(surface, union, scales, dtype)
-        sets.append(replace(everything, point_weights=weights, surface_points=line))
+    for belongs, line, strip in zip(full, lines, strips, strict=True):
+        own = replace(everything, surface_points=line)
+        if drawn is not None:
+            share = strip.area / np.mean([other.area for other in strips], axis=0).clip(1e-12)
+            belongs = np.concatenate([belongs, share[drawn.place]])
+            own = replace(own, between=torch.cat([own.between, strip.points(drawn)]))
+        own = own.pooled()
+        sets.append(replace(own, point_weights=_weights(own, belongs)))
     return sets
 
 
-def _belongs(variant: Flow, union: Flow, between: int) -> Bool | None:
-    """Which of the data points and the points between them the variant has [N + B]; None: all."""
-    if variant.particles is not None or np.array_equal(variant.material, union.material):
-        return None
+def _belongs(variant: Flow, union: Flow, between: int) -> Float64:
+    """1 for the data points and the points between them that the variant has, else 0 [N + B]."""
+    if union.particles is not None:
+        return np.ones(int(union.after_start(union.particles.t).sum()))
     kept = union.valid & union.after_start(union.t)[:, None, None]
+    if np.array_equal(variant.material, union.material):
+        return np.ones(int(kept.sum()) + between)
     x, y, t = points_between(union, above_ground_after_start(union), between)
     inside = lie_between(variant, above_ground_after_start(variant), x, y, t)
-    return np.concatenate([variant.material[kept], inside])
+    return np.concatenate([variant.material[kept], inside]).astype(np.float64)
 
 
-def _weights(everything: TrainingSet, belongs: Bool | None) -> torch.Tensor:
-    """Weights [N + B, 2] of the points that belong; their means are 1 again."""
+def _weights(everything: TrainingSet, belongs: Float64) -> torch.Tensor:
+    """Weights [N + B, 2] of the points that belong; their means are those of all points."""
     weights = everything.point_weights
-    if belongs is None:
-        return weights
     kept = weights * torch.as_tensor(belongs).to(weights)[:, None]
     return kept * (weights.mean(0) / kept.mean(0))
 

@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from granpinn.data import Flow, Surface, TrainingSet, training_set, with_collocation
+from granpinn.data import (
+    Flow,
+    Surface,
+    TrainingSet,
+    training_set,
+    with_collocation,
+    with_surface_strip,
+)
 from granpinn.data.collocation import above_ground_after_start, lie_between, points_between
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
@@ -36,7 +43,7 @@ def test_the_same_flow_gives_its_own_training_set() -> None:
     flow = make_flow()
     scales = scales_of(flow)
     own = training_set(flow, scales, "V1", torch.float64)
-    own = with_collocation(own, flow, scales, 1.0).pooled()
+    own = with_surface_strip(with_collocation(own, flow, scales, 1.0), flow, scales).pooled()
     for found in sets_of(flow, flow):
         for name, values in vars(own).items():
             assert torch.equal(getattr(found, name), values), name
@@ -47,8 +54,11 @@ def test_a_variant_has_the_points_of_its_own() -> None:
     full = fuller(make_flow(), 300)
     less = replace(full, c=make_flow().c)
     lower, upper = sets_of(less, full)
-    assert torch.equal(lower.points, upper.points)
     scales = scales_of(less)
+    own = training_set(full, scales, "V1", torch.float64)
+    fixed = len(with_collocation(own, full, scales, 1.0).pooled().points)
+    assert fixed < len(lower.points) == len(upper.points)  # the strip moves
+    assert torch.equal(lower.points[:fixed], upper.points[:fixed])
     for variant, found in ((less, lower), (full, upper)):
         own = training_set(variant, scales, "V1", torch.float64)
         of_velocity = found.point_weights[:, 0] > 0
@@ -85,3 +95,11 @@ def test_surfaces_are_those_of_the_variants() -> None:
     shift = (upper.surface_points - lower.surface_points).mean(0).tolist()
     np.testing.assert_allclose(shift, [0, 0.01 / scales.length, 0], atol=1e-6)
     assert torch.equal(upper.surface_pressure, torch.zeros(len(line.t)).double())
+    strip = (upper.points - lower.points).norm(dim=1) > 0
+    assert strip.any()
+    moved = (upper.points - lower.points)[strip, 1]
+    assert ((moved > 0) & (moved < 0.011 / scales.length)).all()
+    # The strip is thicker, so its points stand for more.
+    ratio = upper.point_weights[strip, 1] / lower.point_weights[strip, 1]
+    assert ratio.min() > 1
+    assert upper.point_weights[strip, 0].abs().max() == 0
