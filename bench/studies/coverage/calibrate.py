@@ -185,12 +185,17 @@ def main() -> int:
     except ValueError as error:
         parser.error(str(error))
     print(report(tested))
-    text = json.dumps(dataclasses.asdict(table), indent=1)
-    text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+    text = text_of(table)
     print(text)
     if own.write:
         (calibration.PATHS[level] if own.write == SHIPPED else own.write).write_text(text + "\n")
     return 0
+
+
+def text_of(table: Calibration) -> str:
+    """The table as JSON, short lists in one line."""
+    text = json.dumps(dataclasses.asdict(table), indent=1)
+    return re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
 
 
 def _level(studies: Sequence[dict[str, Any]]) -> str:
