@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -251,17 +249,6 @@ class Result:
 def number(value: float | None, spec: str) -> str:
     """`value` formatted, a dash where there is none."""
     return "-" if value is None else format(value, spec)
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that the numbers depend on."""
-    found = {"python": platform.python_version()}
-    for name in ("granpinn", "torch", "numpy", "h5py"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def write_results(result: Result, path: str | Path) -> None:
