@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from granpinn.arrays import Bool, Float64, Floats
+from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.data.symmetry import axes_of
@@ -44,7 +44,7 @@ def with_collocation(
     """
     if flow.particles is not None:
         return training
-    above = above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
+    above = above_ground_after_start(flow)
     vectors = len(training.points)
     least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
     x, y, t = points_between(flow, above, max(round(share * vectors), least))
@@ -53,6 +53,11 @@ def with_collocation(
     points = scales.points_to_dimensionless(x, y, t)
     between = torch.as_tensor(turned_and_rounded(points, axes_of(flow)))
     return replace(training, between=between.to(training.points))
+
+
+def above_ground_after_start(flow: Flow) -> Bool:
+    """Cells full of grains that count, without the lowest row [T, Y, X]."""
+    return above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
 
 
 def above_ground(grains: Bool, gravity: tuple[float, float]) -> Bool:
@@ -73,9 +78,7 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
     with a vector or without; four corners in a flow of one frame. No wall passes through it. The
     points are uniform over all complete cells.
     """
-    complete = grains
-    for axis in range(3) if flow.t.size > 1 else (1, 2):
-        complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
+    complete = _complete(flow, grains)
     if flow.walls is not None:
         complete &= ~_cut(flow, segments_of(flow.walls))
     cells = np.argwhere(complete)
@@ -111,3 +114,23 @@ def _cut(flow: Flow, segments: Segments) -> Bool:
     times = flow.t if np.isfinite(segments.t).any() else flow.t[:1]
     cut = np.stack([at(float(t)) for t in times])
     return cut if len(cut) == 1 else cut[1:] | cut[:-1]
+
+
+def lie_between(flow: Flow, grains: Bool, x: Float64, y: Float64, t: Float64) -> Bool:
+    """Whether points, in the units of the file, lie in complete cells of `grains` [n]."""
+    places = (_cell(flow.t, t), _cell(flow.y, y), _cell(flow.x, x))
+    return np.asarray(_complete(flow, grains)[places])
+
+
+def _complete(flow: Flow, grains: Bool) -> Bool:
+    """Cells with all corners in `grains` [T, Y, X]: one less along each axis with a step."""
+    complete = grains
+    for axis in range(3) if flow.t.size > 1 else (1, 2):
+        complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
+    return complete
+
+
+def _cell(edges: Floats, values: Float64) -> Index:
+    """Number of the cell between edges that holds each value."""
+    last = max(edges.size - 2, 0)
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, last)

@@ -12,6 +12,7 @@ from granpinn.data.flow import (
     LEAST,
     PERIOD_X,
     STEADY,
+    SURFACE_SD,
     WALL_GAP,
     Flow,
     FlowFileError,
@@ -84,6 +85,12 @@ def _check_attributes(flow: Flow) -> None:
         raise FlowFileError(
             f"the attribute {WALL_GAP} must be a length from {LEAST:g} to {LARGEST:g}, got "
             f"{gap!r}: correct it, or leave it out if no side walls touch the grains"
+        )
+    sd = flow.attributes.get(SURFACE_SD, 0)
+    if isinstance(sd, str) or not (sd == 0 or LEAST <= sd <= LARGEST):
+        raise FlowFileError(
+            f"the attribute {SURFACE_SD} must be 0 for an exact line or a length from {LEAST:g} to "
+            f"{LARGEST:g}, got {sd!r}: correct it or leave it out"
         )
     if isinstance(period, str) or not LEAST <= period <= LARGEST:
         raise FlowFileError(

@@ -16,7 +16,8 @@ from granpinn.physics.law_values import LawValues
 
 # Numbers of the material in any units; float32 holds all of them.
 LEAST, LARGEST = 1e-30, 1e30
-STEADY, PERIOD_X, WALL_GAP = "steady", "period_x", "wall_gap"  # among the attributes
+# among the attributes
+STEADY, PERIOD_X, SURFACE_SD, WALL_GAP = "steady", "period_x", "surface_sd", "wall_gap"
 
 
 class FlowFileError(BadInput):
@@ -119,7 +120,8 @@ class Flow:
         truth: friction law of the material, None if unknown.
         attributes: further attributes of the file, such as its source. `steady` is 1 if all frames
             show one flow; `period_x` is the length of the period along x, in the unit of x;
-            `wall_gap` is the distance between side walls, through one of which the grains are seen.
+            `surface_sd` is the standard deviation of an offset of the surface line, likewise;
+            `wall_gap` the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.

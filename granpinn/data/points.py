@@ -10,7 +10,7 @@ import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.flow import Flow, FlowFileError, Particles
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
@@ -234,6 +234,16 @@ def _velocity_weights(samples: Particles) -> Float64:
 
 def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
     """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
+    surface = surface_of(flow, level)
+    points = scales.points_to_dimensionless(surface.x, surface.y, surface.t)
+    if level != "V2" or surface.p is None:
+        return points, np.zeros(len(points))
+    pressure = surface.p.astype(np.float64)
+    return points, scales.to_dimensionless(pressure, "pressure")
+
+
+def surface_of(flow: Flow, level: str) -> Surface:
+    """The points of the free surface that a level uses: after the start and above the toe."""
     surface = outline(flow) if level == "V0" else flow.surface
     if surface is None:
         raise FlowFileError(
@@ -255,8 +265,5 @@ def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
             f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
             "the surface or use level V0"
         )
-    points = scales.points_to_dimensionless(surface.x[kept], surface.y[kept], surface.t[kept])
-    if level != "V2" or surface.p is None:
-        return points, np.zeros(len(points))
-    pressure = surface.p[kept].astype(np.float64)
-    return points, scales.to_dimensionless(pressure, "pressure")
+    parts = {name: None if a is None else a[kept] for name, a in vars(surface).items()}
+    return Surface(**parts)  # type: ignore[arg-type]

@@ -14,6 +14,7 @@ from granpinn.data.constants import check_constants_of
 from granpinn.data.flow import (
     PERIOD_X,
     STEADY,
+    SURFACE_SD,
     Flow,
     FlowFileError,
     FlowFileWarning,
@@ -50,6 +51,7 @@ def check_values(flow: Flow) -> None:
     _check_symmetries(flow)
     _check_fraction(flow)
     _check_grain_size(flow)
+    _check_surface_sd(flow)
     _check_velocity(flow)
     if flow.p is not None and not np.isfinite(flow.p[flow.material]).all():
         raise FlowFileError(
@@ -131,6 +133,15 @@ def _check_grain_size(flow: Flow) -> None:
         raise FlowFileError(
             f"grain_diameter must be smaller than the height of the grains in the first frame, "
             f"{height:g}, got {flow.grain_diameter:g}: give both in the unit of length of the file"
+        )
+
+
+def _check_surface_sd(flow: Flow) -> None:
+    sd, height = flow.stated(SURFACE_SD), initial_height(flow)
+    if sd is not None and sd > height:
+        raise FlowFileError(
+            f"the attribute {SURFACE_SD} must be smaller than the height of the grains in the "
+            f"first frame, {height:g}, got {sd:g}: give both in the unit of length of the file"
         )
 
 

@@ -7,14 +7,15 @@ zero at the line but rises too little below it: the weight of the strip is missi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow
 from granpinn.data.points import RESOLUTION, TrainingSet
 from granpinn.data.symmetry import axes_of
@@ -38,9 +39,48 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     They lie between a point of the surface and the vector nearest to it at the same time, with no
     wall between both. Without points between the vectors it is unchanged.
     """
-    B, N = len(training.between), len(training.points)
-    if B == 0:
+    if len(training.between) == 0:
         return training
+    strip = strip_of(training, flow, scales)
+    drawn = draw([strip], len(training.between), len(training.points))
+    if drawn is None:
+        return training
+    return replace(training, between=torch.cat([training.between, strip.points(drawn)]))
+
+
+class Drawn(NamedTuple):
+    """Points of a strip by their point of the surface [count] and the part of the way to it."""
+
+    place: Index
+    part: Float64
+
+
+class Strip(NamedTuple):
+    """The strip below each of M points of the surface.
+
+    Attributes:
+        surface: (x, y, t) of the points [M, 3].
+        nearest: (x, y) of the vectors nearest to them [M, 2], NaN where there is none.
+        area: of the strip, in cells of the grid [M].
+        like: a tensor with the dtype of the training.
+    """
+
+    surface: Float64
+    nearest: Float64
+    area: Float64
+    like: torch.Tensor
+
+    def points(self, drawn: Drawn) -> torch.Tensor:
+        """The drawn points (x, y, t) [count, 3]; on the surface where the strip has no area."""
+        found = self.surface[drawn.place]  # a copy
+        there = self.area[drawn.place, None] > 0
+        nearest = np.where(there, self.nearest[drawn.place], found[:, :2])
+        found[:, :2] = nearest + drawn.part * (found[:, :2] - nearest)
+        return torch.as_tensor(np.rint(found / RESOLUTION) * RESOLUTION).to(self.like)
+
+
+def strip_of(training: TrainingSet, flow: Flow, scales: Scales) -> Strip:
+    """The strip between the vectors and the surface of a training set."""
     dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
     thickest = THICKEST * max(dx, dy)
     points, surface = (a.double().numpy() for a in (training.points, training.surface_points))
@@ -50,17 +90,23 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     if flow.walls is not None:
         hidden = _hidden(segments_of(flow.walls), axes_of(flow), scales, surface, nearest)
         depth[hidden] = 0.0
-    area = depth * np.minimum(width, thickest)
-    count = round(DENSITY * B / N * float(area.sum()) / (dx * dy))
+    area = depth * np.minimum(width, thickest) / (dx * dy)
+    return Strip(surface, nearest, area, training.points)
+
+
+def draw(strips: Sequence[Strip], between: int, vectors: int) -> Drawn | None:
+    """Points that are uniform over the mean of some strips; None without any.
+
+    Args:
+        between, vectors: numbers of points between the vectors, and of vectors.
+    """
+    area = np.mean([strip.area for strip in strips], axis=0)
+    count = round(DENSITY * between / vectors * float(area.sum()))
     if count == 0:
-        return training
+        return None
     rng = np.random.Generator(np.random.Philox(key=_KEY))
-    drawn = rng.choice(len(area), size=count, p=area / area.sum())
-    part = rng.random((count, 1))
-    found = surface[drawn]  # a copy
-    found[:, :2] = nearest[drawn] + part * (found[:, :2] - nearest[drawn])
-    strip = torch.as_tensor(np.rint(found / RESOLUTION) * RESOLUTION).to(training.between)
-    return replace(training, between=torch.cat([training.between, strip]))
+    place = rng.choice(len(area), size=count, p=area / area.sum())
+    return Drawn(place, rng.random((count, 1)))
 
 
 def _below(

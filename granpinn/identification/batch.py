@@ -14,6 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
+from granpinn.identification import assumptions
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.finish import Concluded, conclude, with_simulated_pressure
 from granpinn.identification.single import histories, prepare, start
@@ -97,11 +98,13 @@ def identify_many(
         listener = progress if group.rank == 0 else None
         run = start(every, config, folder, listener, begin, places)
         run.train()
+        ensembles = [every[first : first + K] for first in range(0, len(every), K)]
+        assumed = assumptions.of_ensembles(ensembles, run)
 
         def concluded(e: int) -> Concluded:
-            own = every[e * K : (e + 1) * K]
+            made = conclude(ensembles[e], run, e * K, parts[e], keep_fields, True, assumed[e])
             # The fields of all members at once would not fit into memory.
-            return conclude(own, run, e * K, parts[e], keep_fields, True)._replace(maps=None)
+            return made._replace(maps=None)
 
         written = _side_by_side(concluded, range(len(cases)), config.device)
         # One pool for all members: every core simulates pressures as long as frames are left.

@@ -12,6 +12,7 @@ from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.physics.laws import LAWS
 from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
 from granpinn.results.records import Members
 from granpinn.training.loop import TrainingLoop
@@ -47,19 +48,28 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     return Residuals(rms, velocity=rms["velocity"] / measured, noise=noise / measured)
 
 
-def result(case: Case, run: TrainingLoop, e: int, members: Members, model: Model) -> Result:
+def result(
+    case: Case,
+    run: TrainingLoop,
+    e: int,
+    members: Members,
+    model: Model,
+    assumed: tuple[Assumed, ...] = (),
+) -> Result:
     """The result of an ensemble before its fields are known.
 
     Args:
         case, e: the member that is shown, and its place in the run.
         model: its network.
+        assumed: assumptions and their effect on the law.
     """
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals = residuals_of(case, loss)
     symmetries = case.member.problem.symmetries
+    diverged = failure is not None
     judged = of_training.judge(
-        members, residuals, run.trainer.step, config, failure is not None, symmetries
+        members, residuals, run.trainer.step, config, diverged, symmetries, assumed
     )
     fixed = case.member.fixed
     parameters = Parameters(
@@ -95,6 +105,7 @@ def result(case: Case, run: TrainingLoop, e: int, members: Members, model: Model
         residuals=residuals,
         error_bars=judged.bars,
         verdict=judged.verdict,
+        assumptions=assumed,
     )
 
 

@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn import results
+from granpinn.arrays import Floats
+from granpinn.data.surface_sd import SOLVER
 from granpinn.identification import balance, conclusion, prediction, scoring, simulated_fields
 from granpinn.identification.case import Case, Model
 from granpinn.inspection.confined import undetermined
@@ -28,6 +30,7 @@ from granpinn.results import (
     write_csv,
     write_fields,
 )
+from granpinn.results.assumed import Assumed
 from granpinn.results.attempt import (
     BASELINE,
     DETERMINED,
@@ -40,7 +43,8 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty.determined import applied, determined, unfixed
+from granpinn.uncertainty import of_kind
+from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
 
 
 class Concluded(NamedTuple):
@@ -68,11 +72,13 @@ def conclude(
     folder: Path | None = None,
     keep_fields: bool = True,
     simulate: bool = False,
+    assumed: tuple[Assumed, ...] = (),
 ) -> Concluded:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
     Args:
         simulate: whether a simulated pressure will follow if the settings ask for it.
+        assumed: assumptions of the member that is shown, and their effect.
 
     Raises:
         OutputError: a file cannot be written.
@@ -81,7 +87,7 @@ def conclude(
     case, e = cases[place], first + place
     law = LAWS[case.config.law]
     model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
-    result = conclusion.result(case, run, e, found, model)
+    result = conclusion.result(case, run, e, found, model, assumed)
     predicted = attempt(FIELDS, lambda: prediction.predict(case.flow, model))
     maps = None if isinstance(predicted, NotDone) else predicted
     if isinstance(predicted, NotDone):
@@ -141,7 +147,10 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
 
 
 def _with_range(result: Result, case: Case, maps: Fields) -> Result:
-    """The result without the parameters that its range of I, or its walls, do not determine."""
+    """The result without the parameters that its range of I, or its walls, do not determine.
+
+    Kinds of flows with a known model error get their error bars first.
+    """
 
     def of_shear() -> Result:
         points = scoring.after_start(maps) & scoring.flowing(maps)
@@ -149,11 +158,22 @@ def _with_range(result: Result, case: Case, maps: Fields) -> Result:
         weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
         if reason is not None:
             return applied(result, unfixed(result, number, weight, reason))
-        found = determined(result, number, weight)
-        return result if found is None else applied(result, found)
+        made = _with_model_error(result, case, number)
+        found = determined(made, number, weight)
+        return made if found is None else applied(made, found)
 
     made = attempt(DETERMINED, of_shear)
     return lacking(result, made) if isinstance(made, NotDone) else made
+
+
+def _with_model_error(result: Result, case: Case, number: Floats) -> Result:
+    """The result with the error bars of its kind of flow; `number`: I of the grains that shear."""
+    if (I0 := result.parameters.get("I0")) is None:
+        return result
+    shear = range_of(number, np.ones(number.shape), I0.value)
+    carried = result.baseline is not None and result.baseline.carried
+    kind = of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
+    return result if shear is None else of_kind.with_model_error(result, case.config, kind, shear)
 
 
 def _with_baseline(result: Result, case: Case) -> Result:

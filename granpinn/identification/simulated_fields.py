@@ -54,7 +54,7 @@ def pressures(
     deadline = None
     if run.deadline is not None:
         kept = kept_after_training(case.config, len(run.trainer.params))
-        deadline = run.deadline + SIMULATION_PART * kept
+        deadline = run.deadline + run.later + SIMULATION_PART * kept
     flow = case.flow
     settings = case.config.simulated_pressure
     return simulated_pressure.at_frames(

@@ -11,7 +11,7 @@ from pathlib import Path
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow
-from granpinn.identification import simulated_fields
+from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
 from granpinn.inspection.confined import undetermined
@@ -65,7 +65,8 @@ def identify(
         raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
         return conclude(cases, run, 0).result
-    concluded = conclude(cases, run, 0, folder, simulate=True)
+    (assumed,) = assumptions.of_ensembles([cases], run)
+    concluded = conclude(cases, run, 0, folder, simulate=True, assumed=assumed)
     with threads(len(os.sched_getaffinity(0))) as pool:
         return with_simulated_pressure(concluded, run, pool)
 
@@ -90,12 +91,13 @@ def start(
     share = (together.rank, together.size)
     everyone = [case.member for case in cases]
     objective = Objective(everyone, config.batch, device, share, config.precision)
-    deadline = None
+    deadline, later = None, 0.0
     if config.max_time is not None:
-        kept = simulated_fields.kept_after_training(config, len(cases))
-        deadline = begin + config.max_time - kept
+        limit = config.max_time - simulated_fields.kept_after_training(config, len(cases))
+        later = assumptions.seconds(cases, limit)
+        deadline = begin + limit - later
     progress = progress or Silent()
-    run = TrainingLoop(objective, config, folder, progress, deadline, members, together)
+    run = TrainingLoop(objective, config, folder, progress, deadline, members, together, later)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)

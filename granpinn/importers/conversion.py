@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Surface, Walls
+from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, WALL_GAP, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
@@ -108,6 +108,8 @@ def _attributes(
         found[WALL_GAP] = material.wall_gap
     if material.period_x is not None:
         found[PERIOD_X] = material.period_x
+    if material.surface_sd is not None:
+        found[SURFACE_SD] = material.surface_sd
     if settings.steady:
         found[STEADY] = 1
     return found

@@ -16,6 +16,7 @@ _EXAMPLES = {
     "density": ("density", "'1500 kg/m^3'"),
     "wall_gap": ("length", "'20 mm'"),
     "period_x": ("length", "'0.5 m'"),
+    "surface_sd": ("length", "'0.4 mm'"),
 }
 
 
@@ -28,6 +29,7 @@ class Material:
         grain_density: of a grain; None = as the bulk density (data without units).
         wall_gap: distance between the side walls, or None.
         period_x: length of the period along x, or None.
+        surface_sd: standard deviation of an offset of the surface line, or None.
     """
 
     grain_diameter: float
@@ -35,6 +37,7 @@ class Material:
     grain_density: float | None
     wall_gap: float | None
     period_x: float | None
+    surface_sd: float | None
 
 
 def missing_constants(settings: Settings) -> list[str]:
@@ -70,8 +73,8 @@ def material_of(settings: Settings) -> Material:
         grain = bulk / fraction
     if bulk is None:  # data without units: the bulk density is the unit
         bulk = 1.0
-    walls = _number(settings, "wall_gap"), _number(settings, "period_x")
-    return Material(d, bulk, grain, *walls)
+    lengths = (_number(settings, name) for name in ("wall_gap", "period_x", "surface_sd"))
+    return Material(d, bulk, grain, *lengths)
 
 
 def _number(settings: Settings, name: str) -> float | None:

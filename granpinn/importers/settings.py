@@ -123,6 +123,12 @@ class Settings:
         "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
         "(normal and shear stress)",
     )
+    surface_sd: str | None = _setting(
+        None,
+        "grains",
+        "how well the line of the free surface is known, '0.4 mm': standard deviation of an offset "
+        "of the whole line; default half a grain, or half a spacing where a mask gives the line",
+    )
     wall_gap: str | None = _setting(
         None,
         "grains",

@@ -30,10 +30,10 @@ from granpinn.results.result import (
     from_dict,
     number,
     read_results,
-    versions,
     write_results,
 )
 from granpinn.results.results_csv import write_csv
+from granpinn.results.versions import versions
 
 __all__ = [
     "Covariance",

@@ -55,7 +55,9 @@ class ErrorBars:
 
     Attributes:
         scatter: sd that comes from seeds and measurement noise.
-        discrepancy: sd of the further error of simulated collapses, scaled by misfit and steps.
+        discrepancy: sd of the further error of simulated collapses, scaled by misfit and steps; in
+            flows of another kind the error of the model (uncertainty/of_kind.py).
+        assumptions: sd that comes from uncertain assumptions; None without any.
         freedom: degrees of freedom behind the intervals.
         half_width: of the 90 % intervals, in standard deviations.
         provenance: the trainings behind the calibration.
@@ -68,6 +70,7 @@ class ErrorBars:
     half_width: tuple[float, float]
     provenance: str
     provisional: bool
+    assumptions: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

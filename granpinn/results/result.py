@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import FORMS
+from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import decode, encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
@@ -152,6 +151,7 @@ class Result:
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
         not_done: parts after the identification that the run lacks, with the reasons.
+        assumptions: what the data do not contain, and its effect on the law.
     """
 
     parameters: Parameters
@@ -184,6 +184,7 @@ class Result:
     baseline: Baseline | None = None
     determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
+    assumptions: tuple[Assumed, ...] = ()
 
     def __post_init__(self) -> None:
         for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
@@ -199,6 +200,10 @@ class Result:
                 raise ValueError(f"parameters: {p.name} must be positive, got {value}")
         if self.members is not None:
             require_names(self.members.values, law.free, where="members.")
+        for assumed in self.assumptions:
+            for name in ("derivative", "percent"):
+                if (values := getattr(assumed, name)) is not None:
+                    require_names(values, law.free, where=f"assumptions.{name}.")
         for name in self.covariance.names if self.covariance else ():
             if name not in law.names:
                 known = ", ".join(law.names)
@@ -235,6 +240,7 @@ class Result:
             lines.append(str(self.determined))
         if self.verdict is not None:
             lines.append(self.verdict.words)
+        lines += [str(assumed) for assumed in self.assumptions]
         parts = (self.baseline, self.simulated_pressure, self.profile, self.resimulation)
         lines += [str(part) for part in (*parts, *self.not_done) if part is not None]
         return "\n".join(lines)
@@ -243,17 +249,6 @@ class Result:
 def number(value: float | None, spec: str) -> str:
     """`value` formatted, a dash where there is none."""
     return "-" if value is None else format(value, spec)
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that the numbers depend on."""
-    found = {"python": platform.python_version()}
-    for name in ("granpinn", "torch", "numpy", "h5py"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def write_results(result: Result, path: str | Path) -> None:

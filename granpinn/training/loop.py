@@ -38,6 +38,7 @@ class TrainingLoop:
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
         processes: the processes that share the run; the first one writes.
+        later: seconds of a time limit for more training after `deadline` (continuation.py).
 
     Attributes:
         deadline: value of time.monotonic() when training has to end, None without a time limit.
@@ -54,6 +55,7 @@ class TrainingLoop:
         deadline: float | None,
         members: Sequence[Path | None] | None = None,
         processes: Processes | None = None,
+        later: float = 0.0,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
@@ -61,6 +63,7 @@ class TrainingLoop:
         self.single = members is None
         self.progress = progress
         self.deadline = deadline
+        self.later = later
         self.stopped = "steps"
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members

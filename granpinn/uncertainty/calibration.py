@@ -9,7 +9,8 @@ relative error of mu_2 grows as mu_2 / mu_s falls (bench/studies/coverage).
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -21,6 +22,16 @@ from granpinn.results.decoding import decode
 from granpinn.results.named import require_names
 
 PATH = Path(__file__).with_suffix(".json")
+# The table of a level. A level without a file has no data, hence no error bars.
+PATHS = {"V0": PATH.with_name("calibration_V0.json"), "V1": PATH, "V2": PATH}
+# Kinds of flows with a model error, as they continue "flows of grains ...".
+KINDS = {
+    "collapse": "that collapse",
+    "layer": "that are the same along x",
+    "steady_layer": "that are steady and the same along x",
+    "steady": "that are steady",
+    "carried": "that walls carry",
+}
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
@@ -43,6 +54,30 @@ class Range:
 
 
 @dataclass(frozen=True)
+class ModelError:
+    """How wrong mu(I) was in flows of grains of one kind (of_kind.py).
+
+    Attributes:
+        level: rms relative error of mu in the middle of the range of I of a flow.
+        tilt: rms half of the difference between the relative errors at both ends of that range.
+        flows: number of flows behind both.
+        provenance: the flows, and the trainings that gave the numbers.
+    """
+
+    level: float
+    tilt: float
+    flows: float
+    provenance: str
+
+    def __post_init__(self) -> None:
+        for name in ("level", "tilt"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ValueError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
+        if not self.flows >= 1 or not math.isfinite(self.flows):
+            raise ValueError(f"flows must be at least 1, got {self.flows}")
+
+
+@dataclass(frozen=True)
 class Calibration:
     """
     Attributes:
@@ -61,6 +96,7 @@ class Calibration:
         residuals: of the equations, by terms of the loss.
         valid_mu_s, valid_ratio: mu_s and mu_2 / mu_s of the materials in the study.
         largest_misfit: the residuals can test the law up to this misfit.
+        model_error: of flows of grains, by their kind (`KINDS`); a kind without data is absent.
     """
 
     law: str
@@ -79,9 +115,11 @@ class Calibration:
     valid_mu_s: tuple[float, float]
     valid_ratio: tuple[float, float]
     largest_misfit: float
+    model_error: dict[str, ModelError] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")
+        require_names(self.model_error, (), tuple(KINDS), "model_error.")
         if len(self.mu_s) != len(self.discrepancy) or not self.mu_s:
             raise ValueError(
                 f"discrepancy must have one matrix for each of {len(self.mu_s)} knots mu_s, "
@@ -102,3 +140,8 @@ class Calibration:
 def load(path: Path = PATH) -> Calibration:
     """The table; ValueError names the error in a file."""
     return decode(Calibration, json.loads(path.read_text(encoding="utf-8")))
+
+
+def of_level(level: str) -> Calibration | None:
+    """The table of a level, None without data; ValueError names the error in a file."""
+    return load(PATHS[level]) if PATHS[level].exists() else None

@@ -2,7 +2,7 @@ r"""Error bars of (mu_s, mu_2); for mu(I) alone, as they are calibrated by simul
 
 For the center c of an ensemble, with z = (error of mu_s, error of mu_2) / mu_s, the covariance is
 
-$$ C = V + s^2 D, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
+$$ C = V + s^2 D + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 
 V is the scatter of the center over seeds and measurement noise, estimated from the members and, as
 they are few, from the calibration table. D is the further error of simulated collapses with known
@@ -10,7 +10,8 @@ parameters: the mean of e e^T, which includes a common offset. s enlarges D if t
 is larger than in the study (m_0), or the number n of steps is smaller than there (n_0): mu_2 was
 12, 19 and 33 % too high after 4,000, 2,800 and 2,000 steps. m is the misfit beyond the known noise,
 capped by the misfit that the equation residuals imply (`resolution`): the rest of the misfit is
-noise that the file does not state.
+noise that the file does not state. A is the effect of assumptions, such as the offset of the
+surface line (of_assumptions.py); their priors are given and do not change the degrees of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -23,13 +24,15 @@ variables). V is the V without noise plus this mean square, with as many degrees
 members are redrawn.
 The table does not enter the mean square: its studies have no noise.
 
-Intervals are from Student's distribution with the degrees of freedom of C (Welch, Satterthwaite),
-times the widening of the table. They are symmetric in log mu, so friction stays positive.
+Intervals are from Student's distribution with the degrees of freedom of V + s^2 D (Welch,
+Satterthwaite), times the widening of the table. They are symmetric in log mu, so friction stays
+positive.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,12 +41,15 @@ from scipy import special
 
 from granpinn.arrays import Float64
 from granpinn.results import Residuals
+from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
 from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.center import center, deviations
+from granpinn.uncertainty.of_assumptions import covariance
 from granpinn.uncertainty.of_law import excess, velocity_error
 
 Pair = tuple[float, float]
+Part = tuple[Float64, float]  # a covariance of z [2, 2] and its degrees of freedom
 
 LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of the value in the table
 SLOWNESS = 1.5  # errors of short trainings are proportional to steps^-SLOWNESS
@@ -64,21 +70,45 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    members: Members, residuals: Residuals, steps: int, calibration: Calibration
+    members: Members,
+    residuals: Residuals,
+    steps: int,
+    calibration: Calibration,
+    assumed: Sequence[Assumed] = (),
 ) -> Estimate:
     """Center, covariance and intervals of an ensemble of K >= 1 trainings of so many steps."""
-    mu = _pair(center(members))
-    V, freedom = scatter(members, calibration)
+    mu = middle(members)
     D = discrepancy_scale(residuals, steps, calibration) ** 2 * calibration.discrepancy_at(mu[0])
-    C = V + D
-    v, d, c = np.diag(V), np.diag(D), np.diag(C)
-    n = c**2 / (v**2 / freedom + d**2 / calibration.discrepancy_weight)
+    parts = scatter(members, calibration), (D, calibration.discrepancy_weight)
+    return combined(mu, parts, calibration, assumed)
+
+
+def middle(members: Members) -> Pair:
+    """(mu_s, mu_2) of the center of an ensemble."""
+    return _pair(center(members))
+
+
+def combined(
+    mu: Pair, parts: Sequence[Part], calibration: Calibration, assumed: Sequence[Assumed] = ()
+) -> Estimate:
+    """The estimate from the scatter of a center, further errors, and what was assumed.
+
+    Args:
+        parts: the scatter first.
+    """
+    A = covariance(assumed, ("mu_s", "mu_2")) / mu[0] ** 2
+    C = A + sum(matrix for matrix, _ in parts)
+    c = np.diag(C)
+    own = [np.diag(matrix) for matrix, _ in parts]
+    squares = sum(v**2 / freedom for v, (_, freedom) in zip(own, parts, strict=True))
+    n = sum(own) ** 2 / squares
     half = special.stdtrit(n, 0.95) * np.array(calibration.widening)
     reach = np.minimum(half * np.sqrt(c) * mu[0] / np.array(mu), LONGEST)
     intervals = [(m * math.exp(-r), m * math.exp(r)) for m, r in zip(mu, reach, strict=True)]
     bars = ErrorBars(
-        scatter=_pair(mu[0] * np.sqrt(v)),
-        discrepancy=_pair(mu[0] * np.sqrt(d)),
+        scatter=_pair(mu[0] * np.sqrt(own[0])),
+        discrepancy=_pair(mu[0] * np.sqrt(sum(own[1:]))),
+        assumptions=_pair(mu[0] * np.sqrt(np.diag(A))) if A.any() else None,
         freedom=_pair(n),
         half_width=_pair(half),
         provenance=calibration.provenance,

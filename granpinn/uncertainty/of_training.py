@@ -8,11 +8,11 @@ from typing import NamedTuple
 from granpinn.config import Config, flatten
 from granpinn.physics.laws import LAWS
 from granpinn.results import Covariance, Parameter, Residuals
+from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members, Verdict
-from granpinn.uncertainty import calibration, error_bars, of_law
+from granpinn.uncertainty import calibration, error_bars, of_assumptions, of_law
 from granpinn.uncertainty.center import center, nearest
 
-CALIBRATED_LEVELS = ("V1", "V2")
 TOO_LITTLE = (
     "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
     "errors as large as the values"
@@ -37,13 +37,16 @@ def judge(
     config: Config,
     diverged: bool,
     symmetries: Sequence[str] = (),
+    assumed: Sequence[Assumed] = (),
 ) -> Judgement:
     """Error bars and verdict; without error bars, the verdict gives the reason.
 
     Args:
         symmetries: of the flow, in words (granpinn/data/symmetry.py).
+        assumed: assumptions whose effect enters the error bars.
     """
-    law, table, changed = LAWS[config.law], calibration.load(), uncalibrated(config)
+    law, changed = LAWS[config.law], uncalibrated(config)
+    table = calibration.of_level(config.level) or calibration.load()
     middle = center(members, law)
 
     def without(words: str) -> Judgement:
@@ -63,7 +66,9 @@ def judge(
             "no error bars and no verdict: they are calibrated on collapses, and this flow is "
             + " and ".join(words.partition(":")[0] for words in symmetries)
         )
-    found = error_bars.estimate(members, residuals, steps, table)
+    if missing := of_assumptions.unknown(assumed):
+        return without(f"no error bars: the effect of the {' and '.join(missing)} is not known")
+    found = error_bars.estimate(members, residuals, steps, table, assumed)
     if any(std > value for std, value in zip(found.std, middle, strict=True)):
         return without(TOO_LITTLE)
     free = {
@@ -88,11 +93,13 @@ def uncalibrated(config: Config) -> list[str]:
     usual = flatten(Config())
     fixed = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
     changed = [key for key in fixed if flatten(config)[key] != usual[key]]
-    return changed + ([] if config.level in CALIBRATED_LEVELS else ["level"])
+    return changed + (["level"] if calibration.of_level(config.level) is None else [])
 
 
 def _why_not(settings: Sequence[str]) -> str:
+    *others, last = (level for level, path in calibration.PATHS.items() if path.exists())
+    levels = f"{', '.join(others)} or {last}"
     return (
-        "no error bars and no verdict: they are calibrated for the default recipe at level V1 or "
-        f"V2, and this run has another {', '.join(settings)}"
+        f"no error bars and no verdict: they are calibrated for the default recipe at level "
+        f"{levels}, and this run has another {', '.join(settings)}"
     )

@@ -142,6 +142,30 @@ def test_the_command_writes_a_table_that_can_be_loaded(
     assert "60 simulated collapses: 2026-01-01, 256 cells, 3 members, 40000" in table.provenance
 
 
+def test_each_level_has_its_own_table(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = {level: tmp_path / f"{level}.json" for level in ("V0", "V1")}
+    for path in shipped.values():
+        path.write_text(calibration.PATH.read_text())
+    monkeypatch.setattr(calibration, "PATHS", {**shipped, "V2": shipped["V1"]})
+    rows = rows_of(make_cases(60, np.random.default_rng(seed)))
+    head = {"date": "2026-01-01", "simulation": {"cells": 256}, "members": 1, "steps": 40_000}
+    for level in ("V0", "V1"):
+        study = head | {"settings": ["--steps", "40000", "--level", level], "rows": rows}
+        (tmp_path / f"study_{level}.json").write_text(json.dumps(study))
+    files = [str(tmp_path / f"study_{level}.json") for level in ("V0", "V1")]
+    monkeypatch.setattr("sys.argv", ["x", files[0], "--write"])
+    assert calibrate.main() == 0
+    calibration.load.cache_clear()
+    assert "--level V0" in calibration.load(shipped["V0"]).provenance
+    assert shipped["V1"].read_text() == calibration.PATH.read_text()
+    monkeypatch.setattr("sys.argv", ["x", *files, "--write"])
+    with pytest.raises(SystemExit):
+        calibrate.main()
+    assert "the studies must have one level, got V0, V1" in capsys.readouterr().err
+
+
 def test_the_materials_are_a_function_of_the_seed() -> None:
     few, many = (materials.draw(n, 1, 5, cells=64) for n in (2, 4))
     assert few[:2] == many[:2]

@@ -45,3 +45,16 @@ def test_tracks_of_one_time(tmp_path: Path) -> None:
     assert flow.steady
     with pytest.raises(DataFileError, match="leave at least two frames"):
         read(str(tmp_path / "tracks.csv"), frames="5:6", **settings)
+
+
+def test_how_well_the_surface_is_known(tmp_path: Path, capsys: Any) -> None:
+    """A length like any other; what is no length is refused."""
+    file, out = export(tmp_path / "mean.txt", 0), tmp_path / "flow.h5"
+    steady = [*CAMERA, *MATERIAL, "--steady"]
+    assert run(file, "--out", out, *steady, "--surface-sd", "0.4 mm") == 0
+    assert read_flow(out).attributes["surface_sd"] == pytest.approx(4e-4)
+    assert run(file, "--out", tmp_path / "none.h5", *steady) == 0
+    assert "surface_sd" not in read_flow(tmp_path / "none.h5").attributes
+    for wrong in ("0.4", "2 kg", "-1 mm"):
+        assert run(file, "--out", tmp_path / "wrong.h5", *steady, "--surface-sd", wrong) == 2
+        assert "--surface-sd" in capsys.readouterr().err

@@ -16,6 +16,7 @@ from granpinn.data import Truth
 from granpinn.figures import album
 from granpinn.report import page as pages
 from granpinn.results import ErrorPercent, Input, Parameter, Parameters, Result, read_results
+from granpinn.results.assumed import Assumed
 from granpinn.results.findings import SimulatedPressure
 from tests.examples import PARAMETERS, make_result
 from tests.page import Page
@@ -263,3 +264,17 @@ def test_nested_settings_become_lines() -> None:
     settings = {"a": {"b": {"c": [1, 2.5]}, "d": None}, "e": False, "f": []}
     expected = {"a.b.c": "1, 2.5", "a.d": "none", "e": "False", "f": ""}
     assert pages.flatten(settings) == expected
+
+
+def test_the_page_lists_what_was_assumed() -> None:
+    assert "Assumed" not in render(make_result()).text
+    line = Assumed(
+        *("surface line", "m", 0.005, {"mu_s": 0.4, "mu_2": -1.6}),
+        *("surface line one grain higher", {"mu_s": 0.5, "mu_2": -1.3}),
+    )
+    bars = make_result().error_bars
+    assert bars is not None
+    bars = replace(bars, assumptions=(0.002, 0.008))
+    text = render(make_result(assumptions=(line,), error_bars=bars)).text
+    assert "Assumed: surface line one grain higher: mu_s +0.5 %, mu_2 -1.3 %" in text
+    assert "what is assumed beside the data adds 0.002 and 0.008" in text

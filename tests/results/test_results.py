@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -27,6 +28,7 @@ from granpinn.results import (
     versions,
     write_results,
 )
+from granpinn.results.assumed import Assumed
 from tests.examples import PARAMETERS, SPARSE, make_result
 
 
@@ -204,3 +206,23 @@ def test_the_summary_has_dashes_for_what_is_unknown() -> None:
     assert all(line.endswith(" -") for line in lines[4:])
     assert number(None, ".3f") == "-"
     assert number(2.0, ".3f") == "2.000"
+
+
+def test_assumptions_are_kept_and_shown(tmp_path: Path) -> None:
+    known = Assumed(
+        *("surface line", "m", 0.005, {"mu_s": 0.4, "mu_2": -1.6}),
+        *("surface line one grain higher", {"mu_s": 0.5, "mu_2": -1.3}),
+    )
+    lost = Assumed("wall friction", "1", 0.05, None, "wall friction 0.05 higher", why="it diverged")
+    result = make_result(assumptions=(known, lost))
+    write_results(result, tmp_path / "results.json")
+    assert read_results(tmp_path / "results.json") == result
+    lines = str(result).splitlines()
+    assert (
+        "surface line one grain higher: mu_s +0.5 %, mu_2 -1.3 % (surface line known to 0.005 m)"
+        in lines
+    )
+    assert "wall friction (known to 0.05): its effect is not known: it diverged" in lines
+    wrong = replace(known, derivative={"mu_s": 0.4})
+    with pytest.raises(ValueError, match=r"assumptions\.derivative\."):
+        make_result(assumptions=(wrong,))

@@ -3,7 +3,8 @@
 python -m bench.studies.coverage.calibrate coverage.json --write
 python -m bench.studies.coverage.calibrate half.json --test other_half.json
 
---write writes granpinn/uncertainty/calibration.json, or the file that it names.
+--write writes the shipped table of the level of the studies (granpinn/uncertainty/calibration.json,
+calibration_V0.json at level V0), or the file that it names.
 The coverage that is printed is always that of truths which the table was not made from: those of
 --test, or else each half of the truths with the table of the other half. The table that is written
 is made from all.
@@ -26,6 +27,7 @@ import numpy.typing as npt
 
 from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
+from granpinn.config import Config
 from granpinn.uncertainty import calibration, error_bars, of_law
 from granpinn.uncertainty.calibration import Calibration, Range
 from granpinn.uncertainty.center import center as center_of
@@ -38,6 +40,7 @@ CONFIDENCE = 0.9
 BEYOND = 1.1  # materials outside of the study by more than this factor are called so
 ALARM = 1.2  # times the largest residual of a study: others will have larger ones
 FEWEST = 4  # truths to make a table from
+SHIPPED = Path()  # stands for the shipped table of the level
 
 
 def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibration:
@@ -159,7 +162,7 @@ def main() -> int:
         "--write",
         type=Path,
         nargs="?",
-        const=calibration.PATH,
+        const=SHIPPED,
         metavar="FILE",
         help="write the table of all studies; without a name: the shipped calibration",
     )
@@ -167,8 +170,10 @@ def main() -> int:
     studies = [json.loads(path.read_text()) for path in own.studies]
     cases = cases_of([row for study in studies for row in study["rows"]])
     law = [case for case in cases if case.law == LAW]
-    base, note = calibration.load(), _provenance(studies, len(law))
     try:
+        level = _level(studies)
+        base = calibration.of_level(level) or calibration.load()
+        note = _provenance(studies, len(law))
         table = fit(law, base, note)
         if own.test:
             rows = [row for path in own.test for row in json.loads(path.read_text())["rows"]]
@@ -180,12 +185,28 @@ def main() -> int:
     except ValueError as error:
         parser.error(str(error))
     print(report(tested))
-    text = json.dumps(dataclasses.asdict(table), indent=1)
-    text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+    text = text_of(table)
     print(text)
     if own.write:
-        own.write.write_text(text + "\n")
+        (calibration.PATHS[level] if own.write == SHIPPED else own.write).write_text(text + "\n")
     return 0
+
+
+def text_of(table: Calibration) -> str:
+    """The table as JSON, short lists in one line."""
+    text = json.dumps(dataclasses.asdict(table), indent=1)
+    return re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+
+
+def _level(studies: Sequence[dict[str, Any]]) -> str:
+    """The level of the studies, which must be one; V2 shares the table of V1."""
+    levels: set[str] = set()
+    for words in (study["settings"] for study in studies):
+        stated = dict(zip(words[::2], words[1::2], strict=True))
+        levels.add(stated.get("--level", Config().level))
+    if len({calibration.PATHS[level] for level in levels}) > 1:
+        raise ValueError(f"the studies must have one level, got {', '.join(sorted(levels))}")
+    return min(levels)
 
 
 def _provenance(studies: Sequence[dict[str, Any]], truths: int) -> str:

@@ -33,6 +33,7 @@ from granpinn.results import (
     read_fields,
     read_results,
 )
+from granpinn.uncertainty.of_kind import kind_of
 
 BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
 FILLED = 0.5  # share of the cells of a block that must flow
@@ -61,11 +62,13 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
     law = {name: p.value for name, p in result.parameters.items()}
     own = summary["own"]["along_D"]
     low, high = own["I_range"]
+    carried = result.baseline is not None and result.baseline.carried
     found: dict[str, Any] = {
         "scene": summary["scene"],
         "material": summary["material"],
         "seed": result.seed,
         "law": law,
+        "kind": kind_of(result.data.symmetries, carried, of_solver=False),
         "failure": result.failure,
         "verdict": None if result.verdict is None else result.verdict.words,
         "I_range": [low, high],

@@ -1,0 +1,88 @@
+"""The assumptions of a case that its data do not contain, and their effect on its law.
+
+`TABLE` has one entry for each: a function that gives the assumption of a case, or None where it is
+certain. A certain assumption costs nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import torch
+
+from granpinn.data.partial_cells import with_partial_cells
+from granpinn.data.points import surface_of
+from granpinn.data.surface_offset import moved, with_moved_surface
+from granpinn.data.surface_sd import surface_sd
+from granpinn.data.variants import corresponding_sets
+from granpinn.identification import conclusion
+from granpinn.identification.case import Case
+from granpinn.results.assumed import Assumed
+from granpinn.training.loop import TrainingLoop
+from granpinn.training.objective import Member
+from granpinn.uncertainty.of_assumptions import Assumption, effects
+
+TIME_SHARE = 0.25  # of the time of a training with a time limit, for the trainings after it
+
+
+def surface(case: Case) -> Assumption | None:
+    """The offset of the surface line along its outward normal; at level V0 of the outline."""
+    level, sd = case.config.level, surface_sd(case.flow, case.config.level)
+    if sd == 0:
+        return None
+    line = "outline" if level == "V0" else "surface line"
+
+    def pair() -> tuple[Member, Member]:
+        variants = []
+        for offset in (-sd, sd):
+            seen = case.seen
+            if level != "V0":  # the line decides which partly filled cells count
+                given = dataclasses.replace(case.seen, c=case.flow.c)
+                filled = with_partial_cells(with_moved_surface(given, offset))
+                seen = dataclasses.replace(case.seen, c=filled.c)
+            variants.append((seen, moved(case.seen, surface_of(case.seen, level), offset)))
+        dtype = getattr(torch, case.config.dtype)
+        share = case.config.batch.collocation
+        lower, upper = corresponding_sets(variants, case.scales, level, share, dtype)
+        replace = dataclasses.replace
+        return replace(case.member, data=lower), replace(case.member, data=upper)
+
+    unit, grain = case.flow.length_unit, case.flow.grain_diameter
+    return Assumption(line, unit, sd, pair, f"{line} one grain higher", grain)
+
+
+TABLE: tuple[Callable[[Case], Assumption | None], ...] = (surface,)
+
+
+def assumptions_of(case: Case) -> tuple[Assumption, ...]:
+    """The uncertain assumptions of a case."""
+    return tuple(found for entry in TABLE if (found := entry(case)) is not None)
+
+
+def seconds(cases: Sequence[Case], limit: float) -> float:
+    """Seconds of a time limit that are kept for the trainings of assumptions."""
+    different = {id(case.flow): case for case in cases}.values()
+    uncertain = any(entry(case) is not None for case in different for entry in TABLE)
+    return limit * TIME_SHARE / (1 + TIME_SHARE) if uncertain else 0.0
+
+
+def of_ensembles(
+    ensembles: Sequence[Sequence[Case]], run: TrainingLoop
+) -> list[tuple[Assumed, ...]]:
+    """The effects of the assumptions of every ensemble of a run, on the member that is shown."""
+    asked: dict[int, tuple[Assumption, ...]] = {}
+    places, first = [], 0
+    for cases in ensembles:
+        _, place = conclusion.members_of(cases, run, first)
+        e = first + place
+        places.append(e)
+        first += len(cases)
+        if e not in run.trainer.diverged and (uncertain := assumptions_of(cases[place])):
+            asked[e] = uncertain
+    if asked:
+        every = [assumption for uncertain in asked.values() for assumption in uncertain]
+        names = " and ".join(dict.fromkeys(a.name for a in every))
+        run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
+    found = effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)
+    return [found.get(e, ()) for e in places]

@@ -1,0 +1,106 @@
+r"""What an uncertain assumption does to the parameters of the law.
+
+An assumption is a number a that the data do not contain, such as the offset of the surface line. It
+has a prior with the standard deviation $\sigma_a$. Two copies of the trained network go on training
+with a one standard deviation lower and higher (granpinn/training/continuation.py). Then
+
+$$ \frac{d\theta}{da} = \frac{\theta(a + \sigma_a) - \theta(a - \sigma_a)}{2 \sigma_a}, \qquad
+   C \leftarrow C + \sigma_a^2 \frac{d\theta}{da} \frac{d\theta}{da}^T . $$
+
+The step is the standard deviation itself, because the effect is not linear: a line inside the
+grains forces the pressure to zero where there is none outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.physics.laws import Law
+from granpinn.results.assumed import Assumed
+from granpinn.training.continuation import MOST_STEPS, continued
+from granpinn.training.objective import Member
+from granpinn.training.trainer import Trainer
+
+DIVERGED = "a training with the assumption changed diverged"
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """An assumption of an identification.
+
+    Attributes:
+        name: of the assumption.
+        unit: of its value, "1" without one.
+        sd: standard deviation of its prior, > 0.
+        pair: makes the members with the value one `sd` lower and higher; they have the seed of the
+            trained member and corresponding points (granpinn/data/variants.py).
+        example, change: a change of the value for the reader, in words and as a number.
+    """
+
+    name: str
+    unit: str
+    sd: float
+    pair: Callable[[], tuple[Member, Member]]
+    example: str
+    change: float
+
+
+def effects(
+    trainer: Trainer,
+    assumptions: Mapping[int, Sequence[Assumption]],
+    share: float | None = None,
+) -> dict[int, tuple[Assumed, ...]]:
+    """The effect of every assumption on the law, by members of a finished training.
+
+    All copies are one batch.
+
+    Args:
+        share: of the time of the finished training that this one may take; None: any.
+    """
+    asked = [(e, assumption) for e, every in assumptions.items() for assumption in every]
+    if not asked:
+        return {}
+    copies = [(e, member) for e, assumption in asked for member in assumption.pair()]
+    most = MOST_STEPS
+    if share is not None:  # a copy takes at most the time of a member
+        most = min(most, int(share * trainer.step * len(trainer.params) / len(copies)))
+    theta = continued(trainer, copies, most)
+    found: dict[int, tuple[Assumed, ...]] = {}
+    law = trainer.objective.law
+    for k, (e, assumption) in enumerate(asked):
+        pair = [None if t is None else np.array(t.tolist()) for t in theta[2 * k : 2 * k + 2]]
+        value = np.array(trainer.solution(e)[1].tolist())
+        found[e] = (*found.get(e, ()), _assumed(assumption, law, value, pair[0], pair[1]))
+    return found
+
+
+def covariance(assumed: Sequence[Assumed], names: Sequence[str]) -> Float64:
+    """The sum of sd^2 (d theta / d a)(d theta / d a)^T over assumptions, [L, L]."""
+    total = np.zeros((len(names), len(names)))
+    for a in assumed:
+        if a.derivative is not None:
+            change = a.sd * np.array([a.derivative[name] for name in names])
+            total += np.outer(change, change)
+    return total
+
+
+def unknown(assumed: Sequence[Assumed]) -> list[str]:
+    """Names of the assumptions whose effect is not known."""
+    return [a.name for a in assumed if a.derivative is None]
+
+
+def _assumed(
+    assumption: Assumption, law: Law, value: Float64, lower: Float64 | None, upper: Float64 | None
+) -> Assumed:
+    a = assumption
+    if lower is None or upper is None:
+        return Assumed(a.name, a.unit, a.sd, None, a.example, why=DIVERGED)
+    slope = (upper - lower) / (2 * a.sd)
+    places = {name: law.names.index(name) for name in law.free}
+    derivative = {name: float(slope[k]) for name, k in places.items()}
+    percent = {name: float(100 * slope[k] * a.change / value[k]) for name, k in places.items()}
+    return Assumed(a.name, a.unit, a.sd, derivative, a.example, percent)

@@ -1,0 +1,146 @@
+"""How well the surface line is known, and the line moved along its normal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
+from granpinn.data.surface_offset import outward_normals, with_moved_surface
+from granpinn.data.surface_sd import from_fraction, spacing, surface_sd
+from tests.flows import make_flow
+
+FINE = {"frames": 4, "rows": 66, "columns": 120}
+
+
+def masked(flow: Flow) -> Flow:
+    return replace(flow, c=(flow.c > 0.5).astype(np.float32))
+
+
+def solver(flow: Flow) -> Flow:
+    return replace(flow, attributes={"grid_spacing_of_solver": spacing(flow)})
+
+
+def particles() -> Flow:
+    flow = make_flow()
+    frame, row, column = np.nonzero(flow.valid)
+    at = flow.t[frame], flow.x[column], flow.y[row]
+    vectors = Particles(*at, flow.u[flow.valid], flow.v[flow.valid])
+    constants = {"gravity": flow.gravity, "density": 1.0, "grain_diameter": 0.025}
+    return particle_flow(vectors, surface=flow.surface, **constants)
+
+
+def test_normals_point_out_of_the_heap() -> None:
+    flow = make_flow(**FINE)
+    assert flow.surface is not None
+    s = flow.surface
+    spread = 1 + 2 * s.t**2
+    # h = H sqrt(1 - x^2/R^2): the gradient of (x/R)^2 + (y/H)^2
+    exact = np.stack([s.x / (0.6 * spread) ** 2, s.y * spread**2], -1)
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    cosine = np.sum(outward_normals(flow, s) * exact, axis=1)
+    assert cosine.min() > 0
+    assert np.quantile(cosine, 0.05) > np.cos(np.radians(10))
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0, 4.0])
+def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None:
+    """A disk of grains, whose outline folds: every point ends on the circle of another radius."""
+    angle = np.linspace(turn, turn + 5, 60)
+    flow = make_flow(frames=2, rows=48, columns=80)
+    distance = np.hypot(flow.x - 1.0, flow.y[:, None] - 0.55)
+    c = np.broadcast_to((distance < 0.4).astype(np.float32), flow.c.shape)
+    velocity = np.where(c == 1, np.float32(0.1), np.float32(np.nan))
+    assert flow.surface is not None
+    x, y = 1 + 0.4 * np.cos(angle), 0.55 + 0.4 * np.sin(angle)
+    line = replace(flow.surface, t=np.full(60, flow.t[1]), x=x, y=y, p=None)
+    moved = with_moved_surface(replace(flow, c=c, u=velocity, v=velocity, surface=line), 0.05)
+    assert moved.surface is not None
+    radius = np.hypot(moved.surface.x - 1.0, moved.surface.y - 0.55)
+    # The ends of the line have neighbors on one side alone.
+    np.testing.assert_allclose(radius[3:-3], 0.45, atol=1e-3)
+
+
+def test_few_points_move_against_gravity() -> None:
+    flow = make_flow()
+    assert flow.surface is not None
+    two = replace(flow.surface, **{k: v[:2] for k, v in vars(flow.surface).items()})
+    moved = with_moved_surface(replace(flow, surface=two), 0.1).surface
+    assert moved is not None
+    np.testing.assert_allclose(moved.y - two.y, 0.1)
+    np.testing.assert_array_equal(moved.x, two.x)
+
+
+def test_a_flow_without_a_line_has_none_to_move() -> None:
+    with pytest.raises(FlowFileError, match="add the line"):
+        with_moved_surface(make_flow(surface=None), 0.1)
+
+
+@pytest.mark.parametrize("offset", [-1.0, -0.5, 0.5, 1.0])
+def test_the_fraction_shows_where_the_line_should_be(offset: float) -> None:
+    """c falls through 1/2 on the line of `make_flow`, to a fraction of a cell."""
+    flow = make_flow(**FINE)
+    moved = with_moved_surface(flow, offset * spacing(flow))
+    assert flow.surface is not None
+    assert moved.surface is not None
+    assert from_fraction(flow, flow.surface) < 0.1 * spacing(flow)
+    found = from_fraction(moved, moved.surface)
+    assert found == pytest.approx(abs(offset) * spacing(flow), rel=0.2)
+
+
+def test_the_rule() -> None:
+    flow = make_flow(**FINE)
+    h, d = spacing(flow), flow.grain_diameter
+    assert h / 2 < d / 2
+    assert surface_sd(flow, "V1") == d / 2  # the line and c agree better than that
+    small = replace(flow, grain_diameter=h / 10)
+    assert surface_sd(masked(small), "V1") == h / 2
+    assert surface_sd(small, "V1") < h / 10
+    shifted = with_moved_surface(small, h)
+    assert surface_sd(shifted, "V1") == pytest.approx(h, rel=0.2)
+    assert surface_sd(small, "V0") == h / 2
+    assert surface_sd(replace(small, surface=None), "V0") == h / 2
+    assert surface_sd(particles(), "V1") == 0.025 / 2
+
+
+def test_a_solver_knows_its_surface() -> None:
+    flow = solver(make_flow(**FINE))
+    assert surface_sd(flow, "V1") == surface_sd(flow, "V0") == 0
+    assert surface_sd(with_moved_surface(flow, 0.3 * spacing(flow)), "V1") == 0
+    wrong = with_moved_surface(flow, spacing(flow))
+    assert surface_sd(wrong, "V1") == pytest.approx(spacing(flow), rel=0.2)
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.003])
+def test_the_file_decides(tmp_path: Path, stated: float) -> None:
+    for k, flow in enumerate((make_flow(), masked(make_flow()), solver(make_flow()))):
+        with_sd = replace(flow, attributes={**flow.attributes, "surface_sd": stated})
+        write_flow(with_sd, tmp_path / f"{k}.h5")
+        assert surface_sd(read_flow(tmp_path / f"{k}.h5"), "V1") == stated
+        assert surface_sd(with_sd, "V0") == surface_sd(flow, "V0")
+
+
+REFUSED: dict[str, tuple[Any, str]] = {
+    "negative": (-1.0, "surface_sd must be 0 for an exact line or a length from"),
+    "endless": (float("inf"), "surface_sd must be 0 for an exact line or a length from"),
+    "NaN": (float("nan"), "surface_sd must be 0 for an exact line or a length from"),
+    "in words": ("half a grain", "surface_sd must be 0 for an exact line or a length from"),
+    "in another unit": (12.5, "surface_sd must be smaller than the height of the grains"),
+}
+
+
+@pytest.mark.parametrize(("value", "words"), REFUSED.values(), ids=REFUSED.keys())
+def test_other_values_are_refused(tmp_path: Path, value: Any, words: str) -> None:
+    flow = make_flow(attributes={"surface_sd": value})
+    with pytest.raises(FlowFileError, match=words):
+        write_flow(flow, tmp_path / "flow.h5")
+    write_flow(make_flow(), tmp_path / "flow.h5")
+    with h5py.File(tmp_path / "flow.h5", "r+") as file:
+        file.attrs["surface_sd"] = value
+    with pytest.raises(FlowFileError, match="surface_sd"):
+        read_flow(tmp_path / "flow.h5")

@@ -1,0 +1,105 @@
+"""Training sets of variants of one flow: the same points, weights 0 where a variant has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from granpinn.data import (
+    Flow,
+    Surface,
+    TrainingSet,
+    training_set,
+    with_collocation,
+    with_surface_strip,
+)
+from granpinn.data.collocation import above_ground_after_start, lie_between, points_between
+from granpinn.data.points import surface_of
+from granpinn.data.scaling import scales_of
+from granpinn.data.variants import corresponding_sets
+from tests.flows import make_flow
+
+
+def fuller(flow: Flow, cells: int) -> Flow:
+    """The flow with the first of its partly filled cells full, moving like the others."""
+    partial = np.flatnonzero((flow.c.ravel() > 0) & (flow.c.ravel() < 1))[:cells]
+    c, u, v = flow.c.copy(), flow.u.copy(), flow.v.copy()
+    for field, value in ((c, 1.0), (u, 0.1), (v, -0.2)):
+        field.reshape(-1)[partial] = value
+    return replace(flow, c=c, u=u, v=v)
+
+
+def sets_of(*flows: Flow) -> list[TrainingSet]:
+    def line(flow: Flow) -> Surface:
+        return surface_of(flow, "V1")
+
+    variants = [(flow, line(flow)) for flow in flows]
+    return corresponding_sets(variants, scales_of(flows[0]), "V1", 1.0, torch.float64)
+
+
+def test_the_same_flow_gives_its_own_training_set() -> None:
+    flow = make_flow()
+    scales = scales_of(flow)
+    own = training_set(flow, scales, "V1", torch.float64)
+    own = with_surface_strip(with_collocation(own, flow, scales, 1.0), flow, scales).pooled()
+    for found in sets_of(flow, flow):
+        for name, values in vars(own).items():
+            assert torch.equal(getattr(found, name), values), name
+
+
+def test_a_variant_has_the_points_of_its_own() -> None:
+    """Weighted means over the common points are means over the own points of each variant."""
+    full = fuller(make_flow(), 300)
+    less = replace(full, c=make_flow().c)
+    lower, upper = sets_of(less, full)
+    scales = scales_of(less)
+    own = training_set(full, scales, "V1", torch.float64)
+    fixed = len(with_collocation(own, full, scales, 1.0).pooled().points)
+    assert fixed < len(lower.points) == len(upper.points)  # the strip moves
+    assert torch.equal(lower.points[:fixed], upper.points[:fixed])
+    for variant, found in ((less, lower), (full, upper)):
+        own = training_set(variant, scales, "V1", torch.float64)
+        of_velocity = found.point_weights[:, 0] > 0
+        assert torch.equal(found.points[of_velocity], own.points)
+        assert torch.equal(found.velocity[of_velocity], own.velocity)
+        mean = (found.point_weights[:, :1] * found.velocity).mean(0)
+        torch.testing.assert_close(mean, own.velocity.mean(0))
+        torch.testing.assert_close(found.point_weights.mean(0), torch.ones(2).double())
+    assert (lower.point_weights[:, 0] > 0).sum() < (upper.point_weights[:, 0] > 0).sum()
+    assert (lower.point_weights[:, 1] > 0).sum() < (upper.point_weights[:, 1] > 0).sum()
+
+
+def test_points_between_belong_to_complete_cells() -> None:
+    full = fuller(make_flow(), 300)
+    less = replace(full, c=make_flow().c)
+    for flow in (less, full):
+        grains = above_ground_after_start(flow)
+        x, y, t = points_between(flow, grains, 2000)
+        assert lie_between(flow, grains, x, y, t).all()
+    inside = lie_between(less, above_ground_after_start(less), x, y, t)
+    assert 0 < inside.sum() < inside.size
+    one = replace(full, t=full.t[:1], u=full.u[:1], v=full.v[:1], c=full.c[:1])
+    grains = one.material
+    assert lie_between(one, grains, *points_between(one, grains, 50)).all()
+
+
+def test_surfaces_are_those_of_the_variants() -> None:
+    flow = make_flow()
+    line = surface_of(flow, "V1")
+    higher = replace(line, y=line.y + 0.01)
+    scales = scales_of(flow)
+    variants = [(flow, line), (flow, higher)]
+    lower, upper = corresponding_sets(variants, scales, "V1", 1.0, torch.float64)
+    shift = (upper.surface_points - lower.surface_points).mean(0).tolist()
+    np.testing.assert_allclose(shift, [0, 0.01 / scales.length, 0], atol=1e-6)
+    assert torch.equal(upper.surface_pressure, torch.zeros(len(line.t)).double())
+    strip = (upper.points - lower.points).norm(dim=1) > 0
+    assert strip.any()
+    moved = (upper.points - lower.points)[strip, 1]
+    assert ((moved > 0) & (moved < 0.011 / scales.length)).all()
+    # The strip is thicker, so its points stand for more.
+    ratio = upper.point_weights[strip, 1] / lower.point_weights[strip, 1]
+    assert ratio.min() > 1
+    assert upper.point_weights[strip, 0].abs().max() == 0

@@ -1,0 +1,198 @@
+"""Uncertain assumptions: their effect on the law, and their part of the error bars."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn import results
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.identification import assumptions, single
+from granpinn.identification.batch import identify_many
+from granpinn.identification.case import Case, pose
+from granpinn.identification.single import identify
+from granpinn.results.assumed import Assumed
+from granpinn.training.objective import Member
+from granpinn.uncertainty import calibration, error_bars, of_assumptions
+from granpinn.uncertainty.of_assumptions import Assumption, covariance, effects
+from granpinn.uncertainty.of_training import judge
+from tests.examples import make_result
+from tests.flows import make_flow
+from tests.runs import make_trainer, tiny
+
+LINE = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
+
+
+def solver(**changes: Any) -> Flow:
+    return make_flow(attributes={"grid_spacing_of_solver": 0.04}, **changes)
+
+
+def test_the_covariance_of_assumptions() -> None:
+    other = dataclasses.replace(LINE, sd=1.0, derivative={"mu_s": 0.0, "mu_2": 0.1})
+    expected = [[4e-4, -1e-3], [-1e-3, 2.5e-3 + 0.01]]
+    np.testing.assert_allclose(covariance([LINE, other], ("mu_s", "mu_2")), expected)
+    lost = dataclasses.replace(LINE, derivative=None)
+    assert not covariance([lost], ("mu_s", "mu_2")).any()
+    assert of_assumptions.unknown([LINE, lost]) == ["surface line"]
+
+
+def test_error_bars_contain_the_assumptions() -> None:
+    example = make_result()
+    assert example.members is not None
+    assert example.residuals is not None
+    table = calibration.load()
+    arguments = example.members, example.residuals, 40_000, table
+    without, found = (error_bars.estimate(*arguments, a) for a in ((), (LINE,)))
+    added = found.covariance - without.covariance
+    np.testing.assert_allclose(added, covariance([LINE], ("mu_s", "mu_2")), rtol=1e-9, atol=1e-18)
+    assert without.bars.assumptions is None
+    assert found.bars.assumptions == pytest.approx((0.02, 0.05))
+    assert found.mu == without.mu
+    for (low, high), (inner, outer) in zip(found.intervals, without.intervals, strict=True):
+        assert low < inner < outer < high
+
+
+def test_no_error_bars_where_an_effect_is_not_known() -> None:
+    example = make_result()
+    assert example.members is not None
+    lost = dataclasses.replace(LINE, derivative=None, why=of_assumptions.DIVERGED)
+    arguments = example.members, example.residuals, 40_000, Config(), False, ()
+    assert judge(*arguments, (LINE,)).bars is not None
+    found = judge(*arguments, (lost,))
+    assert (found.covariance, found.bars) == (None, None)
+    assert found.verdict.words == "no error bars: the effect of the surface line is not known"
+
+
+def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The copies are a pair for each assumption, one standard deviation lower and higher."""
+    trainer = make_trainer(tiny(), make_flow())
+    member = trainer.objective.members[0]
+    seen = []
+
+    def continued(_: Any, copies: Any, most: int) -> list[Tensor | None]:
+        seen.append((copies, most))
+        return [torch.tensor(t) for t in ([0.3, 0.7, 0.3], [0.4, 0.5, 0.3])] + [None, None]
+
+    monkeypatch.setattr(of_assumptions, "continued", continued)
+
+    def assumption(name: str) -> Assumption:
+        return Assumption(name, "m", 0.02, lambda: (member, member), "5 mm higher", 0.005)
+
+    (found,) = effects(trainer, {0: [assumption("line"), assumption("wall")]}).values()
+    assert [e for e, _ in seen[0][0]] == [0, 0, 0, 0]
+    line, wall = found
+    assert line.derivative == pytest.approx({"mu_s": 2.5, "mu_2": -5.0})
+    mu_s, mu_2, _ = trainer.solution(0)[1].tolist()
+    assert line.percent == pytest.approx({"mu_s": 1.25 / mu_s, "mu_2": -2.5 / mu_2})
+    assert str(line).startswith(f"5 mm higher: mu_s {1.25 / mu_s:+.1f} %")
+    assert str(line).endswith("(line known to 0.02 m)")
+    assert wall.derivative is None
+    assert "its effect is not known: a training with" in str(wall)
+    assert effects(trainer, {}) == {}
+
+
+def test_the_surface_line_moves_by_its_standard_deviation() -> None:
+    flow = make_flow()
+    there = flow.c > 0  # partly filled cells have vectors, too
+    flow = dataclasses.replace(
+        flow,
+        u=np.where(there, np.nan_to_num(flow.u, nan=0.1), np.nan).astype(np.float32),
+        v=np.where(there, np.nan_to_num(flow.v, nan=-0.1), np.nan).astype(np.float32),
+    )
+    case = pose(flow, tiny())
+    found = assumptions.surface(case)
+    assert found is not None
+    lower, upper = found.pair()
+    moved = upper.data.surface_points - lower.data.surface_points
+    distance = moved.norm(dim=1) * case.scales.length
+    np.testing.assert_allclose(distance, 2 * found.sd, rtol=1e-4)
+    own = case.member.data.surface_points
+    middle = (upper.data.surface_points + lower.data.surface_points) / 2
+    torch.testing.assert_close(middle, own, rtol=0, atol=1e-6)
+    assert lower.seed == upper.seed == case.member.seed
+    assert (upper.data.point_weights[:, 0] > 0).sum() > (lower.data.point_weights[:, 0] > 0).sum()
+
+
+def test_at_level_v0_the_outline_moves() -> None:
+    case = pose(make_flow(surface=None), tiny(level="V0"))
+    found = assumptions.surface(case)
+    assert found is not None
+    assert found.name == "outline"
+    lower, upper = found.pair()
+    assert torch.equal(lower.data.point_weights, upper.data.point_weights)
+    middle = (upper.data.surface_points + lower.data.surface_points) / 2
+    torch.testing.assert_close(middle, case.member.data.surface_points, rtol=0, atol=1e-6)
+
+
+def test_an_exact_surface_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(of_assumptions, "continued", None)
+    assert identify(solver(), tiny()).assumptions == ()
+    assert identify(make_flow(attributes={"surface_sd": 0.0}), tiny()).assumptions == ()
+
+
+def test_a_batch_gives_each_flow_its_own(tmp_path: Path) -> None:
+    flows = [solver(), make_flow(), make_flow(attributes={"surface_sd": 0.02})]
+    found = identify_many(flows, tiny(members=2, steps=200), run_dir=tmp_path)
+    assert [[a.sd for a in result.assumptions] for result in found] == [[], [0.0125], [0.02]]
+    read = results.read_results(tmp_path / "002" / "results.json")
+    assert read.assumptions == found[2].assumptions
+    (line,) = read.assumptions
+    assert line.derivative is not None
+    assert any(line.derivative.values())
+    assert "surface line one grain higher: mu_s" in str(read)
+
+
+def test_the_values_do_not_depend_on_the_assumptions() -> None:
+    exact, uncertain = (
+        identify(make_flow(attributes={"surface_sd": sd}), tiny()) for sd in (0.0, 0.02)
+    )
+    assert exact.theta == uncertain.theta
+
+
+def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps = []
+    real = of_assumptions.continued
+
+    def continued(trainer: Any, copies: Any, most: int) -> Any:
+        steps.append((trainer.step, most))
+        return real(trainer, copies, most)
+
+    monkeypatch.setattr(of_assumptions, "continued", continued)
+    identify(make_flow(), tiny(steps=None, max_time=4.0))
+    (made, most) = steps[0]
+    assert most <= assumptions.TIME_SHARE * made / 2
+    cases = [pose(flow, tiny()) for flow in (make_flow(), solver())]
+    assert assumptions.seconds(cases, 10.0) == pytest.approx(2.0)
+    assert assumptions.seconds(cases[1:], 10.0) == 0
+    with_rest = single.start(cases[:1], tiny(max_time=100.0, steps=None), None, None, 0.0)
+    assert with_rest.deadline is not None
+    assert with_rest.deadline + with_rest.later == pytest.approx(75.0)
+
+
+def test_the_table_takes_any_assumption(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A constant of the equations, such as the grain diameter, is one more row."""
+
+    def grain(case: Case) -> Assumption:
+        def pair() -> tuple[Member, Member]:
+            made = []
+            for factor in (0.9, 1.1):
+                d = factor * case.member.problem.physics.grain_diameter
+                physics = case.member.problem.physics._replace(grain_diameter=d)
+                problem = dataclasses.replace(case.member.problem, physics=physics)
+                made.append(dataclasses.replace(case.member, problem=problem))
+            return made[0], made[1]
+
+        return Assumption("grain diameter", "1", 0.1, pair, "grains larger by 10 %", 0.1)
+
+    monkeypatch.setattr(assumptions, "TABLE", (*assumptions.TABLE, grain))
+    found = identify(make_flow(), tiny(steps=200)).assumptions
+    assert [a.name for a in found] == ["surface line", "grain diameter"]
+    assert found[1].derivative is not None
+    assert found[1].derivative["mu_2"] < 0  # a larger I for the same mu
