@@ -8,6 +8,7 @@ All checks compare the flow with itself, so they need no model and no training:
   the height of everything that held grains in any frame. Grains that enter the grid may have
   fallen farther, and walls can drive them: only a closed flow is bound by it.
 - A closed flow with no moving walls never raises its center of mass.
+- **Momentum.** A steady flow has the same mean velocity in all its frames.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ GRADIENTS_DIFFER, CENTER_DIFFERS, IMPOSSIBLE = 3.0, 5.0, 10.0
 CLOSED_FAST, OPEN_FAST = (3.0, 10.0), (10.0, 100.0)
 FASTEST = 0.99  # quantile
 RISE = 0.1  # of the height of the grains
+UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ def _slips(flow: Flow) -> list[Slip]:
             Slip("impossible", f"{text}axes x and y of the arrays, are swapped: swap them back")
         ]
     found = _orientation(volume, center) or _factors(volume, center)
+    found += _unsteady(flow)
     found += _against_fall(flow, np.hypot(u[valid], v[valid]), height, center.closed)
     if center.closed and center.rise > RISE and not found:
         found.append(
@@ -101,6 +104,25 @@ def _slips(flow: Flow) -> list[Slip]:
             )
         )
     return found
+
+
+def _unsteady(flow: Flow) -> list[Slip]:
+    """A steady flow whose mean velocity changes from its first to its last frame."""
+    duration = float(flow.t[-1] - flow.t[0])
+    both = flow.valid[0] & flow.valid[-1]
+    if not flow.steady or duration <= 0 or not both.any():
+        return []
+    change = [float(np.mean(a[-1][both] - a[0][both], dtype=np.float64)) for a in (flow.u, flow.v)]
+    part = math.hypot(*change) / duration / math.hypot(*flow.gravity)
+    if part <= UNSTEADY:
+        return []
+    text = (
+        "the flow is stated as steady, but from its first to its last frame the mean velocity "
+        f"changes as by an acceleration of {part:.1%} of gravity, which the equations lack: mu "
+        f"will be wrong by about {part:.2g}; average later frames, or give all frames without "
+        "`steady`"
+    )
+    return [Slip("improbable", text)]
 
 
 def _height(flow: Flow) -> float:

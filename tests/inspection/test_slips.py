@@ -17,9 +17,9 @@ from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read
 from granpinn.identification.case import pose
-from granpinn.inspection.slips import slips
+from granpinn.inspection.slips import UNSTEADY, slips
 from granpinn.simulation import demo_path, simulate
-from tests.flows import make_flow
+from tests.flows import make_chute, make_flow
 
 REFERENCE = sorted((Path(__file__).parents[3] / "shared" / "data").glob("collapse_*.h5"))
 Change = Callable[[Flow], Flow]
@@ -158,6 +158,18 @@ STEADY = {
 @pytest.mark.parametrize("name", STEADY)
 def test_steady_flows_are_sound(name: str) -> None:
     assert slips(steady(*STEADY[name])) == []
+
+
+@pytest.mark.parametrize("acceleration", [0.0, 0.005, 0.02])
+def test_a_steady_flow_does_not_speed_up(acceleration: float) -> None:
+    flow = make_chute(frames=3)
+    faster = flow.u + np.float32(acceleration) * (flow.t - flow.t[0])[:, None, None]
+    found = slips(replace(flow, u=faster.astype(np.float32)))
+    assert len(found) == (acceleration > UNSTEADY)
+    for slip in found:
+        assert slip.severity == "improbable"
+        assert "acceleration of 2.0% of gravity" in slip.text
+    assert not slips(replace(flow, u=faster.astype(np.float32), attributes={"period_x": 32.0}))
 
 
 def test_a_flow_through_the_grid() -> None:
