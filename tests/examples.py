@@ -150,5 +150,5 @@ def make_model(form: str, seed: int = 0) -> Model:
     """A tiny network; the limits of the viscosity are such that both bind at some points."""
     spec = NetworkSpec((3, 6, 5, OUTPUTS[form]), (0.5, 0.4, 0.3), (1.1, 1.3, 0.9), form)
     theta = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
-    physics = Physics(0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4, 1.5)
+    physics = Physics(0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4, 1.5, 0.4, 0.2)
     return Model(spec, initial_parameters(spec, seed), DEFAULT, theta, physics)

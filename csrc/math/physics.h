@@ -14,17 +14,27 @@ struct Physics {
   T velocity_scale, pressure_scale;  // of the network's raw outputs
   T pressure_floor;                  // under the root of I
   T law_rate;                        // shear rate that limits the residual of the law (mixed form)
+  T side_wall, side_wall_speed;      // k and s of side_walls.h
 };
 
-constexpr const char* kPhysicsFields[] = {
-    "grain_diameter", "g_x",     "g_y", "eta_min", "eta_max", "velocity_scale", "pressure_scale",
-    "pressure_floor", "law_rate"};
+constexpr const char* kPhysicsFields[] = {"grain_diameter",
+                                          "g_x",
+                                          "g_y",
+                                          "eta_min",
+                                          "eta_max",
+                                          "velocity_scale",
+                                          "pressure_scale",
+                                          "pressure_floor",
+                                          "law_rate",
+                                          "side_wall",
+                                          "side_wall_speed"};
 constexpr int kPhysics = sizeof(kPhysicsFields) / sizeof(kPhysicsFields[0]);
 static_assert(sizeof(Physics<double>) == kPhysics * sizeof(double), "every field has its name");
 
 template <class T, class From>
 GRANPINN_HD Physics<T> physics_from(const From* a) {
-  return {T(a[0]), T(a[1]), T(a[2]), T(a[3]), T(a[4]), T(a[5]), T(a[6]), T(a[7]), T(a[8])};
+  return {T(a[0]), T(a[1]), T(a[2]), T(a[3]), T(a[4]), T(a[5]),
+          T(a[6]), T(a[7]), T(a[8]), T(a[9]), T(a[10])};
 }
 
 //   I = d gamma_dot / sqrt(|p|)                          (paper, eq. I)

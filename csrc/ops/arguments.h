@@ -118,6 +118,9 @@ const Physics<T>& sound(const Physics<T>& c) {
   GRANPINN_CHECK_VALUE(c.pressure_floor >= 0,
                        "the floor of the pressure must not be negative, got ", c.pressure_floor);
   GRANPINN_CHECK_VALUE(c.law_rate > 0, "law_rate must be positive, got ", c.law_rate);
+  GRANPINN_CHECK_VALUE(c.side_wall >= 0 && c.side_wall_speed > 0,
+                       "side_wall must not be negative and side_wall_speed must be positive, got ",
+                       c.side_wall, " and ", c.side_wall_speed);
   return c;
 }
 

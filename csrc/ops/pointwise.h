@@ -37,6 +37,7 @@ struct ViscosityTensors {
     a.physics.eta_max = static_cast<T>(eta_max);
     a.physics.pressure_floor = static_cast<T>(p_floor);
     a.physics.law_rate = std::numeric_limits<T>::infinity();
+    a.physics.side_wall_speed = 1;
     sound(a.physics);
     a.law = law;
     a.theta = theta.const_data_ptr<T>();

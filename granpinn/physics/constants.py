@@ -16,6 +16,8 @@ class Physics(NamedTuple):
         velocity_scale, pressure_scale: of the network's raw outputs.
         pressure_floor: smallest pressure under the root of I = d gamma_dot / sqrt(p).
         law_rate: shear rate above which the residual of the friction law is relative (mixed form).
+        side_wall: k = 2 mu_w / W of the friction of side walls, a force -k p v / |v|; 0: none.
+        side_wall_speed: s of its speed |v| = sqrt(u^2 + v^2 + s^2), which is smooth at rest.
     """
 
     grain_diameter: float
@@ -27,3 +29,5 @@ class Physics(NamedTuple):
     pressure_scale: float
     pressure_floor: float
     law_rate: float = math.inf
+    side_wall: float = 0.0
+    side_wall_speed: float = 1.0

@@ -46,6 +46,16 @@ def shear_rate(D_1: Tensor, D_2: Tensor) -> Tensor:
     return torch.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
 
 
+def side_wall_force(u: Tensor, v: Tensor, p: Tensor, physics: Physics) -> list[Tensor]:
+    r"""Friction of side walls per volume, $f = -k\, p\, v / |v|$, each component [N].
+
+    k = 2 mu_w / W for walls at the distance W (Jop, Forterre and Pouliquen 2005, J. Fluid Mech.
+    541, 167-192). Deviation: $|v|^2 = u^2 + v^2 + s^2$ is smooth in grains at rest.
+    """
+    speed = torch.stack([u, v, torch.full_like(u, physics.side_wall_speed)]).norm(dim=0)
+    return [-physics.side_wall * p * component / speed for component in (u, v)]
+
+
 def residuals(
     raw: RawNetwork,
     points: Tensor,
@@ -71,10 +81,11 @@ def residuals(
 def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
     r"""(e_u, e_v, div v) [N, 3] of equations (3a) and (3b):
 
-    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g. $$
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g - f, $$
 
-    The divergence differentiates the stress 2 eta D itself, with eta in it. A network of the mixed
-    form has a strong residual too: that of its first three fields.
+    with the force f of `side_wall_force`. The divergence differentiates the stress 2 eta D itself,
+    with eta in it. A network of the mixed form has a strong residual too: that of its first three
+    fields.
     """
     u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
     p = pressure(z, physics.pressure_scale)
@@ -93,13 +104,15 @@ def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law
 
     e_u = u_t + u * u_x + v * u_y + p_x - (tau_xx_x + tau_xy_y) - physics.g_x
     e_v = v_t + u * v_x + v * v_y + p_y - (tau_xy_x + tau_yy_y) - physics.g_y
+    f_x, f_y = side_wall_force(u, v, p, physics)
+    e_u, e_v = e_u - f_x, e_v - f_y
     return torch.stack([e_u, e_v, u_x + v_y], dim=1)
 
 
 def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
     r"""(e_u, e_v, div v, r_1, r_2) [N, 5] of (3a) and (3b) with the stress as an unknown,
 
-    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g, $$
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g - f, $$
 
     and of the friction law as `constitutive` writes it, times $(1 + (\dot\gamma/c)^2)^{-1/2}$ with
     the rate c = `law_rate`.
@@ -115,6 +128,8 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law:
 
     e_u = u_t + u * u_x + v * u_y + p_x - (tau_1_x + tau_2_y) - physics.g_x
     e_v = v_t + u * v_x + v * v_y + p_y - (tau_2_x - tau_1_y) - physics.g_y
+    f_x, f_y = side_wall_force(u, v, p, physics)
+    e_u, e_v = e_u - f_x, e_v - f_y
 
     D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
     gamma_dot = shear_rate(D_1, D_2)

@@ -56,6 +56,10 @@ def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Ten
     stress_y = p_x * s_2[0] + p * s_2[1] - p_y * s_1[0] - p * s_1[2]
     e_u = u[3] + u[0] * u[1] + v[0] * u[2] + p_x - stress_x - physics.g_x
     e_v = v[3] + u[0] * v[1] + v[0] * v[2] + p_y - stress_y - physics.g_y
+    if physics.side_wall > 0:
+        speed = torch.sqrt(u[0] ** 2 + v[0] ** 2 + physics.side_wall_speed**2)
+        friction = physics.side_wall * p / speed
+        e_u, e_v = e_u + friction * u[0], e_v + friction * v[0]
     two_D1, two_D2 = u[1] - v[2], u[2] + v[1]
     local = two_D1**2 + two_D2**2 + SMOOTHING
     mean = (u[4] - v[5]) ** 2 + (u[5] + v[4]) ** 2 + SMOOTHING

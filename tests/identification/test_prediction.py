@@ -41,7 +41,7 @@ def run(flow: Flow, model: Model, chunk: int = prediction.CHUNK) -> Fields:
 def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
     """The same fields from the oracle: its network, its derivatives, tensors written out."""
     spec, params, _, theta, physics = model
-    d, _, _, eta_min, eta_max, U, P, p_floor, _ = physics
+    d, _, _, eta_min, eta_max, U, P, p_floor, *_ = physics
     network = (spec.widths, spec.input_shift, spec.input_scale)
     z, z_x, z_y, _ = reference.network_jet(points, params, *network, 1)
     p = pressure(z, P)

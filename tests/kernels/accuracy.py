@@ -182,7 +182,7 @@ def pooled(row: Configuration, network: int, module: Any = reference) -> Problem
 
 def near_a_switch(case: Problem, module: Any) -> Tensor:
     """Points [N] (or [E, N]) within `NEAR` of a limit of the viscosity or of p_floor."""
-    d, _, _, eta_min, eta_max, U, P, p_floor, _ = case.physics
+    d, _, _, eta_min, eta_max, U, P, p_floor, *_ = case.physics
     jet = module.network_jet(*case.network, 1).movedim(-3, 0)
     p = pressure(jet[0], P)
     u_x, u_y, v_x, v_y = (U * jet[channel, ..., k] for k in (0, 1) for channel in (1, 2))

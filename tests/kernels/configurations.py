@@ -45,6 +45,7 @@ class Configuration:
     members: int | None
     threads: int
     law: str = "mu_of_i"
+    side_wall: float = 0.0
 
     @property
     def widths(self) -> list[int]:
@@ -55,7 +56,8 @@ class Configuration:
         ensemble = "" if self.members is None else f"-E{self.members}"
         regime = self.regime.replace(" ", "_")
         law = "" if self.law == "mu_of_i" else f"-{self.law}"
-        kind = f"{self.index}-{self.form}{law}"
+        walls = "-walls" if self.side_wall else ""
+        kind = f"{self.index}-{self.form}{law}{walls}"
         return f"{kind}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
 
 
@@ -78,6 +80,7 @@ def configuration(index: int) -> Configuration:
         members=members,
         threads=int(rng.integers(1, 3)),
         law="coulomb" if index % 5 == 2 else "mu_of_i",
+        side_wall=0.5 if index % 7 < 4 else 0.0,
     )
     while True:
         depth = int(rng.integers(1, 9))
@@ -204,7 +207,10 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
         input_shift=_floats(weights.uniform(-0.5, 0.5, 3)),
         input_scale=_floats(weights.uniform(0.3, 1.5, 3)),
         physics=_floats(
-            [0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P, 2 * U]
+            [
+                *(0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P, 2 * U),
+                *(row.side_wall, 0.1 * U),
+            ]
         ),
         form=row.form,
         law=row.law,

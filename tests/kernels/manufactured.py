@@ -22,8 +22,10 @@ D, G_X, G_Y = sp.Rational(3, 64), sp.Rational(5, 16), sp.Rational(-7, 8)
 ETA_MIN, ETA_MAX = sp.Rational(1, 8), sp.Rational(1, 2)
 U, P, P_FLOOR = sp.Rational(7, 4), sp.Rational(3, 4), sp.Rational(1, 2)
 LAW_RATE = sp.Rational(5, 4)
+WALL, WALL_SPEED = sp.Rational(5, 8), sp.Rational(1, 4)
 MU_S, MU_2, I_0 = sp.Rational(3, 8), sp.Rational(11, 16), sp.Rational(9, 32)
-PHYSICS = [float(v) for v in (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE)]
+CONSTANTS = (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE, WALL, WALL_SPEED)
+PHYSICS = [float(value) for value in CONSTANTS]
 THETA = [float(value) for value in (MU_S, MU_2, I_0)]
 SMOOTHING = 1e-12
 
@@ -111,8 +113,9 @@ def manufactured(name: str, form: str) -> Manufactured:
     if form == "mixed" and name == "falling column":
         p = p + 1
     u_x, u_y, v_x, v_y = u.diff(x), u.diff(y), v.diff(x), v.diff(y)
-    inertial_u = u.diff(t) + u * u_x + v * u_y + p.diff(x) - G_X
-    inertial_v = v.diff(t) + u * v_x + v * v_y + p.diff(y) - G_Y
+    friction = WALL * p / sp.sqrt(u**2 + v**2 + WALL_SPEED**2)
+    inertial_u = u.diff(t) + u * u_x + v * u_y + p.diff(x) - G_X + friction * u
+    inertial_v = v.diff(t) + u * v_x + v * v_y + p.diff(y) - G_Y + friction * v
     if form == "strong":
         rate = sp.Matrix([[u_x, (u_y + v_x) / 2], [(u_y + v_x) / 2, v_y]])
         gamma_dot = sp.sqrt(2 * sum(entry**2 for entry in rate) + SMOOTHING)

@@ -15,6 +15,7 @@ from granpinn.training.optimise import Group
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
 MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed
 STEP = 2**33 + 3
+PHYSICS = [0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3, 2.0, 0.3, 0.1]
 
 
 def batch_arguments(dtype: torch.dtype, device: torch.device | str = "cpu") -> list[Any]:
@@ -43,9 +44,7 @@ def loss_arguments(E: int, dtype: torch.dtype, device: str | torch.device = "cpu
         torch.randn(E, n_params(widths), dtype=dtype) / 4,
         torch.tensor([[0.4, 0.7, 0.3]], dtype=dtype).repeat(E, 1),
         *(torch.rand(E, 3, dtype=dtype) for _ in range(2)),
-        torch.tensor([[0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3, 2.0]], dtype=dtype).repeat(
-            E, 1
-        ),
+        torch.tensor([PHYSICS], dtype=dtype).repeat(E, 1),
     ]
     params, theta, *rest = (tensor.to(device) for tensor in tensors)
     return [params, theta, widths, *rest, "mixed", "mu_of_i", "fast"]

@@ -51,3 +51,6 @@ def test_the_table_covers_what_it_promises() -> None:
     assert {row.members for row in rows} == {None, 1, 2, 3}
     assert {row.threads for row in rows} == {1, 2}
     assert {row.form for row in rows if row.points == 65_537} == {"strong", "mixed"}
+    walls = {(row.form, row.regime) for row in rows if row.side_wall > 0}
+    assert walls == {(row.form, row.regime) for row in rows if row.side_wall == 0}
+    assert len(walls) == 6

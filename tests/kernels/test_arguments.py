@@ -44,7 +44,11 @@ WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
         {"surface_pressure": CASE.surface_pressure[1:]}, ValueError,
         rf"surface_pressure.*\[{M}\].*\[{M - 1}\]"),
     "four terms": ({"term_weights": CASE.term_weights[:4]}, ValueError, r"\[5\].*\[4\]"),
-    "eight numbers": ({"physics": CASE.physics[:8]}, ValueError, r"physics.*law_rate.*8"),
+    "eight numbers": ({"physics": CASE.physics[:8]}, ValueError, r"physics.*side_wall_speed.*8"),
+    "walls that push": (
+        {"physics": [*CASE.physics[:9], -0.1, 0.2]}, ValueError, "side_wall must not be negative"),
+    "walls without a speed": (
+        {"physics": [*CASE.physics[:9], 0.1, 0.0]}, ValueError, "side_wall_speed.*got 0.1 and 0"),
     "another form": ({"form": "weak"}, ValueError, "'mixed', 'strong' or 'data', got 'weak'"),
     "five fields in the strong form": ({"form": "strong"}, ValueError, "strong.*3.*5"),
 }  # fmt: skip

@@ -86,7 +86,7 @@ def test_gradient_on_both_sides_of_every_switch(
 ) -> None:
     """Against nested autograd in float64: floored pressures, viscosities beyond both limits."""
     case = problem(small(form, points=34, regime=regime))
-    d, g_x, g_y, _, _, U, P, _, law_rate = case.physics
+    d, g_x, g_y, _, _, U, P, _, *rest = case.physics
     jet = reference.network_jet(*case.network, 1).detach()
     p = pressure(jet[0], P)
     p_floor = float(p.abs().quantile(0.5))
@@ -96,7 +96,7 @@ def test_gradient_on_both_sides_of_every_switch(
         "mu_of_i", reference.inertial_number(gamma_dot, p, d, p_floor), case.theta
     )
     eta_min, eta_max = (float((mu * p / gamma_dot).quantile(q)) for q in (0.3, 0.7))
-    case = replace(case, physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor, law_rate])
+    case = replace(case, physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor, *rest])
     for got, exact in zip(
         ops.residual_loss(*case.loss), reference.residual_loss(*case.loss), strict=True
     ):

@@ -79,7 +79,7 @@ def test_terms_by_hand() -> None:
     b = torch.tensor([0.3, -0.2, 0.0, 0.5, 0.1], dtype=torch.float64)
     params = torch.cat([torch.zeros(15, dtype=torch.float64), b])
     U, P, g_x, g_y = 2.0, 0.5, 0.6, -0.8
-    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf]
+    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf, 0.25, 0.3]
     p = P * np.log(2)  # softplus(0)
     one = torch.ones(2, dtype=torch.float64)
     terms = reference.loss_terms(
@@ -97,7 +97,9 @@ def test_terms_by_hand() -> None:
         "mixed",
     )
     velocity = 0.5 * (0.6**2 + 0.4**2) / 4
-    momentum = (1 + 3) * (g_x**2 + g_y**2) / 4
+    friction = 0.25 * p / math.sqrt(0.6**2 + 0.4**2 + 0.3**2)
+    forces = (g_x - friction * 0.6, g_y + friction * 0.4)
+    momentum = (1 + 3) * (forces[0] ** 2 + forces[1] ** 2) / 4
     expected = torch.tensor([velocity, p**2 / 2, momentum, 0.0, 0.0], dtype=torch.float64)
     torch.testing.assert_close(terms, expected, rtol=1e-12, atol=1e-11)
 

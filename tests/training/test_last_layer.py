@@ -30,7 +30,7 @@ from tests.runs import tiny
 SPEC = NetworkSpec((3, 9, 7, 5), (0.1, 0.2, 0.3), (1.1, 0.9, 0.7), "mixed")
 THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
 WEIGHTS = [3.0, 5.0, 0.7, 0.4, 0.9]
-PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8)
+PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8, 0.5, 0.1)
 
 
 def problem(*weights: float) -> Problem:

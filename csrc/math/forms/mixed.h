@@ -1,6 +1,6 @@
 // The mixed form: the stress is an unknown of its own, tau = p s, s = [[s_1, s_2], [s_2, -s_1]].
-//   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - g_x
-//   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - g_y
+//   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - g_x + k p u / |v|
+//   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - g_y + k p v / |v|
 //   e_c = u_x + v_y
 //   r   = w [gamma_dot s / mu(I) - 2 (D_1, D_2)],  w^-2 = 1 + (gamma_dot / c)^2
 // The last line is the flow rule tau = mu(I) p 2 D / gamma_dot in complementarity form, divided by
@@ -9,9 +9,11 @@
 // division by gamma_dot, no viscosity and no clamp. Above the shear rate c it is a relative error,
 // so that a law that errs by some per cent in fast grains does not outweigh slow ones.
 // D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2, gamma_dot = 2 sqrt(D_1^2 + D_2^2).
+// k p v / |v| is the friction of side walls (side_walls.h).
 #pragma once
 
 #include "../fields.h"
+#include "../side_walls.h"
 
 namespace granpinn {
 
@@ -45,6 +47,7 @@ struct MixedForm {
     const R stress_y = p.p_x * s2[kValue] + p.p * s2[kX] - p.p_y * s1[kValue] - p.p * s1[kY];
     e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - c.g_x;
     e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - c.g_y;
+    subtract_side_walls(u[kValue], v[kValue], p.p, c, e);
     e[2] = u[kX] + v[kY];
 
     const R two_D1 = u[kX] - v[kY], two_D2 = u[kY] + v[kX];
@@ -81,15 +84,17 @@ struct MixedForm {
     z_a[1][kX] = a[1] * u[kValue] + two_D2_a;
     z_a[1][kY] = a[1] * v[kValue] + a[2] - two_D1_a;
     z_a[1][kT] = a[1];
-    for (int i = 0; i < channels; ++i) {
-      z_a[0][i] = c.velocity_scale * z_a[0][i];
-      z_a[1][i] = c.velocity_scale * z_a[1][i];
-    }
-    const PressureJet<R> p_a{
+    PressureJet<R> p_a{
         -(a[0] * (s1[kX] + s2[kY]) + a[1] * (s2[kX] - s1[kY]) + by_I),
         a[0] - (a[0] * s1[kValue] + a[1] * s2[kValue]),
         a[1] - (a[0] * s2[kValue] - a[1] * s1[kValue]),
     };
+    add_side_walls_adjoint(u[kValue], v[kValue], p.p, c, a[0], a[1], z_a[0][kValue], z_a[1][kValue],
+                           p_a.p);
+    for (int i = 0; i < channels; ++i) {
+      z_a[0][i] = c.velocity_scale * z_a[0][i];
+      z_a[1][i] = c.velocity_scale * z_a[1][i];
+    }
     pressure_jet_adjoint<pressure_map>(z[2], c.pressure_scale, p_a, z_a[2]);
     z_a[3][kValue] = a[3] * rate - (a[0] * p.p_x - a[1] * p.p_y);
     z_a[3][kX] = -(a[0] * p.p);

@@ -1,14 +1,16 @@
 // The strong form of the paper: momentum with the full divergence of 2 eta D, and continuity.
-//   e_u = u_t + u u_x + v u_y + p_x - g_x
+//   e_u = u_t + u u_x + v u_y + p_x - g_x + k p u / |v|
 //         - [eta (2 u_xx + u_yy + v_xy) + 2 eta_x u_x + eta_y (u_y + v_x)]         (paper, eq. mom)
-//   e_v = v_t + u v_x + v v_y + p_y - g_y
+//   e_v = v_t + u v_x + v v_y + p_y - g_y + k p v / |v|
 //         - [eta (v_xx + u_xy + 2 v_yy) + eta_x (u_y + v_x) + 2 eta_y v_y]
 //   e_c = u_x + v_y                                                   (paper, eq. cont)
 // with gamma_dot^2 = 2 D:D = 2 (u_x^2 + v_y^2) + (u_y + v_x)^2 and
-// eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x.
+// eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x. k p v / |v| is the friction of side walls
+// (side_walls.h), which the paper does not have.
 #pragma once
 
 #include "../fields.h"
+#include "../side_walls.h"
 #include "../viscosity.h"
 
 namespace granpinn {
@@ -54,6 +56,7 @@ struct StrongForm {
     const R stress_y = eta.eta * bend_y + eta_x * shear + T(2) * (eta_y * v[kY]);
     e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - c.g_x;
     e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - c.g_y;
+    subtract_side_walls(u[kValue], v[kValue], p.p, c, e);
     e[2] = u[kX] + v[kY];
 
     const R a0 = w[0] * e[0], a1 = w[1] * e[1], a2 = w[2] * e[2];
@@ -84,6 +87,8 @@ struct StrongForm {
     z_a[1][kXX] = X * shear - bend_y_a;
     z_a[1][kXY] = T(2) * (X * v[kY]) + Y * shear - bend_x_a;
     z_a[1][kYY] = T(2) * (Y * v[kY] - bend_y_a);
+    add_side_walls_adjoint(u[kValue], v[kValue], p.p, c, a0, a1, z_a[0][kValue], z_a[1][kValue],
+                           p_a);
     for (int i = 0; i < channels; ++i) {
       z_a[0][i] = c.velocity_scale * z_a[0][i];
       z_a[1][i] = c.velocity_scale * z_a[1][i];
