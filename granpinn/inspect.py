@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command.parser import Parser
-from granpinn.config import ConfigError
-from granpinn.config.fields import flag_of
+from granpinn.config import ConfigError, Walls
+from granpinn.config.fields import flag_of, settings_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.importers import DataFileError
@@ -63,7 +63,7 @@ def _run(argv: Sequence[str]) -> int:
         # Exact zeros have their own line in what is printed.
         warnings.simplefilter("ignore", FlowFileWarning)
         flow = read_flow(data)
-    found = inspect(flow, options["law"])
+    found = inspect(flow, options["law"], options["walls"])
     sentences = verdict(found)
     numbers = found.numbers() | {"verdict": sentences}
     if options["out"] is not None:
@@ -79,7 +79,7 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
-    """Options of a command line: data, out, json and law."""
+    """Options of a command line: data, out, json, law and walls."""
     parser = Parser(
         prog="python -m granpinn.inspect",
         usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
@@ -96,6 +96,9 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
         default = field.default if field.name == "law" else None
         flag = flag_of(field.name)
         parser.add_argument(flag, dest=field.name, metavar="X", default=default, help=text)
+    for name, stated in settings_of(Walls).items():
+        flag = flag_of(f"walls.{name}")
+        parser.add_argument(flag, dest=name, metavar="X", default=stated.default, help=stated.help)
     values = vars(parser.parse_args(argv))
     given = {n: convert(values[n], float, f"--{n}") for n in PARAMETERS if values[n] is not None}
     try:
@@ -105,7 +108,15 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     out = values["out"]
     if out is not None and (objection := objection_to_folder(out)):
         raise ConfigError(f"--out {objection}")
-    return {key: values[key] for key in ("data", "out", "json")} | {"law": law}
+    walls = Walls(**{name: _of_walls(name, values[name]) for name in settings_of(Walls)})
+    return {key: values[key] for key in ("data", "out", "json")} | {"law": law, "walls": walls}
+
+
+def _of_walls(name: str, text: Any) -> float:
+    flag = flag_of(f"walls.{name}")
+    value: float = convert(text, float, flag)
+    settings_of(Walls)[name].check(value, flag)
+    return value
 
 
 def _require_flow_file(paths: list[Path]) -> None:

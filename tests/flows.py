@@ -101,3 +101,46 @@ def make_chute(*, frames: int = 1, rows: int = 14, columns: int = 16, **changes:
         attributes={"period_x": 32.0} | ({"steady": 1} if frames > 1 else {}),
     )
     return replace(flow, **changes)
+
+
+def make_channel(
+    *, gap: float = 24.0, friction: float = 0.3, rows: int = 60, **changes: Any
+) -> Flow:
+    r"""A steady layer on a slope between side walls: the flow of Jop, Forterre and Pouliquen 2005.
+
+    The weight gives $p = g z \cos\theta$ at the depth z. The walls carry a part of the stress, so
+    that $\mu(I) = \tan\theta - \mu_w z / W$, from 0.5 at the surface to 0.35 at the base for the
+    default walls. Dimensionless, with d = 0.5, 12 deep, without slip at its base.
+
+    Args:
+        gap, friction: W and mu_w of the walls that act; the file states W.
+    """
+    slope, depth, d, law = 0.5, 12.0, 0.5, Truth(mu_s=0.3, mu_2=0.7, I0=0.3)
+    down, into = np.array([slope, 1.0]) / np.hypot(slope, 1.0)
+    fine = np.linspace(0, depth, 20_001)
+    below = depth - fine
+    mu = slope - friction * below / gap
+    rate = 0.3 * (mu - 0.3) / (0.7 - mu) * np.sqrt(into * below) / d
+    speed = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2) * fine[1]])
+    y = (np.arange(rows) + 0.5) * (14.0 / rows)
+    x = np.arange(16) + 0.5
+    shape = (1, rows, 16)
+    full = np.broadcast_to((y + 7.0 / rows <= depth)[:, None], shape)
+    u = np.broadcast_to(np.interp(y, fine, speed)[:, None], shape)
+    p = into * np.broadcast_to(np.clip(depth - y, 0, None)[:, None], shape)
+    flow = Flow(
+        t=np.zeros(1),
+        y=y,
+        x=x,
+        u=np.where(full, u, np.nan).astype(np.float32),
+        v=np.where(full, 0.0, np.nan).astype(np.float32),
+        c=full.astype(np.float32),
+        p=p.astype(np.float32),
+        gravity=(float(down), -float(into)),
+        density=1.0,
+        grain_diameter=d,
+        surface=Surface(t=np.zeros(16), x=x, y=np.full(16, depth)),
+        truth=law,
+        attributes={"period_x": 16.0, "wall_gap": gap},
+    )
+    return replace(flow, **changes)

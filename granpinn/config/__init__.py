@@ -10,6 +10,7 @@ from granpinn.config.sections import (
     Resimulation,
     Rheology,
     SimulatedPressure,
+    Walls,
     Weights,
 )
 from granpinn.config.settings import LEVELS, Config, Level, identity
@@ -27,6 +28,7 @@ __all__ = [
     "Resimulation",
     "Rheology",
     "SimulatedPressure",
+    "Walls",
     "Weights",
     "flatten",
     "identity",

@@ -89,6 +89,29 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
 
 
 @dataclass(frozen=True)
+class Walls:
+    """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
+
+    The mean and the standard deviation are those of the range 0.05 to 0.17 of the literature.
+    """
+
+    friction: float = setting(
+        0.11,
+        "friction coefficient of the grains on the side walls, where the flow file states "
+        "wall_gap; 0: smooth walls",
+        low=0,
+        high=2,
+    )
+    friction_sd: float = setting(
+        0.035,
+        "standard deviation of walls.friction, for the error bars",
+        low=0,
+        high=2,
+        free=True,
+    )
+
+
+@dataclass(frozen=True)
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
 

@@ -30,6 +30,7 @@ from granpinn.config.sections import (
     Resimulation,
     Rheology,
     SimulatedPressure,
+    Walls,
     Weights,
 )
 from granpinn.config.values import typed
@@ -133,6 +134,7 @@ class Config:
     tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
     rheology: Rheology = section(Rheology)
+    walls: Walls = section(Walls)
     weights: Weights = section(Weights)
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)

@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.flow import LARGEST, LEAST, PERIOD_X, STEADY, Flow, FlowFileError, Truth
+from granpinn.data.flow import (
+    LARGEST,
+    LEAST,
+    PERIOD_X,
+    STEADY,
+    WALL_GAP,
+    Flow,
+    FlowFileError,
+    Truth,
+)
 from granpinn.data.format import TRUTH
 
 LONGEST_UNIT = 64  # characters
@@ -69,6 +78,12 @@ def _check_attributes(flow: Flow) -> None:
         raise FlowFileError(
             f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
             f"{steady!r}: correct it or leave it out"
+        )
+    gap = flow.attributes.get(WALL_GAP, 1.0)
+    if isinstance(gap, str) or not LEAST <= gap <= LARGEST:
+        raise FlowFileError(
+            f"the attribute {WALL_GAP} must be a length from {LEAST:g} to {LARGEST:g}, got "
+            f"{gap!r}: correct it, or leave it out if no side walls touch the grains"
         )
     if isinstance(period, str) or not LEAST <= period <= LARGEST:
         raise FlowFileError(

@@ -16,7 +16,7 @@ from granpinn.physics.law_values import LawValues
 
 # Numbers of the material in any units; float32 holds all of them.
 LEAST, LARGEST = 1e-30, 1e30
-STEADY, PERIOD_X = "steady", "period_x"  # among the attributes
+STEADY, PERIOD_X, WALL_GAP = "steady", "period_x", "wall_gap"  # among the attributes
 
 
 class FlowFileError(BadInput):
@@ -90,7 +90,8 @@ class Flow:
         eta_max, eta_min: bounds of the viscosity in the solver that made the data.
         truth: friction law of the material, None if unknown.
         attributes: further attributes of the file, such as its source. `steady` is 1 if all frames
-            show one flow; `period_x` is the length of the period along x, in the unit of x.
+            show one flow; `period_x` is the length of the period along x, in the unit of x;
+            `wall_gap` is the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.

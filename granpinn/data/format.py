@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import PERIOD_X, STEADY, Flow, Particles
+from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Particles
 from granpinn.physics.law_values import PARAMETERS
 
 FORMAT_NAME = "granpinn-flow"
@@ -76,14 +76,15 @@ NUMBERS = ("density", "grain_diameter")
 TEXTS = ("length_unit", "time_unit")
 OPTIONAL_TEXTS = ("density_unit",)
 OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
-# Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x.
-SYMMETRIES = (STEADY, PERIOD_X)
+# Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x; the
+# distance between side walls.
+STATED_NUMBERS = (STEADY, PERIOD_X, WALL_GAP)
 TRUE_LAW = "true_law"  # absent: mu_of_i
 TRUTH = {f"true_{name}": name for name in PARAMETERS}
 KNOWN_ATTRIBUTES = frozenset(
     (
         *("format_name", "format_version", "gravity", TRUE_LAW),
-        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *SYMMETRIES, *TRUTH),
+        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *STATED_NUMBERS, *TRUTH),
     )
 )
 

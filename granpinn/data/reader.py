@@ -18,7 +18,7 @@ from granpinn.data.format import (
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
     PARTICLES,
-    SYMMETRIES,
+    STATED_NUMBERS,
     TRUE_LAW,
     TRUTH,
 )
@@ -73,7 +73,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
         optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
         truth = _truth(file)
         others = file.attributes.scalars(KNOWN_ATTRIBUTES)
-        stated = {name: _number(file, name) for name in SYMMETRIES}
+        stated = {name: _number(file, name) for name in STATED_NUMBERS}
         others |= {name: value for name, value in stated.items() if value is not None}
         arrays = _read_arrays(file, max_bytes)
     for name in ("sigma_u", "sigma_v"):

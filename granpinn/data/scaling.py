@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.data.flow import Flow, FlowFileError
+from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
 from granpinn.physics.scales import Material, Scales
+from granpinn.physics.side_walls import coefficient
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
 SMALL_PART = 2.0**-10  # of a step, by which float32 may round a coordinate
@@ -69,6 +70,12 @@ def material_of(flow: Flow, scales: Scales) -> Material:
         eta_min=viscosity(flow.eta_min),
         eta_max=viscosity(flow.eta_max),
     )
+
+
+def side_wall_of(flow: Flow, scales: Scales, friction: float) -> float:
+    """k = 2 mu_w / W of side walls with a friction mu_w, dimensionless; 0 without `wall_gap`."""
+    gap = flow.stated(WALL_GAP)
+    return 0.0 if gap is None else coefficient(friction, scales.to_dimensionless(gap, "length"))
 
 
 def initial_height(flow: Flow) -> float:

@@ -7,6 +7,7 @@ from threading import Lock
 
 import numpy as np
 
+from granpinn.config import Walls
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.physics.laws import LAWS
@@ -27,10 +28,11 @@ class Balance:
 
     Args:
         flow: as the training saw it, with added noise.
+        walls: the friction of the side walls, as the training took it.
     """
 
-    def __init__(self, flow: Flow) -> None:
-        self._flow = flow
+    def __init__(self, flow: Flow, walls: Walls | None = None) -> None:
+        self._flow, self._walls = flow, walls
         self._made: dict[float, Baseline] = {}
         self._lock = Lock()
 
@@ -38,7 +40,7 @@ class Balance:
         """The baseline with a law of the inertial scale."""
         with self._lock:
             if scale not in self._made:
-                self._made[scale] = baseline(self._flow, scale)
+                self._made[scale] = baseline(self._flow, scale, self._walls)
             return self._made[scale]
 
 

@@ -118,7 +118,7 @@ def posed(flow: Flow, config: Config) -> Case:
     built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
     member = Member(built, data, config.seed, law, fixed_values(config), flow)
-    return Case(flow, config, scales, member, seen, known_sd(seen), Balance(seen))
+    return Case(flow, config, scales, member, seen, known_sd(seen), Balance(seen, config.walls))
 
 
 def fixed_values(config: Config) -> dict[str, float]:

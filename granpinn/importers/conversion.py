@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.data.flow import PERIOD_X, STEADY, Flow, Surface
+from granpinn.data.flow import PERIOD_X, STEADY, WALL_GAP, Flow, Surface
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers.building import grid_flow, scattered_flow
@@ -95,7 +95,7 @@ def _attributes(
         if value is not None and value != getattr(Settings, name):
             found[name] = value
     if material.wall_gap is not None:
-        found["wall_gap"] = material.wall_gap
+        found[WALL_GAP] = material.wall_gap
     if material.period_x is not None:
         found[PERIOD_X] = material.period_x
     if settings.steady:

@@ -2,15 +2,17 @@
 
 mu = <q n_xy/p> / <n_xy> in bins of I, over the cells of momentum_balance, with the sign of n_xy.
 Averages are taken before the division by n_xy. Points of a large standard error are left out. The
-standard error of a bin has four parts:
+standard error of a bin has five parts:
 
 - scatter: jackknife over blocks of time and space, as neighbors share their errors;
 - window: the change with windows of the local fits that are a cell wider on each side;
 - depth: half the difference between the upper and the lower half of the cells;
 - model: 2 %, as the normal stresses of grains differ by some per cent, which no law with its
-  deviator along the strain rate has (bench/studies/grains).
+  deviator along the strain rate has (bench/studies/grains);
+- walls: the change with one standard deviation of the friction of side walls, if there are any.
 
-Window and depth are taken from laws through the cells, so that they do not count the scatter again.
+Window, depth and walls are taken from laws through the cells, so that they do not count the scatter
+again.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from itertools import pairwise
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
+from granpinn.config import Walls
 from granpinn.data import Flow
+from granpinn.data.flow import WALL_GAP
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
 from granpinn.results.baseline import Baseline, LawFit, Point
 
@@ -38,15 +42,17 @@ LARGEST_ERROR = 0.25  # of mu, relative
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
-def baseline(flow: Flow, I0: float = I0) -> Baseline:
+def baseline(flow: Flow, I0: float = I0, walls: Walls | None = None) -> Baseline:
     """The friction of a flow from the momentum balance.
 
     Args:
         I0: inertial scale of the law through the points.
+        walls: friction of the side walls, for a flow that states their distance.
     """
+    walls = walls or Walls()
     window, stress = 0, None
     for window, largest in WINDOWS:
-        found = momentum_balance(flow, window, I0)
+        found = momentum_balance(flow, window, I0, walls.friction)
         if isinstance(found, str):
             return Baseline(found)
         stress = found
@@ -69,15 +75,19 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
             window=window,
             carried=True,
         )
-    wider = momentum_balance(flow, window + 1, I0)
-    others = [] if isinstance(wider, str) else [_Cells(wider)]
+    wider = momentum_balance(flow, window + 1, I0, walls.friction)
+    gap = flow.stated(WALL_GAP)
+    rougher: Stress | str = "without side walls"
+    if gap is not None and walls.friction_sd > 0:
+        rougher = momentum_balance(flow, window, I0, walls.friction + walls.friction_sd)
     upper, lower = cells.halves()
     at = np.array([*(p.I for p in points), mean.I])
-    of_window = sum((np.abs(o.curve(at, I0) - cells.curve(at, I0)) for o in others), 0 * at)
+    of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
     of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
+    parts |= {} if gap is None else {"walls": of_walls}
     total = np.sqrt(sum(part**2 for part in parts.values()))
     points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
     points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
@@ -88,13 +98,15 @@ def baseline(flow: Flow, I0: float = I0) -> Baseline:
         worst = max(relative, key=lambda name: relative[name])
         reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
     law = _law(points, I0)
-    return Baseline(reason, tuple(points), mean, law, window, relative)
+    friction = None if gap is None else walls.friction
+    return Baseline(reason, tuple(points), mean, law, window, relative, wall_friction=friction)
 
 
 _DISAGREEMENT = {
     "scatter": "its results in blocks of time and space differ",
     "window": "its result changes with the smoothing of the velocity",
     "depth": "the upper and the lower half of the cells differ",
+    "walls": "its result changes with the friction of the side walls",
 }
 
 
@@ -158,6 +170,12 @@ class _Cells:
             return np.full_like(at, s.sum() / p.sum())
         values = np.linalg.lstsq(np.stack([(1 - x) * p, x * p], axis=1), s, rcond=None)[0]
         return np.asarray(values[0] * (1 - y) + values[1] * y)
+
+    def change(self, other: Stress | str, at: Float64, I0: float) -> Float64:
+        """Change of the curve with the stress of another balance; 0 without one."""
+        if isinstance(other, str):
+            return np.zeros_like(at)
+        return np.asarray(np.abs(_Cells(other).curve(at, I0) - self.curve(at, I0)))
 
     def _some(self, k: Bool) -> _Cells:
         some = object.__new__(_Cells)

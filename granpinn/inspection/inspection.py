@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
+from granpinn.config import Walls
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
@@ -156,8 +157,8 @@ class Inspection:
         return self.noise.sigma * self.scales.velocity / self.motion.speed
 
 
-def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
-    """Inspects a flow without any training; `law`: for which the precision is estimated."""
+def inspect(flow: Flow, law: AssumedLaw | None = None, walls: Walls | None = None) -> Inspection:
+    """Inspects a flow without training; the precision is that of `law`, the walls are the sides."""
     law = law or AssumedLaw()
     flow = with_layer(flow)
     scales = scales_of(flow)
@@ -188,7 +189,7 @@ def inspect(flow: Flow, law: AssumedLaw | None = None) -> Inspection:
         I=I,
         flows=flows,
         noise_cells=facts.noise_cells,
-        baseline=baseline(flow, law.inertial_scale or I0),
+        baseline=baseline(flow, law.inertial_scale or I0, walls),
     )
 
 

@@ -10,7 +10,8 @@ go down every vertical line of cells. d_x is taken of the integrals, which vanis
 the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits
 the second line best. Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach
 the cells below it, nor those where the shear is not parallel to the axes, |n_xy| << 1. A flow that
-is periodic along x is averaged along x first: then d_x = 0.
+is periodic along x is averaged along x first: then d_x = 0. Friction of side walls adds the force
+-k p v/|v| to rho g (granpinn/physics/side_walls.py), also iterated.
 
 Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
 the fits leave, and its square is subtracted from that of the shear rate.
@@ -26,6 +27,7 @@ from scipy.signal import savgol_filter
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
 from granpinn.estimates.quadratic_fits import noise_of, smooth
+from granpinn.inspection.side_walls import side_walls
 from granpinn.inspection.upright import Upright, upright
 
 START = 0.4  # q/p before the first iteration
@@ -70,12 +72,15 @@ class Stress:
     rate_error: float
 
 
-def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str:
+def momentum_balance(
+    flow: Flow, half: int = 2, I0: float = 0.3, wall_friction: float = 0.0
+) -> Stress | str:
     """The stress of a flow, or the reason in words why the balance does not apply.
 
     Args:
         half: cells on each side of the windows of the local fits; frames: at least 2.
         I0: inertial scale of the law that is iterated.
+        wall_friction: friction of the side walls, where the flow states their distance.
     """
     pose = upright(flow, SIDEWAYS // 2)
     if isinstance(pose, str):
@@ -84,7 +89,7 @@ def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str
     if isinstance(chosen, str):
         return chosen
     found = [_kinematics(pose, int(k), half) for k in chosen]
-    a_x, a_y, d_xx, d_xy, c, below, rest = (np.stack(part) for part in zip(*found, strict=True))
+    a_x, a_y, d_xx, d_xy, c, below, rest, *v = (np.stack(part) for part in zip(*found, strict=True))
     _, dy, dx = spacing = _spacing(pose, slice(None))
     rate = 2 * np.hypot(d_xx, d_xy)
     known = np.isfinite(a_x) & (rate > 0)
@@ -116,6 +121,7 @@ def momentum_balance(flow: Flow, half: int = 2, I0: float = 0.3) -> Stress | str
         below=below,
         full=full,
         spacing=(dy, dx),
+        walls=side_walls(flow, wall_friction, *map(_nearest, v)),
     )
     p, shear, used = lines.solve(I0)
     side = np.sign(n_xy)
@@ -137,6 +143,7 @@ class _Lines:
         below: depth below the surface.
         full: cells whose stress is known.
         spacing: of the cells along y and x.
+        walls: k v/|v| of the friction of side walls, along x and y; None without them.
     """
 
     drag: Float64
@@ -148,14 +155,16 @@ class _Lines:
     below: Float64
     full: Bool
     spacing: tuple[float, float]
+    walls: tuple[Float64, Float64] | None
 
     def solve(self, I0: float) -> tuple[Float64, Float64, Bool]:
         """p, q n_xy, and the cells in which they are used."""
         p, q = self.weight, START * self.weight
         law = np.array([START, START])
         for _ in range(ITERATIONS):
-            p = (p + self.weight - self._along_x(q * self.n_xy) - q * self.n_xx) / 2
-            shear = self.drag - self._along_x(p - q * self.n_xx)
+            drag, weight = self._forces(p)
+            p = (p + weight - self._along_x(q * self.n_xy) - q * self.n_xx) / 2
+            shear = drag - self._along_x(p - q * self.n_xx)
             number = self.inertial_number(p)
             used = self.full & (p > LEAST_WEIGHT * self.hydrostatic) & (number > SLOWEST)
             x = number / (number + I0)
@@ -164,6 +173,16 @@ class _Lines:
             mu = np.clip(law[0] * (1 - x) + law[1] * x, 0.0, LARGEST)
             q = (q + mu * np.maximum(p, 0.0)) / 2
         return p, shear, used
+
+    def _forces(self, p: Float64) -> tuple[Float64, Float64]:
+        """`drag` and `weight` with the friction of side walls under a pressure."""
+        if self.walls is None:
+            return self.drag, self.weight
+        f_x, f_y = (
+            -_integral(along * np.maximum(p, 0.0), self.below, self.spacing[0])
+            for along in self.walls
+        )
+        return self.drag + f_x, self.weight - f_y
 
     def inertial_number(self, p: Float64) -> Float64:
         """I with a pressure; 0 where that is not positive."""
@@ -206,7 +225,7 @@ def _frames(pose: Upright, half: int) -> Index | str:
 
 
 def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
-    """a_x, a_y, d_xx, d_xy, c, the depth, and the squared rest of the fit, of one frame [Y, X]."""
+    """a_x, a_y, d_xx, d_xy, c, depth, squared rest of the fit, u, v of one frame [Y, X]."""
     frames = _windows(pose, half)[0]
     before = min(frames, k)
     near = slice(k - before, k + frames + 1)
@@ -225,7 +244,7 @@ def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
     below = np.nan_to_num(height, nan=-np.inf)[None, :] - pose.y[:, None]
     rest = ((u[before] - U) ** 2 + (v[before] - V) ** 2) / 2
     acceleration = (u_t + U * u_x + V * u_y, v_t + U * v_x + V * v_y)
-    return (*acceleration, (u_x - v_y) / 2, (u_y + v_x) / 2, c[before], below, rest)
+    return (*acceleration, (u_x - v_y) / 2, (u_y + v_x) / 2, c[before], below, rest, U, V)
 
 
 def _windows(pose: Upright, half: int) -> tuple[int, int, int]:

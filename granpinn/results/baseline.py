@@ -60,6 +60,7 @@ class Baseline:
         parts: relative standard errors of `mean` by their sources.
         network: the identified law against the first point, the mean and the last point; none
             without an identification.
+        wall_friction: friction of the side walls that it counts; None without `wall_gap`.
     """
 
     reason: str | None = None
@@ -70,6 +71,7 @@ class Baseline:
     parts: dict[str, float] | None = None
     network: tuple[Difference, ...] = ()
     carried: bool = False
+    wall_friction: float | None = None
 
     @property
     def I_range(self) -> tuple[float, float] | None:
@@ -97,7 +99,12 @@ class Baseline:
         if not self.shown:
             return f"The momentum balance alone, without a network, does not apply: {self.reason}."
         text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        return f"The momentum balance alone, without a network, gives mu = {text}."
+        return f"The momentum balance alone, without a network, gives mu = {text}{self._walls}."
+
+    @property
+    def _walls(self) -> str:
+        friction = self.wall_friction
+        return "" if friction is None else f", with the friction {friction:g} of the side walls"
 
     @property
     def warning(self) -> str | None:
@@ -115,7 +122,7 @@ class Baseline:
         if not self.shown:
             return f"momentum balance, no network: it does not apply: {self.reason}"
         values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        text = f"momentum balance, no network: mu = {values}"
+        text = f"momentum balance, no network: mu = {values}{self._walls}"
         if self.network:
             text += f"; the network's law differs by {', '.join(map(str, self.network))}"
         return text if self.warning is None else f"{text}\n{self.warning}"

@@ -7,16 +7,18 @@ Only this module scales inputs and outputs. All its results are dimensionless
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
-from granpinn.data.scaling import material_of
+from granpinn.data.flow import WALL_GAP
+from granpinn.data.scaling import material_of, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.scales import Scales
+from granpinn.physics.side_walls import AT_REST
 from granpinn.training.tolerances import NO_NOISE, VelocityNoise, law_rate, sigmas_of
 
 
@@ -67,6 +69,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
     material = material_of(flow, scales)
     sigmas = sigmas_of(config, scales, facts)
     g_x, g_y = axes_of(flow).gravity
+    between_walls = flow.stated(WALL_GAP) is not None
     physics = Physics(
         grain_diameter=material.grain_diameter,
         g_x=g_x,
@@ -77,6 +80,8 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         pressure_scale=P_out,
         pressure_floor=config.rheology.p_floor,
         law_rate=law_rate(sigmas, config.weights.law_error),
+        side_wall=side_wall_of(flow, scales, config.walls.friction),
+        side_wall_speed=AT_REST * facts.speed if between_walls else 1.0,
     )
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
@@ -88,3 +93,9 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         smallest / scales.length,
         VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
     )
+
+
+def with_wall_friction(problem: Problem, flow: Flow, scales: Scales, friction: float) -> Problem:
+    """The same problem with another friction mu_w of the side walls; nothing else changes."""
+    constants = problem.physics._replace(side_wall=side_wall_of(flow, scales, friction))
+    return replace(problem, physics=constants)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from granpinn.config import Walls
 from granpinn.data import Flow
 from granpinn.identification import balance, finish
 from granpinn.identification.balance import Balance
@@ -95,9 +96,9 @@ def test_a_flow_has_one_balance_for_each_inertial_scale(monkeypatch: pytest.Monk
     """Members ask from several threads, as a batch on a GPU does."""
     made = []
 
-    def counted(flow: Flow, I0: float) -> Baseline:
+    def counted(flow: Flow, I0: float, walls: Walls | None) -> Baseline:
         made.append(I0)
-        return baseline(flow, I0)
+        return baseline(flow, I0, walls)
 
     monkeypatch.setattr(balance, "baseline", counted)
     shared = Balance(chute())

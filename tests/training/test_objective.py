@@ -16,7 +16,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import Evaluation
-from granpinn.training.problem import Problem
+from granpinn.training.problem import Problem, with_wall_friction
 from granpinn.training.sampling import INTERIOR, SURFACE, draw
 from granpinn.training.tolerances import NO_NOISE, VelocityNoise
 from granpinn.training.trainer import Trainer
@@ -109,7 +109,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     )
     torch.testing.assert_close(mapped.amin(0), -torch.ones(3))
     torch.testing.assert_close(mapped.amax(0), torch.ones(3))
-    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor, law_rate = found.physics
+    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor, law_rate, k, s = found.physics
     scales = scales_of(flow)
     assert d == flow.grain_diameter / scales.length
     assert (g_x, g_y) == (0, -1)
@@ -122,6 +122,25 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     ratio = weights.sigma_constitutive / weights.law_error
     rate = Facts(flow, scales).shear_rate
     assert law_rate == pytest.approx(ratio * rate)
+    assert k == 0
+    assert s == 1
+
+
+def test_side_walls_count_where_the_file_states_their_distance(flow: Flow) -> None:
+    """k = 2 mu_w H0 / W; the file may have any unit."""
+    narrow = replace(flow, attributes={"wall_gap": 0.08})
+    found = posed(narrow, tiny(walls__friction=0.3))
+    height = scales_of(flow).length
+    assert found.physics.side_wall == pytest.approx(2 * 0.3 * height / 0.08)
+    assert found.physics.side_wall_speed == 0.01 * Facts(narrow, scales_of(narrow)).speed
+    assert found.physics[:9] == posed(flow, tiny()).physics[:9]
+    smooth = posed(narrow, tiny(walls__friction=0.0))
+    assert smooth.physics.side_wall == 0
+    assert with_wall_friction(smooth, narrow, scales_of(flow), 0.3) == found
+    other = with_wall_friction(found, narrow, scales_of(flow), 0.15)
+    assert other.physics.side_wall == pytest.approx(found.physics.side_wall / 2)
+    assert replace(other, physics=found.physics) == found
+    assert with_wall_friction(found, flow, scales_of(flow), 0.15).physics.side_wall == 0
 
 
 def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:

@@ -1,0 +1,81 @@
+"""The momentum balance with the friction of side walls, on a layer with a known stress."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granpinn.config import Walls
+from granpinn.data import Flow
+from granpinn.inspection import inspect
+from granpinn.inspection.baseline import baseline
+from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from tests.flows import make_channel
+
+GAP, FRICTION = 24.0, 0.3
+
+
+def stress_of(flow: Flow, friction: float) -> Stress:
+    found = momentum_balance(flow, 2, 0.3, friction)
+    assert isinstance(found, Stress)
+    assert found.used.sum() >= 20
+    return found
+
+
+def test_the_walls_carry_a_part_of_the_shear_stress() -> None:
+    """mu = tan - mu_w z / W; s weakens the friction by 0.5 % where the speed is 0.1 of its rms."""
+    found = stress_of(make_channel(gap=GAP, friction=FRICTION), FRICTION)
+    k = found.used
+    depth, into = found.depth[k], 1 / np.hypot(0.5, 1)
+    np.testing.assert_allclose(found.p[k], into * depth, rtol=1e-6)
+    np.testing.assert_allclose(
+        found.shear[k] / found.normal[k], 0.5 - FRICTION * depth / GAP, rtol=2e-3
+    )
+
+
+def test_without_their_friction_the_slope_is_the_friction() -> None:
+    for flow, friction in (
+        (make_channel(), 0.0),
+        (replace(make_channel(), attributes={"period_x": 16.0}), FRICTION),
+    ):
+        found = stress_of(flow, friction)
+        k = found.used
+        np.testing.assert_allclose(found.shear[k] / found.normal[k], 0.5, rtol=1e-6)
+
+
+def test_the_law_and_its_error_from_the_walls() -> None:
+    """The sd of mu_w counts: a known friction has smaller errors than an unknown one."""
+    flow = make_channel(gap=GAP, friction=FRICTION, rows=240)
+    known, unknown = (baseline(flow, walls=Walls(FRICTION, sd)) for sd in (0.0, 0.1))
+    assert known.law is not None
+    assert known.law.mu_s == pytest.approx(0.3, abs=0.005)
+    assert known.law.mu_2 == pytest.approx(0.7, abs=0.02)
+    assert known.parts is not None
+    assert unknown.parts is not None
+    assert known.parts["walls"] == 0
+    # at the mean I, z is that of mu = tan - mu_w z / W; without walls the friction is tan there
+    assert unknown.mean is not None
+    share = (0.5 - unknown.mean.mu) / FRICTION * 0.1 / unknown.mean.mu
+    assert unknown.parts["walls"] == pytest.approx(share, rel=0.1)
+    assert known.mean is not None
+    assert unknown.mean.se == pytest.approx(np.hypot(known.mean.se, share * known.mean.mu), rel=0.1)
+    assert "with the friction 0.3 of the side walls" in known.sentence
+    assert "side walls" in str(known)
+    smooth = baseline(flow, walls=Walls(0.0, 0.0))
+    assert smooth.mean is not None
+    assert smooth.mean.mu == pytest.approx(0.5, rel=1e-5)
+
+
+def test_a_flow_without_side_walls_does_not_mention_them() -> None:
+    found = baseline(replace(make_channel(), attributes={"period_x": 16.0}))
+    assert found.wall_friction is None
+    assert "side walls" not in found.sentence
+    assert "walls" not in (found.parts or {})
+
+
+def test_an_inspection_takes_their_friction() -> None:
+    found = inspect(make_channel(), walls=Walls(FRICTION, 0.0))
+    assert found.baseline == baseline(make_channel(), walls=Walls(FRICTION, 0.0))
+    assert found.numbers()["momentum_balance"]["wall_friction"] == FRICTION
