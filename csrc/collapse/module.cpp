@@ -71,6 +71,11 @@ const Parameters& checked(const Parameters& s) {
                             std::to_string(cells));
     }
   }
+  if (!(s.side_wall >= 0 && s.side_wall_speed > 0)) {
+    throw py::value_error("side_wall must be at least 0 and side_wall_speed above 0, got " +
+                          std::to_string(s.side_wall) + " and " +
+                          std::to_string(s.side_wall_speed));
+  }
   if (s.chunk < 1) throw py::value_error("chunk must be positive, got " + std::to_string(s.chunk));
   return s;
 }
@@ -152,6 +157,8 @@ PYBIND11_MODULE(_collapse, m) {
       .def_readwrite("air_viscosity", &Parameters::air_viscosity)
       .def_readwrite("gravity_x", &Parameters::gravity_x)
       .def_readwrite("gravity_y", &Parameters::gravity_y)
+      .def_readwrite("side_wall", &Parameters::side_wall)
+      .def_readwrite("side_wall_speed", &Parameters::side_wall_speed)
       .def_readwrite("newtonian", &Parameters::newtonian)
       .def_readwrite("chunk", &Parameters::chunk)
       .def_readwrite("margin", &Parameters::margin)

@@ -26,6 +26,8 @@ struct Parameters {
   double eta_min = 0, eta_max = 0;
   double density = 1, air_density = 0, air_viscosity = 0;
   double gravity_x = 0, gravity_y = 0;
+  // Friction of side walls, side_wall = 2 mu_w / W; 0: none. side_walls.h has the force.
+  double side_wall = 0, side_wall_speed = 1;
   // Newtonian grains of viscosity eta_max instead of the friction law: for verification.
   bool newtonian = false;
 

@@ -28,7 +28,7 @@ void CollapseSolver::allocate(int nx, int ny) {
        {&c_, &eta_center_, &eta_corner_, &plug_eta_, &relief_, &p_[0], &divergence_[0]}) {
     field->resize(nx, ny);
   }
-  for (Velocity* v : {&velocity_, &before_, &middle_, &advected_, &pushed_, &right_}) {
+  for (Velocity* v : {&velocity_, &before_, &middle_, &advected_, &pushed_, &right_, &drag_}) {
     v->resize(nx, ny);
   }
   fraction_advection_.resize(grid_);

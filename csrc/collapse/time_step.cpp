@@ -121,6 +121,11 @@ void CollapseSolver::fill_coefficients(double step) {
     const double density = density_at(k, i, j);
     viscous_.mass[k](i, j) = (on_side ? 0.5 : 1.0) * density * area / step;
     (k == 0 ? poisson_.by_x : poisson_.by_y)(i, j) = (on_side ? 2.0 : 1.0) / density;
+    if (s_.side_wall > 0) {
+      const double drag = side_wall_drag(k, i, j, c_, pressure, velocity_[0], velocity_[1], s_);
+      drag_[k](i, j) = (on_side ? 0.5 : 1.0) * area * drag;
+      viscous_.mass[k](i, j) += drag_[k](i, j);
+    }
   });
   viscous_.finish(team_);
   poisson_.finish(team_);
@@ -144,7 +149,7 @@ void CollapseSolver::solve_viscous(double step, StepReport& report) {
   each_face([&](int k, int i, int j) {
     const double push = weight_at(k, i, j) - pushed_[k](i, j) - advected_[k](i, j);
     const double v = before_[k](i, j) + step * push;
-    right_[k](i, j) = viscous_.mass[k](i, j) * v;
+    right_[k](i, j) = (viscous_.mass[k](i, j) - drag_[k](i, j)) * v;
   });
   // Ghost values of the solved velocity are 0 (viscous.h).
   for (int k = 0; k < 2; ++k) velocity_[k].clear();

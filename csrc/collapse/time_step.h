@@ -2,7 +2,8 @@
 //
 //   c moves with the velocity extrapolated to the middle of the step               (fraction.h)
 //   eta from the old velocity and pressure                                         (friction.h)
-//   rho (v* - v)/dt + rho div(v v) = rho g - grad p_old + div(2 eta D(v*))         (viscous.h)
+//   f(v*) = -k p_old v* / |v| of side walls, if there are any                      (side_walls.h)
+//   rho (v* - v)/dt + rho div(v v) = rho g - grad p_old + div(2 eta D(v*)) + f(v*) (viscous.h)
 //   v** = v* + dt/rho grad p_old
 //   div(dt/rho grad q) = div v**,  v = v** - dt/rho grad q                         (poisson.h)
 //   p = q - 4/3 eta div v*   inside plugs                                          (friction.h)
@@ -23,6 +24,7 @@
 #include "friction.h"
 #include "krylov.h"
 #include "poisson.h"
+#include "side_walls.h"
 #include "solver.h"
 #include "viscous.h"
 #include "window.h"
@@ -119,8 +121,9 @@ class CollapseSolver final : public Solver {
 
   Field<double> c_, eta_center_, eta_corner_, plug_eta_, relief_, drained_;
   Vector<double, 1> p_, divergence_;
-  // now, one step ago, at the middle of the step, div(v v), grad p / rho, right side
-  Velocity velocity_, before_, middle_, advected_, pushed_, right_;
+  // now, one step ago, at the middle of the step, div(v v), grad p / rho, right side, drag of side
+  // walls in the mass of the viscous solve
+  Velocity velocity_, before_, middle_, advected_, pushed_, right_, drag_;
   std::vector<double> row_values_;
   FractionAdvection fraction_advection_;
   StrainRate strain_;

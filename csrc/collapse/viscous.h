@@ -5,7 +5,8 @@
 //   corner(i, j)    eta at the lower left corner: the shear stress eta (u_y + v_x);
 //                   0 on free-slip and open sides, and doubled on no-slip walls, where the
 //                   velocity vanishes half a cell away (ghost values are 0)
-//   mass[0], [1]    rho h^2 / dt at u and v faces, half of it on open sides
+//   mass[0], [1]    rho h^2 / dt at u and v faces, half of it on open sides, and the drag of side
+//                   walls (side_walls.h)
 #pragma once
 
 #include <utility>

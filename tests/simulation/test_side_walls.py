@@ -1,0 +1,132 @@
+"""Friction of side walls in the simulator, on flows with closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from granpinn._collapse import Side
+from tests.simulation import problems as p
+
+WALL = 0.2  # k = 2 mu_w / W
+TAN, D = 0.5, 0.1
+
+
+def stopping_error(step: float) -> float:
+    """Relative error of the distance over which sheets of a layer slide until they stop.
+
+    Nearly without viscosity every sheet is free, at the depth z under the pressure g z: it stops
+    after u_0^2 / (2 k g z).
+    """
+    cells, u_0 = 16, 0.5
+    s = p.parameters(
+        8,
+        cells,
+        1 / cells,
+        eta_max=1e-12,
+        gravity_y=-1.0,
+        left=Side.periodic,
+        right=Side.periodic,
+        bottom=Side.free_slip,
+        air_density=0.0,
+        side_wall=WALL,
+        side_wall_speed=1e-5,
+        cfl=1e3,  # nothing is advected: the flow is uniform along the layer
+        largest_step=step,
+    )
+    _, y = p.centers(s)
+    solver = p.start(s, u=lambda x, y: u_0 + 0 * x + 0 * y)
+    distance = np.zeros(cells)
+    lowest = u_0 / (WALL * 0.5)  # when the sheet at half the depth has stopped
+    while solver.time < 1.2 * lowest - step / 2:
+        before = solver.state()["u"][:, 0]
+        solver.step(step)
+        distance += step * (before + solver.state()["u"][:, 0]) / 2
+    state = solver.state()
+    np.testing.assert_allclose(state["p"], 1 - y + 0 * state["p"], atol=1e-9)
+    deep = (1 - y[:, 0]) > 0.5
+    assert np.abs(state["u"][deep]).max() < 1e-3 * u_0
+    exact = u_0**2 / (2 * WALL * (1 - y[:, 0]))
+    return float(np.abs(distance / exact - 1)[deep].max())
+
+
+def test_sheets_stop_at_the_distance_of_their_pressure() -> None:
+    errors = [stopping_error(step) for step in (0.04, 0.02, 0.01)]
+    assert errors[-1] < 0.02
+    assert p.order(errors) == pytest.approx(1, abs=0.1)
+
+
+def channel_error(cells: int) -> float:
+    r"""Relative error of the velocity of a steady layer, from 0.9 of the solution.
+
+    $\mu(I) = \tan\theta - k z / 2$ at the depth z (Jop, Forterre and Pouliquen 2005).
+    """
+    cosine = 1 / np.sqrt(1 + TAN**2)
+    s = p.parameters(
+        8,
+        cells,
+        1 / cells,
+        newtonian=False,
+        eta_max=1e4,
+        grain_diameter=D,
+        gravity_x=TAN * cosine,
+        gravity_y=-cosine,
+        left=Side.periodic,
+        right=Side.periodic,
+        air_density=0.0,
+        side_wall=WALL / 2,
+        side_wall_speed=1e-6,
+        largest_step=1.0,
+        cfl=1e3,
+    )
+    mu_s, mu_2, I0 = s.theta
+    fine = np.linspace(0, 1, 40_001)
+    mu = TAN - WALL / 4 * (1 - fine)
+    rate = I0 * (mu - mu_s) / (mu_2 - mu) * np.sqrt(cosine * (1 - fine)) / D
+    profile = np.concatenate([[0], np.cumsum((rate[1:] + rate[:-1]) / 2) * fine[1]])
+
+    def exact(y: p.Array) -> p.Array:
+        return np.interp(y, fine, profile)
+
+    solver = p.start(s, u=lambda x, y: 0.9 * exact(y) + 0 * x)
+    p.run(solver, 600.0, 1.0)
+    u = solver.state()["u"]
+    _, y = p.centers(s)
+    return float(np.linalg.norm(u - exact(y)) / np.linalg.norm(exact(y) + 0 * u))
+
+
+def test_a_steady_layer_between_side_walls() -> None:
+    errors = [channel_error(n) for n in (16, 32, 64)]
+    assert errors[-1] < 3e-4
+    assert p.order(errors) == pytest.approx(2, abs=0.2)
+
+
+def test_side_walls_hold_what_they_can_hold() -> None:
+    """A layer without friction inside, on a floor without friction: k p above g sin(theta)."""
+    s = p.parameters(8, 16, 1 / 16, eta_max=1e-12, air_density=0.0, gravity_y=-1.0, gravity_x=0.05)
+    s.left = s.right = Side.periodic
+    s.bottom = Side.free_slip
+    s.side_wall, s.side_wall_speed, s.largest_step, s.cfl = WALL, 1e-5, 0.01, 1e3
+    solver = p.start(s)
+    p.run(solver, 1.0, 0.01)
+    before = solver.state()["u"][:, 0]
+    p.run(solver, 2.0, 0.01)
+    u = solver.state()["u"][:, 0]
+    _, y = p.centers(s)
+    depth = 1 - y[:, 0]
+    held = 0.9 * WALL * depth > 0.05
+    assert held.sum() > 5
+    creep = 1e-5 * 0.05 / (WALL * depth[held])
+    # the first step has no pressure, and so no friction: 0.05 x 0.01, which then decays
+    assert (np.abs(u[held]) < 2 * creep + 1e-6).all()
+    free = 1.1 * WALL * depth < 0.05
+    # a step has v / |v| > 1, as |v| is that of its start: an excess k p dt log(t / t_0)
+    excess = WALL * depth[free] * 0.01 * np.log(2)
+    exact = 0.05 - WALL * depth[free]
+    np.testing.assert_allclose((u - before)[free], exact - excess, rtol=0.01)
+
+
+def test_wrong_constants_are_refused() -> None:
+    for name, value in (("side_wall", -0.1), ("side_wall", float("nan")), ("side_wall_speed", 0.0)):
+        with pytest.raises(ValueError, match="side_wall must be at least 0"):
+            p.start(p.parameters(8, 16, 1 / 16, **{name: value}))
