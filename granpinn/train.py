@@ -142,7 +142,9 @@ def _resimulate(config: Config, result: results.Result, folder: Path) -> results
     def again() -> tuple[Flow, findings.Resimulation, comparison.Comparison | None]:
         flow = read_flow(path)
         listener = simulation_progress.automatic()
-        return flow, *resimulation.resimulate(flow, law, result.theta, cells, listener)
+        return flow, *resimulation.resimulate(
+            flow, law, result.theta, cells, listener, config.walls.friction
+        )
 
     found = attempt(RESIMULATION, again)
     if isinstance(found, NotDone):
@@ -167,7 +169,8 @@ def _fit(
     """Fit the simulator to the flow, from the identified mu(I) law."""
     seen = add_noise(flow, config.noise, config.seed)
     mu_s, mu_2, I0 = theta
-    runs = LawRuns(seen, column, I0, config.resimulation.cells, config.free_I0)
+    cells, friction = config.resimulation.cells, config.walls.friction
+    runs = LawRuns(seen, column, I0, cells, config.free_I0, friction)
     try:
         return simulator_fit.fit(seen, runs, (mu_s, mu_2))
     finally:

@@ -83,8 +83,16 @@ class LawRuns:
         I0: float,
         cells: int | None = None,
         free_I0: bool = False,
+        wall_friction: float | None = None,
     ) -> None:
-        """`I0`: held, or a first guess where it is free; `cells`: by default those of the data."""
+        """The runs have no law yet.
+
+        Args:
+            I0: held, or a first guess where it is free.
+            cells: across the box, by default those of the data.
+            wall_friction: of side walls, if the flow states their distance.
+        """
+        self.wall_friction = wall_friction
         self.flow, self.column, self.I0 = flow, column, I0
         finest = cells or cells_of(flow, column)
         coarse, unknowns = min(finest, COARSE_CELLS), 3 if free_I0 else 2
@@ -129,7 +137,9 @@ class LawRuns:
             waiting = len(missing) + sum(not run.done() for run in self._found.values())
             for node in missing:
                 theta = self.law_at(np.array(node) * SPACING)
-                collapse = collapse_of(self.flow, self.column, mu_of_i.LAW, theta, cells)
+                collapse = collapse_of(
+                    self.flow, self.column, mu_of_i.LAW, theta, cells, self.wall_friction
+                )
                 threads = max(1, self._cores // waiting)
                 run = self._pool.submit(self._run, replace(collapse, threads=threads))
                 self._found[cells, node] = run

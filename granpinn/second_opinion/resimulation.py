@@ -18,6 +18,7 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.data.flow import WALL_GAP
 from granpinn.data.norms import rms
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
@@ -160,13 +161,19 @@ def _require_few_steps(collapse: Collapse) -> None:
 
 
 def collapse_of(
-    flow: Flow, column: Column, law: Law, theta: Sequence[float], cells: int | None
+    flow: Flow,
+    column: Column,
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None,
+    wall_friction: float | None = None,
 ) -> Collapse:
     """The settings of the simulation; ConfigError if they are invalid.
 
     Args:
         theta: parameters of the law, in its order.
         cells: across the box, None for the grid of the data.
+        wall_friction: of side walls, if the flow states their distance; None: the usual one.
     """
     width, dx = _box_width(flow, column), spacings(flow)[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
@@ -175,6 +182,7 @@ def collapse_of(
     # The simulator has one density, so the grain density in the inertial number is a factor of d.
     denser = (flow.grain_density or flow.density) / flow.density
     narrow = min(column) / (width / cells)
+    gap = flow.stated(WALL_GAP)
     collapse = Collapse(
         **law_settings(law, theta),
         d=flow.grain_diameter * math.sqrt(denser),
@@ -193,6 +201,8 @@ def collapse_of(
         air_density=flow.stated("air_density"),
         air_viscosity=flow.stated("air_viscosity"),
         cohesion=flow.stated("cohesion") or 0.0,
+        wall_gap=gap,
+        wall_friction=None if gap is None else wall_friction,
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )
@@ -206,10 +216,11 @@ def resimulate(
     theta: Sequence[float],
     cells: int | None = None,
     listener: Silent | None = None,
+    wall_friction: float | None = None,
 ) -> tuple[Resimulation, Comparison | None]:
     """Simulate with an identified law and compare with the data.
 
-    `flow` is the file's own data, without added noise.
+    `flow` is the file's own data, without added noise; `wall_friction` as in `collapse_of`.
 
     Raises:
         SimulationError: a solve did not converge.
@@ -218,7 +229,7 @@ def resimulate(
     if isinstance(column, str):
         return Resimulation(column), None
     try:
-        collapse = collapse_of(flow, column, law, theta, cells)
+        collapse = collapse_of(flow, column, law, theta, cells, wall_friction)
         _require_few_steps(collapse)
     except ConfigError as error:
         return Resimulation(str(error)), None

@@ -53,6 +53,7 @@ def at_frames(
     frames: int,
     cells: int | None = None,
     *,
+    wall_friction: float | None = None,
     pool: Executor | None = None,
     deadline: float | None = None,
     listener: Listener | None = None,
@@ -64,6 +65,7 @@ def at_frames(
         velocity: of the grains, at any point and any time.
         frames: largest number of frames; the last usable frame is among them.
         cells: across the box; None for the grid of the solver, or of the data, at most 512.
+        wall_friction: of side walls, if the flow states their distance.
         pool: of the threads that work side by side; None for all cores at hand.
         deadline: value of time.monotonic() after which no further frame is begun.
         listener: called with the number of finished frames and of all frames.
@@ -75,7 +77,7 @@ def at_frames(
     if isinstance(usable, str):
         return {}, SimulatedPressure(usable)
     try:
-        collapse = collapse_over(flow, usable, law, theta, cells)
+        collapse = collapse_over(flow, usable, law, theta, cells, wall_friction)
     except ConfigError as error:
         return {}, SimulatedPressure(str(error))
     chosen = evenly(usable, frames)
@@ -117,12 +119,17 @@ def at_frames(
 
 
 def collapse_over(
-    flow: Flow, frames: list[int], law: Law, theta: Sequence[float], cells: int | None
+    flow: Flow,
+    frames: list[int],
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None,
+    wall_friction: float | None = None,
 ) -> Collapse:
     """The box around the grains of some frames, resolved; ConfigError if it is invalid."""
     ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
     everywhere = resimulation.extent(flow, ever_full)
-    collapse = resimulation.collapse_of(flow, everywhere, law, theta, cells)
+    collapse = resimulation.collapse_of(flow, everywhere, law, theta, cells, wall_friction)
     return replace(collapse, threads=1).resolved()
 
 

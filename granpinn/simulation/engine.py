@@ -9,6 +9,7 @@ csrc/collapse/ describes the numerical method.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +20,10 @@ import numpy as np
 from granpinn import _collapse
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
+from granpinn.physics.side_walls import coefficient
 from granpinn.simulation.parameters import MARGIN, Collapse
+
+SLOWEST_ON_WALLS = 1e-4  # of sqrt(|g| height): below it, grains creep along side walls
 
 
 class SimulationError(CannotGoOn):
@@ -150,6 +154,11 @@ def solver_parameters(collapse: Collapse) -> _collapse.Parameters:
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
     for name in (*same, "cfl", "threads"):
         values[name] = getattr(collapse, name)
+    if collapse.wall_gap is not None:
+        assert collapse.wall_friction is not None  # resolved
+        values["side_wall"] = coefficient(collapse.wall_friction, collapse.wall_gap)
+        fall = math.sqrt(math.hypot(*collapse.gravity) * collapse.height)
+        values["side_wall_speed"] = SLOWEST_ON_WALLS * fall
     for name, value in values.items():
         setattr(parameters, name, value)
     return parameters

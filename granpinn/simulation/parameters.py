@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from granpinn.config import ConfigError, setting
+from granpinn.config import ConfigError, Walls, setting
 from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
 from granpinn.physics.law_values import CompleteLaw
@@ -24,6 +24,7 @@ PAPER_ETA_MAX = 1e4
 PAPER_AIR_DENSITY = 1e-4
 PAPER_AIR_VISCOSITY = 1e-4
 PAPER_LARGEST_STEP = 1e-2
+USUAL_WALLS = Walls()
 # (mu_s, mu_2) of mu(I) in the six regimes of its figure 3.
 PAPER_CASES = ((0.2, 0.32), (0.2, 0.44), (0.4, 0.52), (0.4, 0.64), (0.6, 0.72), (0.6, 0.84))
 
@@ -58,6 +59,12 @@ class Collapse(CompleteLaw):
     density: float = setting(1.0, "bulk density of the grains", **SIZE)
     gravity: tuple[float, float] = setting(
         (0.0, -1.0), "gravity: two numbers; tilted box: g_x > 0", low=-1e12, high=1e12
+    )
+    wall_gap: float | None = setting(
+        None, "distance of side walls, whose friction slows the grains; none: no side walls", **SIZE
+    )
+    wall_friction: float | None = setting(
+        None, f"friction of the side walls; none: {USUAL_WALLS.friction}", low=0, high=2
     )
     box_width: float | None = setting(
         None, "width of the box; none: 1.2 x height of the column", **SIZE
@@ -112,6 +119,8 @@ class Collapse(CompleteLaw):
             raise ConfigError(str(error)) from None
         if len(self.gravity) != 2 or self.gravity[1] > -SIZE["low"]:
             raise ConfigError(f"gravity must be two numbers and point down, got {self.gravity}")
+        if self.wall_friction is not None and self.wall_gap is None:
+            raise ConfigError("wall_friction needs the distance of the side walls: give wall_gap")
         self._check_grid()
         r = self._resolved()
         if not r["eta_min"] < r["eta_max"]:
@@ -214,8 +223,14 @@ class Collapse(CompleteLaw):
             "eta_max": self.eta_max or PAPER_ETA_MAX * stress_time,
             "air_density": self.air_density or PAPER_AIR_DENSITY * self.density,
             "air_viscosity": air_viscosity,
+            "wall_friction": self._wall_friction,
             "threads": self.threads or min(os.cpu_count() or 1, USUAL_THREADS),
         }
+
+    @property
+    def _wall_friction(self) -> float | None:
+        stated = self.wall_friction
+        return USUAL_WALLS.friction if stated is None and self.wall_gap is not None else stated
 
     @property
     def largest_step(self) -> float:

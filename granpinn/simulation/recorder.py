@@ -13,7 +13,7 @@ import numpy as np
 
 import granpinn
 from granpinn.arrays import Float32, Float64
-from granpinn.data.flow import Flow, Surface, Truth
+from granpinn.data.flow import WALL_GAP, Flow, Surface, Truth
 from granpinn.simulation.engine import State
 from granpinn.simulation.parameters import Collapse
 
@@ -89,7 +89,9 @@ class Recorder:
     def _settings(self) -> dict[str, float | str | None]:
         """Settings of the simulation for which the format has no attribute of its own."""
         s = self.collapse
+        walls = {WALL_GAP: s.wall_gap, "true_wall_friction": s.wall_friction}
         return {
+            **({} if s.wall_gap is None else walls),
             "source": f"granpinn {granpinn.__version__} simulation",
             "column_height": s.height,
             "column_width": s.width,

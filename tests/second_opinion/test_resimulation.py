@@ -117,6 +117,20 @@ def test_dense_grains_make_the_inertial_number_larger(flow: Flow) -> None:
     assert collapse_of(dense, column, DEFAULT, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
 
 
+def test_a_flow_between_side_walls_has_them_again() -> None:
+    """With their friction the simulator repeats it; with another one it does not."""
+    settings = {"mu_s": 0.4, "mu_2": 0.64, "cells": 64, "stride": 1, "t_end": 3.0, "frames": 12}
+    flow = simulate(**settings, wall_gap=1.0, wall_friction=0.2, threads=1)
+    same, other = (
+        resimulate(flow, DEFAULT, law(0.4, 0.64), wall_friction=friction)[0].velocity_percent
+        for friction in (0.2, 0.05)
+    )
+    assert same is not None
+    assert other is not None
+    assert same < 0.1
+    assert other > 5
+
+
 def test_gravity_that_the_simulator_cannot_have_is_said() -> None:
     column = make_flow(gravity=(-9.81, 0.0))
     assert (

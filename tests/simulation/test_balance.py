@@ -18,6 +18,18 @@ def test_friction_law_comes_back_by_regression_with_the_true_pressure() -> None:
     assert abs(mu_2 / collapse.mu_2 - 1) < 0.02
 
 
+def test_side_walls_enter_the_balance_as_a_body_force() -> None:
+    """Walls a tenth of the height apart; without their force mu_s is far too high."""
+    settings = {"mu_s": 0.4, "mu_2": 0.64, "cells": 256, "threads": 1, "t_end": 3.0}
+    walls = Collapse(**settings, wall_gap=1.0, wall_friction=0.1)
+    triples = frames(walls, [1.6, 2.4], 0.025)
+    mu_s, _ = regression(merge([momentum_balance(triple, walls) for triple in triples]))
+    assert abs(mu_s / 0.4 - 1) < 0.02
+    smooth = Collapse(**settings)
+    mu_s, _ = regression(merge([momentum_balance(triple, smooth) for triple in triples]))
+    assert mu_s > 1.1 * 0.4
+
+
 def test_residual_is_not_blind_to_the_law() -> None:
     """With a wrong mu_s the residual where the grains flow is several times as large."""
     true = Collapse(mu_s=0.4, mu_2=0.64, cells=128, threads=1)

@@ -56,6 +56,20 @@ def test_flow_file_is_complete(tmp_path: Path) -> None:
     assert falling == pytest.approx(-1.0, abs=0.05)  # the top falls freely
 
 
+def test_flow_file_states_its_side_walls(tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    law = ["--mu-s", "0.3", "--mu-2", "0.5"]
+    walls = ["--wall-gap", "0.5", "--wall-friction", "0.2"]
+    assert command.main([*law, *FLAGS, *walls, "--out", str(path)]) == 0
+    flow = granpinn.read_flow(path)
+    assert (flow.stated("wall_gap"), flow.attributes["true_wall_friction"]) == (0.5, 0.2)
+    free = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
+    assert "wall_gap" not in free.attributes
+    assert np.nanmax(np.abs(flow.u[0])) < 0.9 * np.nanmax(np.abs(free.u[0]))
+    usual = Collapse(mu_s=0.3, mu_2=0.5, wall_gap=0.5).resolved()
+    assert usual.wall_friction == 0.11
+
+
 def test_flow_file_names_its_law(tmp_path: Path) -> None:
     path = tmp_path / "flow.h5"
     figures = ["--figures", str(tmp_path)]

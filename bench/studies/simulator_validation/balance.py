@@ -2,7 +2,8 @@
 
 Shared by reference.py, bench.studies.regression and the tests. For three frames around a time,
 with density 1,
-    e = dv/dt + v.grad v + grad p - div(2 eta D) - g,   eta = min(mu(I) p / gamma_dot, eta_max),
+    e = dv/dt + v.grad v + grad p - div(2 eta D) - g - f,   eta = min(mu(I) p / gamma_dot, eta_max),
+with the friction of side walls f = -k p v / |v|, if there are any,
 by central differences of cell-centered values, where the 5 x 5 cells around hold nothing but
 grains. The friction enters linearly: div(2 eta D) = mu_s A + (mu_2 - mu_s) B away from the clamp,
 so that mu_s and mu_2 follow from a robust regression with the true pressure.
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.physics.side_walls import coefficient
 from granpinn.simulation import Collapse, Engine
 
 Array = npt.NDArray[np.float64]
@@ -96,6 +98,10 @@ def momentum_balance(triple: list[Frame], collapse: Collapse) -> Balance:
         (after.v - before.v) / span + u * v_x + v * v_y - s.gravity[1],
     ]
     rest = s.density * np.stack(acceleration, -1) + np.stack([x_(p), y_(p)], -1)
+    if s.wall_gap is not None:
+        assert s.wall_friction is not None  # resolved
+        friction = coefficient(s.wall_friction, s.wall_gap) * p / (np.hypot(u, v) + 1e-12)
+        rest = rest + np.stack([friction * u, friction * v], -1)
     mu = s.mu_s + (s.mu_2 - s.mu_s) * share
     e = rest - force(np.minimum(mu * positive / gamma_dot, s.eta_max))
     inside = surrounded(triple)
