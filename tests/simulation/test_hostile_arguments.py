@@ -26,6 +26,7 @@ ACCEPTED = {  # whatever else is accepted, is wrong
     "air_density": {str(2**31)},
     "mu_s": set(),
     "density": {str(2**31)},
+    "wall_gap": {str(2**31)},
     "eta_max": {str(2**31), str(2**63)},
     "length_unit": set(VALUES) - {""},
     "time_unit": set(VALUES) - {""},
