@@ -103,6 +103,10 @@ def start(
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
         if words:
             progress.message("; ".join(words))
+    if any(case.member.problem.physics.side_wall > 0 for case in cases):
+        progress.message(
+            f"side walls: their friction {config.walls.friction:g} is in the equations"
+        )
     progress.message(
         f"{many}{len(objective.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"

@@ -143,7 +143,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
     if material.wall_gap is not None:
         ratio = scales.length / material.wall_gap
         lines.append(
-            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; friction at "
-            f"the walls adds up to about (wall friction) x {ratio:.2g} to the measured friction"
+            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
+            f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
+            "--walls.friction"
         )
     return lines

@@ -119,7 +119,7 @@ class Settings:
     wall_gap: str | None = _setting(
         None,
         "grains",
-        "distance between the side walls, '20 mm'; kept, and a warning if they carry weight",
+        "distance between the side walls, '20 mm'; their friction is then in the equations",
     )
     note: str | None = _setting(None, "grains", "text to keep in the file")
 
