@@ -78,13 +78,13 @@ OPTIONAL_TEXTS = ("density_unit",)
 OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
 # Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x; the
 # distance between side walls.
-STATED_NUMBERS = (STEADY, PERIOD_X, WALL_GAP)
+OF_FLOW = (STEADY, PERIOD_X, WALL_GAP)
 TRUE_LAW = "true_law"  # absent: mu_of_i
 TRUTH = {f"true_{name}": name for name in PARAMETERS}
 KNOWN_ATTRIBUTES = frozenset(
     (
         *("format_name", "format_version", "gravity", TRUE_LAW),
-        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *STATED_NUMBERS, *TRUTH),
+        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *OF_FLOW, *TRUTH),
     )
 )
 

@@ -15,10 +15,10 @@ from granpinn.data.format import (
     FORMAT_NAME,
     FORMAT_VERSION,
     KNOWN_ATTRIBUTES,
+    OF_FLOW,
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
     PARTICLES,
-    STATED_NUMBERS,
     TRUE_LAW,
     TRUTH,
 )
@@ -73,7 +73,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
         optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
         truth = _truth(file)
         others = file.attributes.scalars(KNOWN_ATTRIBUTES)
-        stated = {name: _number(file, name) for name in STATED_NUMBERS}
+        stated = {name: _number(file, name) for name in OF_FLOW}
         others |= {name: value for name, value in stated.items() if value is not None}
         arrays = _read_arrays(file, max_bytes)
     for name in ("sigma_u", "sigma_v"):
