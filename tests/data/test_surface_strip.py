@@ -95,9 +95,13 @@ def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
     height, middle = flow.surface.y[0] - 0.1 * (flow.y[1] - flow.y[0]), flow.x.mean()
     lid = replace(flow, walls=line((flow.x[0] - 1, height), (middle, height)))
     data, scales = collocated(flow), scales_of(flow)
-    found = [with_surface_strip(data, f, scales).between[len(data.between) :] for f in (flow, lid)]
-    free, under = (points.double() for points in found)
-    x, y = axes_of(flow).undo(under[:, 0], under[:, 1])
-    x = scales.points_to_physical(np.stack([x, y, under[:, 2]], 1))[:, 0]
-    assert len(under) == pytest.approx(len(free) / 2, rel=0.15)
-    assert x.min() > middle - 1.5 * (flow.x[1] - flow.x[0])
+
+    def places(flow: Flow) -> np.ndarray:
+        found = with_surface_strip(data, flow, scales).between[len(data.between) :].double()
+        x, y = axes_of(flow).undo(found[:, 0], found[:, 1])
+        return scales.points_to_physical(np.stack([x, y, found[:, 2]], 1))[:, 0]
+
+    free, beside = places(flow), places(lid)
+    assert beside.min() > middle - 1.5 * (flow.x[1] - flow.x[0])
+    assert len(beside) == pytest.approx((free > middle).sum(), rel=0.2)
+    assert (free < middle).sum() > len(beside) / 2

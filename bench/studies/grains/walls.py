@@ -51,6 +51,8 @@ def walls_of(
         return _lines((((0.0, 0.0), (float(stated["period_x"]), 0.0)), STICKS))
     if "column_width" in stated:
         return _lines((((0.0, 0.0), (far, 0.0)), STICKS), (((0.0, 0.0), (0.0, high)), SLIPS))
+    if str(stated.get("walls", "")).startswith("y = 0"):
+        return _lines((((float(x[0]) - (x[1] - x[0]) / 2, 0.0), (far, 0.0)), STICKS))
     return None
 
 
