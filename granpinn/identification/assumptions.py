@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import torch
 
+from granpinn.data.flow import WALL_GAP
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import surface_of
 from granpinn.data.surface_offset import moved, with_moved_surface
@@ -21,6 +22,7 @@ from granpinn.identification.case import Case
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member
+from granpinn.training.problem import with_wall_friction
 from granpinn.uncertainty.of_assumptions import Assumption, effects
 
 TIME_SHARE = 0.25  # of the time of a training with a time limit, for the trainings after it
@@ -52,7 +54,25 @@ def surface(case: Case) -> Assumption | None:
     return Assumption(line, unit, sd, pair, f"{line} one grain higher", grain)
 
 
-TABLE: tuple[Callable[[Case], Assumption | None], ...] = (surface,)
+def side_walls(case: Case) -> Assumption | None:
+    """The friction mu_w of the side walls, where the flow states their distance."""
+    walls, flow = case.config.walls, case.flow
+    if flow.stated(WALL_GAP) is None or walls.friction == 0 or walls.friction_sd == 0:
+        return None
+
+    def pair() -> tuple[Member, Member]:
+        lower = max(0.0, walls.friction - walls.friction_sd)  # friction is not negative
+        made = []
+        for friction in (lower, lower + 2 * walls.friction_sd):
+            problem = with_wall_friction(case.member.problem, flow, case.scales, friction)
+            made.append(dataclasses.replace(case.member, problem=problem))
+        return made[0], made[1]
+
+    name = "friction of the side walls"
+    return Assumption(name, "1", walls.friction_sd, pair, f"{name} higher by 0.01", 0.01)
+
+
+TABLE: tuple[Callable[[Case], Assumption | None], ...] = (surface, side_walls)
 
 
 def assumptions_of(case: Case) -> tuple[Assumption, ...]:

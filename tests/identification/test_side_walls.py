@@ -6,24 +6,29 @@ import numpy as np
 import pytest
 
 from granpinn import identify
+from granpinn.identification import assumptions
+from granpinn.identification.case import pose
 from granpinn.results import Result
 from granpinn.training.progress import Silent
-from tests.flows import make_channel
+from tests.flows import make_channel, make_chute
 from tests.runs import tiny
 
 FRICTION = 0.3
 RANGE = np.array([0.05, 0.1, 0.2])  # I of the flow: 0.04 to 0.3
 
 
-def identified(friction: float) -> Result:
+def identified(friction: float, sd: float = 0.0) -> Result:
     settings = {
         "steps": 4000,
         "network__widths": (32, 32),
         "batch__interior": 256,
         "batch__surface": 16,
         "walls__friction": friction,
+        "walls__friction_sd": sd,
     }
-    return identify(make_channel(friction=FRICTION, rows=120), tiny(**settings))
+    flow = make_channel(friction=FRICTION, rows=120)
+    flow.attributes["surface_sd"] = 0.0
+    return identify(flow, tiny(**settings))
 
 
 def mu(mu_s: float, mu_2: float, I0: float) -> np.ndarray:
@@ -51,10 +56,35 @@ def test_the_friction_of_the_walls_is_told_from_that_of_the_grains() -> None:
     truth = mu(0.3, 0.7, 0.3)
     with_walls = identified(FRICTION)
     np.testing.assert_allclose(mu(*with_walls.theta), truth, rtol=0.02)
-    assert with_walls.settings["walls"] == {"friction": FRICTION, "friction_sd": 0.035}
+    assert with_walls.assumptions == ()
     assert with_walls.baseline is not None
     assert with_walls.baseline.wall_friction == FRICTION
     # without the term, the walls count as friction between grains: mu_w z / W = 0.12 on average
     without = identified(0.0)
     assert (mu(*without.theta) - truth)[:2].min() > 0.06
     assert without.theta[0] == pytest.approx(0.5, abs=0.05)  # the slope, at every depth
+
+
+def test_the_law_by_the_friction_of_the_walls() -> None:
+    """Its derivative at every depth is -z / W = (mu - tan) / mu_w, which is linear in I/(I + I0).
+
+    So it is (0.3 - 0.5) / 0.3 in mu_s and (0.7 - 0.5) / 0.3 in mu_2.
+    """
+    (walls,) = identified(FRICTION, 0.05).assumptions
+    assert walls.derivative == pytest.approx({"mu_s": -2 / 3, "mu_2": 2 / 3}, rel=0.1)
+    assert (walls.sd, walls.unit) == (0.05, "1")
+    assert "friction of the side walls higher by 0.01: mu_s -2." in str(walls)
+
+
+def test_friction_is_not_negative_in_either_training() -> None:
+    case = pose(make_channel(rows=14), tiny(walls__friction=0.02, walls__friction_sd=0.05))
+    found = assumptions.side_walls(case)
+    assert found is not None
+    k = [member.problem.physics.side_wall for member in found.pair()]
+    assert k[0] == 0
+    height = case.scales.length
+    assert k[1] == pytest.approx(2 * 0.1 * height / 24)
+    for friction, sd in ((0.0, 0.05), (0.1, 0.0)):
+        walls = tiny(walls__friction=friction, walls__friction_sd=sd)
+        assert assumptions.side_walls(pose(make_channel(rows=14), walls)) is None
+    assert assumptions.side_walls(pose(make_chute(), tiny())) is None
