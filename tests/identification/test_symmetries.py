@@ -40,6 +40,7 @@ class Messages(Silent):
         self.said.append(text)
 
 
+@pytest.mark.filterwarnings("ignore:.*stated as steady")
 @pytest.mark.parametrize("units", ["scaled", "file"])
 def test_the_network_gets_no_input_that_has_no_effect(units: str) -> None:
     def scale(flow: Flow) -> tuple[float, ...]:
@@ -77,6 +78,7 @@ def test_frames_before_zero_are_scored_in_a_steady_flow() -> None:
     assert early.inertial_number is not None
 
 
+@pytest.mark.filterwarnings("ignore:.*stated as steady")
 def test_flows_of_all_kinds_share_a_batch() -> None:
     flows = [make_chute(), make_flow(attributes={"steady": 1}), make_flow()]
     found = identify_many(flows, tiny(), noise=[0.05, 0.0, 0.0])
