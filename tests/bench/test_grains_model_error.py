@@ -21,7 +21,8 @@ def score(kind: str, a: float, b: float, **changes: Any) -> dict[str, Any]:
     x, ends = NUMBERS / (NUMBERS + I0), np.array(RANGE) / (np.array(RANGE) + I0)
     errors = 100 * (a + b * (2 * x - ends.sum()) / np.ptp(ends))
     own = {f"{i:g}": float(e) for i, e in zip(NUMBERS, errors, strict=True)}
-    head = {"scene": "chute", "material": 0.4, "kind": kind, "failure": None, "I_range": RANGE}
+    head = {"scene": "chute", "material": 0.4, "kind": kind, "level": "V1", "failure": None}
+    head["I_range"] = RANGE
     return head | {"error_percent_own": own} | changes
 
 
@@ -40,6 +41,8 @@ def test_every_kind_has_its_own_entry(
         score("layer", 0.03, 0.04),
         score("layer", -0.04, 0.03, material=0.2),
         score("layer", 9.0, 9.0, failure="diverged"),
+        score("layer", 9.0, 9.0, level="V0"),
+        score("carried", 9.0, 9.0),
         score("steady_layer", 0, 0, error_percent_own={}, mean={"error_percent": 2.0}),
     ]
     (tmp_path / "grains.json").write_text(json.dumps({"date": "2026-01-01", "scores": scores}))
@@ -51,7 +54,7 @@ def test_every_kind_has_its_own_entry(
     calibration.load.cache_clear()
     found = calibration.load(table).model_error
     assert found.keys() == {"layer", "steady_layer"}
-    layer, steady = found.values()
+    layer, steady = found["layer"], found["steady_layer"]
     assert (layer.level, layer.tilt) == pytest.approx((np.hypot(3, 4) / 100 / 2**0.5,) * 2)
     assert layer.flows == 2
     assert layer.provenance == "bench.studies.grains.run of 2026-01-01: chute 0.2, chute 0.4"

@@ -160,7 +160,8 @@ def test_training_sees_no_truth_and_no_reference_pressure(
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_the_equations_are_asked_for_between_vectors_of_any_noise(flow: Flow, share: float) -> None:
     data = pose(flow, tiny(batch__collocation=share, noise=0.2)).member.data
-    assert len(data.between) == (MOST_PER_VECTOR * len(data.points) if share else 0)
+    between = MOST_PER_VECTOR * len(data.points) if share else 0
+    assert between <= len(data.between) <= 1.1 * between  # and some under the surface
 
 
 def test_noise_is_seen_by_the_training_and_not_by_the_scores(
@@ -270,4 +271,5 @@ def test_a_time_limit_leaves_time_for_the_report(
         identify(flow, tiny(max_time=max_time))
     identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
     closing = simulated_fields.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
-    assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)
+    kept = np.array([30, 570 - closing, 570]) * (1 - continuation.PART_OF_TIME)
+    assert deadlines == pytest.approx(list(kept), abs=5)

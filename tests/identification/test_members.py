@@ -30,7 +30,7 @@ THREE = tiny(members=3, seed=4)
 def all_settings_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """The networks of these tests are not those that the error bars were calibrated for."""
     table = dataclasses.replace(calibration.load(), misfit=10.0, largest_misfit=10.0, steps=1)
-    monkeypatch.setattr(calibration, "load", lambda: table)
+    monkeypatch.setattr(calibration, "load", lambda *_: table)
     monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
 
 

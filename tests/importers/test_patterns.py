@@ -43,6 +43,7 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "units._NAME_WITH_POWER": ("findall", ("m", "m^", "m-", "m2", "**")),
     "units._QUANTITY": ("fullmatch", ("1", ".", "1.", "1e", "1 ", " ", "+")),
     "units._UNIT": ("fullmatch", ("m", "m*", "1/", "m ", "m2", " ", "m^")),
+    "walls._COLUMN": ("fullmatch", ("a", " ", "[", "(a", "a[", "]", "a ")),
     "zarr_metadata._NUMPY_TYPES": ("fullmatch", ("<f8", "<")),
     "zarr_metadata._TYPES": ("fullmatch", ("int8", "u", "float")),
 }

@@ -12,7 +12,7 @@ from torch import Tensor
 from .configurations import Problem, problem, small
 from .devices import moved
 from .op_inputs import LAW, as_tensors, flow, jet_backward, raw_jets
-from .step_inputs import state, update_arguments
+from .step_inputs import update_arguments
 
 ops_ = torch.ops.granpinn
 
@@ -108,7 +108,7 @@ def test_a_wrong_count_of_blocks_delays_a_step_and_no_more(cuda_ops: ModuleType)
     found = []
     for count in (0, -3):
         torch.manual_seed(0)
-        arguments = [*state(2), *update_arguments(2, 5000, torch.float32)]
+        arguments = update_arguments(2, 5000, torch.float32)
         arguments[0][2] = count
         arguments = [moved(x, "cuda") for x in arguments]
         torch.ops.granpinn.update(*arguments)

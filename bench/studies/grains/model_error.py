@@ -50,9 +50,13 @@ def level_and_tilt(score: Mapping[str, Any]) -> tuple[float, float | None]:
 
 
 def entries(scores: Sequence[Mapping[str, Any]], provenance: str) -> dict[str, ModelError]:
-    """The model error of every kind among the scores that did not fail."""
+    """The model error of every kind among the scores of level V1 that did not fail.
+
+    Flows that walls carry have none: their law is not trusted (granpinn/identification/balance.py).
+    """
     found = {}
-    sound = [score for score in scores if score["failure"] is None]
+    sound = [s for s in scores if s["failure"] is None and s["level"] == "V1"]
+    sound = [score for score in sound if score["kind"] != "carried"]
     for kind in dict.fromkeys(score["kind"] for score in sound):
         own = [score for score in sound if score["kind"] == kind]
         pairs = [level_and_tilt(score) for score in own]

@@ -67,6 +67,7 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "scene": summary["scene"],
         "material": summary["material"],
         "seed": result.seed,
+        "level": result.level,
         "law": law,
         "kind": kind_of(result.data.symmetries, carried, of_solver=False),
         "failure": result.failure,
