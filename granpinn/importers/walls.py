@@ -16,6 +16,7 @@ from granpinn.importers.vectors import LARGEST, DataFileError
 
 COLUMNS = ("x", "y", "t", "u", "v", "slip", "p", "tau")
 DIMENSIONS = {"x": "length", "y": "length", "t": "time", "u": "velocity", "v": "velocity"}
+_COMMAS = str.maketrans(";\t", ",,")
 _COLUMN = re.compile(r"(\w+)\s*(?:[\[(]([^\])]*)[\])])?")
 
 
@@ -34,7 +35,7 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Walls:
     """
     text = TextFile(path)
     head = text.head(1)[0]
-    cells = [_COLUMN.fullmatch(cell.strip()) for cell in re.split("[,;\t]", head)]
+    cells = [_COLUMN.fullmatch(cell.strip()) for cell in head.translate(_COMMAS).split(",")]
     names = [cell[1].lower() if cell else "" for cell in cells]
     found_units = {name: cell[2] for name, cell in zip(names, cells, strict=True) if cell}
     if not {"x", "y"} <= set(names) <= set(COLUMNS) or len(set(names)) < len(names):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.studies.coverage.calibrate import text_of
 from bench.studies.grains import model_error
 from bench.studies.grains.materials import I0
 from granpinn.uncertainty import calibration
@@ -47,7 +49,8 @@ def test_every_kind_has_its_own_entry(
     ]
     (tmp_path / "grains.json").write_text(json.dumps({"date": "2026-01-01", "scores": scores}))
     table = tmp_path / "table.json"
-    table.write_text(calibration.PATH.read_text())
+    empty = dataclasses.replace(calibration.load(), model_error={})
+    table.write_text(text_of(empty))
     command = ["x", str(tmp_path / "grains.json"), "--write", str(table)]
     monkeypatch.setattr("sys.argv", command)
     assert model_error.main() == 0

@@ -141,7 +141,7 @@ def test_one_inertial_number_determines_no_coefficient() -> None:
 def test_no_data_no_error_bars(kind: str | None) -> None:
     result = chute_result()
     assert with_model_error(result, Config(), kind, SHEAR, table_with("steady_layer")) is result
-    assert with_model_error(result, Config(), kind, SHEAR) is result
+    assert with_model_error(result, Config(), kind, SHEAR, table_with()) is result
 
 
 def test_other_settings_have_no_error_bars_either() -> None:
