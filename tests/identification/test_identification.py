@@ -20,7 +20,6 @@ from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.data.collocation import MOST_PER_VECTOR
 from granpinn.identification import case as case_module
 from granpinn.identification import prediction, simulated_fields
-from granpinn.identification.assumptions import TIME_SHARE
 from granpinn.identification.case import choose_device, pose
 from granpinn.identification.single import identify
 from granpinn.training.loop import TrainingLoop
@@ -273,5 +272,4 @@ def test_a_time_limit_leaves_time_for_the_report(
         identify(flow, tiny(max_time=max_time))
     identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
     closing = simulated_fields.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
-    kept = np.array([30, 570 - closing, 570]) / (1 + TIME_SHARE)
-    assert deadlines == pytest.approx(list(kept), abs=5)
+    assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)
