@@ -45,7 +45,8 @@ class TrainingSet:
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
-            (granpinn/data/collocation.py).
+            (granpinn/data/collocation.py); the last `strip` of them lie above the highest vectors
+            (granpinn/data/surface_strip.py).
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
             layer on a wall may be thinner than the spacing of the vectors.
@@ -59,6 +60,7 @@ class TrainingSet:
     lower: torch.Tensor
     upper: torch.Tensor
     between: torch.Tensor
+    strip: int = 0
     wall_points: torch.Tensor = field(default_factory=lambda: torch.empty(0, 3))
     wall_velocity: torch.Tensor = field(default_factory=lambda: torch.empty(0, 2))
 
@@ -149,7 +151,7 @@ def training_set(
         wall_velocity=tensor(velocity[:0]),
     )
     for name, values in vars(training).items():
-        if not torch.isfinite(values).all():
+        if isinstance(values, torch.Tensor) and not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
                 "an overflow: check the units and the values of the flow"

@@ -45,7 +45,8 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     drawn = draw([strip], len(training.between), len(training.points))
     if drawn is None:
         return training
-    return replace(training, between=torch.cat([training.between, strip.points(drawn)]))
+    points = strip.points(drawn)
+    return replace(training, between=torch.cat([training.between, points]), strip=len(points))
 
 
 class Drawn(NamedTuple):

@@ -1,6 +1,8 @@
 """The loss at the end of a training, over many points: the same ones for members of one flow.
 
-The loss of a step is over a small batch. Its scatter hides the differences between two laws.
+The loss of a step is over a small batch. Its scatter hides the differences between two laws. Points
+of the equations above the highest vectors are left out: no vector holds the velocity there, so
+their residuals say nothing about the law.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import math
 
 import torch
 
+from granpinn.data import TrainingSet
 from granpinn.physics.terms import NAMES
 from granpinn.results.findings import Loss
 from granpinn.training.trainer import Trainer
@@ -26,7 +29,7 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     objective, e = trainer.objective, member
     params, theta = trainer.trained(e)
     data = objective.data(e)
-    inside, surface = _every_kth(len(data.points)), _every_kth(len(data.surface_points))
+    inside, surface = _every_kth(_held(data)), _every_kth(torch.arange(len(data.surface_points)))
     sums = [0.0] * len(NAMES)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
@@ -44,6 +47,13 @@ def _named(values: list[float]) -> dict[str, float]:
     return dict(zip(NAMES, values, strict=True))
 
 
-def _every_kth(count: int) -> torch.Tensor:
-    """Indices of at most `MOST_POINTS` points, spread evenly."""
-    return torch.arange(0, count, max(1, -(-count // MOST_POINTS)))
+def _held(data: TrainingSet) -> torch.Tensor:
+    """Indices of the points of an objective without those above the highest vectors."""
+    end = len(data.points) - len(data.wall_points)
+    every = torch.arange(len(data.points))
+    return torch.cat([every[: end - data.strip], every[end:]])
+
+
+def _every_kth(indices: torch.Tensor) -> torch.Tensor:
+    """At most `MOST_POINTS` of the indices, spread evenly."""
+    return indices[:: max(1, -(-len(indices) // MOST_POINTS))]

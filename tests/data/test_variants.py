@@ -46,7 +46,8 @@ def test_the_same_flow_gives_its_own_training_set() -> None:
     own = with_surface_strip(with_collocation(own, flow, scales, 1.0), flow, scales).pooled()
     for found in sets_of(flow, flow):
         for name, values in vars(own).items():
-            assert torch.equal(getattr(found, name), values), name
+            same = torch.as_tensor(getattr(found, name))
+            assert torch.equal(same, torch.as_tensor(values)), name
 
 
 def test_a_variant_has_the_points_of_its_own() -> None:
