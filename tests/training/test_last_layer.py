@@ -195,7 +195,10 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
     velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
-    tensors = {name: value.to(device) for name, value in vars(data).items()}
+    tensors = {
+        name: value.to(device) if isinstance(value, torch.Tensor) else value
+        for name, value in vars(data).items()
+    }
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
     member = Member(posed, moved, seed, DEFAULT, {})
