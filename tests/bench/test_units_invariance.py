@@ -34,7 +34,8 @@ def test_the_problems_are_the_same_bits(flows: dict[str, Flow], ours: str, their
     """Also after a flow file; the original is off by no more than the resolution."""
     (expected, problem), (found, other) = posed(flows[ours]), posed(flows[theirs])
     for name, values in vars(expected).items():
-        assert torch.equal(getattr(found, name), values), name
+        same = torch.as_tensor(getattr(found, name))
+        assert torch.equal(same, torch.as_tensor(values)), name
     assert len(expected.velocity) > 100
     assert other.spec == problem.spec
     as_float32 = [torch.tensor(p.physics, dtype=torch.float32) for p in (other, problem)]
@@ -46,7 +47,8 @@ def test_a_flow_file_keeps_the_bits(flows: dict[str, Flow], tmp_path: Path) -> N
         write_flow(flows[name], tmp_path / "flow.h5")
         again, expected = posed(read_flow(tmp_path / "flow.h5"))[0], posed(flows[name])[0]
         for field, values in vars(expected).items():
-            assert torch.equal(getattr(again, field), values), field
+            same = torch.as_tensor(getattr(again, field))
+            assert torch.equal(same, torch.as_tensor(values)), field
 
 
 def test_units_are_si_and_gravity_is_turned(flows: dict[str, Flow]) -> None:

@@ -85,8 +85,8 @@ def surface_file(path: Path, flow: Flow, factor: float, unit: str) -> str:
 def assert_same(ours: tuple[TrainingSet, float], theirs: tuple[TrainingSet, float]) -> None:
     """To 1e-6, relative to the largest of each array: flow files hold float32 velocities."""
     assert ours[1] == pytest.approx(theirs[1], rel=1e-6)
-    for name, expected in vars(theirs[0]).items():
-        found = getattr(ours[0], name)
+    for name, value in vars(theirs[0]).items():
+        found, expected = (torch.as_tensor(a) for a in (getattr(ours[0], name), value))
         assert found.shape == expected.shape, name
         if expected.numel():
             error = float((found - expected).abs().max())
