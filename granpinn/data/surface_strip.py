@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow
 from granpinn.data.points import RESOLUTION, TrainingSet
+from granpinn.data.surface_line import SAME_TIME
 from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import Axes
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 # many points as elsewhere the network changes it there (bench/studies/grains/note.md).
 DENSITY = 0.25
 THICKEST = 2.5  # spacings; a wider strip is a gap in the data
-SAME_TIME = 1e-6  # relative difference of times that are one
 _KEY = 4 << 64  # of Philox; the same points for every seed
 
 
