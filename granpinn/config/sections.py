@@ -73,7 +73,7 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
         "shear rate, the others dimensionless), dimensionless, or those of the flow file",
     )
     law_error: float = setting(
-        0.03,
+        0.02,
         "relative error of the friction law that is expected: where grains are so fast that it "
         "exceeds the sigma of the law, the law counts by its relative error; 0: nowhere",
         low=0,
