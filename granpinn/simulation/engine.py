@@ -41,6 +41,7 @@ class StepReport:
         viscous_error, pressure_error: energy norms relative to that of gravity in one step.
         largest_divergence: largest volume error of a cell, relative.
         largest_speed: of any face.
+        outflow: volume of the grains that left through the floor, as an area.
         window: cells that were computed, (x, y).
     """
 
@@ -52,6 +53,7 @@ class StepReport:
     pressure_error: float
     largest_divergence: float
     largest_speed: float
+    outflow: float
     window: tuple[int, int]
 
 
