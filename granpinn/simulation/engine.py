@@ -151,8 +151,9 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
         "viscous_tolerance": scene.VISCOUS_TOLERANCE,
         "pressure_tolerance": scene.PRESSURE_TOLERANCE,
     }
-    if scene.PERIODIC:
-        values["left"] = values["right"] = _collapse.Side.periodic
+    left, right = scene.side_conditions
+    values["left"], values["right"] = getattr(_collapse.Side, left), getattr(_collapse.Side, right)
+    values["open_from"], values["open_to"] = scene.opening
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
     grid = ("cells_x", "cells_y", "spacing", "chunk", "largest_step")
     for name in (*same, *grid, "cfl", "threads"):
