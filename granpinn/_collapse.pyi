@@ -22,6 +22,8 @@ class Parameters:
     right: Side
     bottom: Side
     top: Side
+    open_from: int
+    open_to: int
     law: str  # setting it clears theta
     theta: Sequence[float]
     grain_diameter: float

@@ -3,7 +3,8 @@
 Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by SIGINT, SIGTERM,
 with the frames so far in the flow file if there are two.
 
-The first word is the scene: `collapse`, which is also the scene without a word, or `chute`.
+The first word is the scene: `collapse`, which is also the scene without a word, `chute` or
+`silo`.
 
 In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
 replaces that attribute of the package when it is imported, so it can be called like the function.
@@ -32,7 +33,7 @@ from granpinn.config.values import convert
 from granpinn.data.flow import Flow
 from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
-from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, simulate
+from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, Silo, simulate
 from granpinn.simulation.progress import automatic
 from granpinn.simulation.scene import law_settings
 
@@ -51,10 +52,12 @@ EXAMPLES = """examples:
   python -m granpinn.simulate chute --slope 24 --height 0.04 --g 9.81 --density 1550 --d 0.001 \\
       --length-unit m --time-unit s --out chute.h5
       a layer 40 mm deep that starts from rest on a slope of 24 degrees
+  python -m granpinn.simulate silo --width 40 --height 60 --outlet 12 --d 1 --out silo.h5
+      a silo that empties through an opening 12 grains wide
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
 OWN = ("scene", "out", "paper_cases", "figures", "animation")
-SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute}
+SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
 
 
 class _CallableModule(types.ModuleType):
@@ -78,8 +81,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     """The outputs and settings of a command line, converted to the types of their fields."""
     parser = Parser(
         prog="python -m granpinn.simulate",
-        usage="%(prog)s [collapse|chute] --out FLOW.h5 [settings]",
-        description="Simulate a collapse or a chute of grains with a known friction law.",
+        usage="%(prog)s [collapse|chute|silo] --out FLOW.h5 [settings]",
+        description="Simulate a collapse, a chute or a silo of grains with a known friction law.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         argument_default=argparse.SUPPRESS,
@@ -91,7 +94,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
         default="collapse",
         choices=SCENES,
         metavar="SCENE",
-        help="collapse: a column that is released (the default); chute: a layer on a slope",
+        help="collapse: a column that is released (the default); chute: a layer on a slope; "
+        "silo: grains that leave through an opening in the floor",
     )
     parser.add_argument("--out", metavar="FLOW.h5", help="the flow file to write")
     parser.add_argument("--paper-cases", metavar="DIR", help="the paper's six regimes, to DIR")

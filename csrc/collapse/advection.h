@@ -13,34 +13,61 @@ namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
 // Two ghost values on every side. Along a wall, the velocity is odd (no slip) or even (free slip);
 // through it, odd (free slip) or even (no slip: continuity makes its slope vanish).
-inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid& grid) {
-  const int nx = grid.nx, ny = grid.ny;
-  const auto along = [](Side side) { return side == Side::no_slip ? -1.0 : 1.0; };
-  const auto through = [](Side side) { return side == Side::free_slip ? -1.0 : 1.0; };
-  for (int j = 0; j <= ny; ++j) {
-    double* a = u.row(j);
-    double* b = v.row(j);
+inline double along(Side side) { return side == Side::no_slip ? -1.0 : 1.0; }
+inline double through(Side side) { return side == Side::free_slip ? -1.0 : 1.0; }
+
+inline void fill_ghosts_beside_row(Field<double>& u, Field<double>& v, int j, const Grid& grid) {
+  const int nx = grid.nx;
+  double* a = u.row(j);
+  double* b = v.row(j);
+  for (int g = 1; g <= 2; ++g) {
+    const bool left_open = grid.left == Side::open, right_open = grid.right == Side::open;
+    a[-g] = left_open ? a[0] : through(grid.left) * a[g];
+    a[nx + g] = right_open ? a[nx] : through(grid.right) * a[nx - g];
+    b[-g] = along(grid.left) * (left_open ? b[0] : b[g - 1]);
+    b[nx - 1 + g] = along(grid.right) * (right_open ? b[nx - 1] : b[nx - g]);
+  }
+}
+
+// Below an opening, where grains leave, the velocity is linear: along the floor as much as no shear
+// stress needs. The wall beside it has its share in the ghost value of u at an end of the opening.
+// Air that comes in has no gradient along its way.
+inline void fill_ghosts_below_opening(Field<double>& u, Field<double>& v, const Grid& grid) {
+  const Columns open = grid.v_faces().floor;
+  for (int i = open.i0; i <= open.i1; ++i) {
+    const double share = grid.open_share_at_corner(i), slope = v(i, 0) - v(i - 1, 0);
     for (int g = 1; g <= 2; ++g) {
-      const bool left_open = grid.left == Side::open, right_open = grid.right == Side::open;
-      a[-g] = left_open ? a[0] : through(grid.left) * a[g];
-      a[nx + g] = right_open ? a[nx] : through(grid.right) * a[nx - g];
-      b[-g] = along(grid.left) * (left_open ? b[0] : b[g - 1]);
-      b[nx - 1 + g] = along(grid.right) * (right_open ? b[nx - 1] : b[nx - g]);
+      u(i, -g) = share * (u(i, 0) + g * slope) + (1 - share) * u(i, -g);
     }
   }
+  for (int i = open.i0; i < open.i1; ++i) {
+    const double slope = v(i, 0) < 0 ? v(i, 1) - v(i, 0) : 0.0;
+    for (int g = 1; g <= 2; ++g) v(i, -g) = v(i, 0) - g * slope;
+  }
+  for (int j = -2; j < 0; ++j) fill_ghosts_beside_row(u, v, j, grid);
   if (grid.periodic()) {
     u.wrap();
     v.wrap();
   }
-  const bool bottom_open = grid.bottom == Side::open, top_open = grid.top == Side::open;
+}
+
+inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid& grid) {
+  const int nx = grid.nx, ny = grid.ny;
+  for (int j = 0; j <= ny; ++j) fill_ghosts_beside_row(u, v, j, grid);
+  if (grid.periodic()) {
+    u.wrap();
+    v.wrap();
+  }
+  const bool top_open = grid.top == Side::open;
   for (int g = 1; g <= 2; ++g) {
     for (int i = -2; i <= nx + 2; ++i) {
-      u(i, -g) = along(grid.bottom) * (bottom_open ? u(i, 0) : u(i, g - 1));
+      u(i, -g) = along(grid.bottom) * u(i, g - 1);
       u(i, ny - 1 + g) = along(grid.top) * (top_open ? u(i, ny - 1) : u(i, ny - g));
-      v(i, -g) = bottom_open ? v(i, 0) : through(grid.bottom) * v(i, g);
+      v(i, -g) = through(grid.bottom) * v(i, g);
       v(i, ny + g) = top_open ? v(i, ny) : through(grid.top) * v(i, ny - g);
     }
   }
+  if (grid.has_opening()) fill_ghosts_below_opening(u, v, grid);
 }
 
 // Value between a and b, interpolated with the upstream neighbour.
@@ -104,7 +131,8 @@ inline void advect_momentum(const Field<double>& u, const Field<double>& v, Fiel
       }
       if (j >= vr.j0 && j < vr.j1) {
         double* out = av.row(j);
-        for (int i = vr.i0; i < vr.i1; ++i) {
+        const Columns columns = vr.columns(j);
+        for (int i = columns.i0; i < columns.i1; ++i) {
           out[i] = (v_high[i] - v_low[i] + v_corner[i + 1] - v_corner[i]) / h;
         }
       }

@@ -86,6 +86,12 @@ void CollapseSolver::fit_window() {
   velocity_ = std::move(velocity);
   before_ = std::move(before);
   pushed_ = std::move(pushed);
+  const Columns open = grid_.v_faces().floor;
+  for (Field<double>* v : {&velocity_[1], &before_[1]}) {
+    for (int i = 0; i < nx && grid_.has_opening(); ++i) {  // no flow through the walls beside it
+      if (i < open.i0 || i >= open.i1) (*v)(i, 0) = 0;
+    }
+  }
   fill_fraction_ghosts(c_, grid_);
 }
 

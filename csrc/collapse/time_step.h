@@ -93,7 +93,8 @@ class CollapseSolver final : public Solver {
       for (int k = 0; k < 2; ++k) {
         const Range range = viscous_.range(k);
         for (int j = std::max(j0, range.j0); j < std::min(j1, range.j1); ++j) {
-          for (int i = range.i0; i < range.i1; ++i) body(k, i, j);
+          const Columns columns = range.columns(j);
+          for (int i = columns.i0; i < columns.i1; ++i) body(k, i, j);
         }
       }
     });

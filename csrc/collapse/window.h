@@ -17,9 +17,15 @@ inline int window_size(int occupied, int present, int box, const Parameters& s) 
 }
 
 inline Grid window_grid(int nx, int ny, const Parameters& s) {
-  return {nx,       ny,
-          s.left,   nx == s.cells_x ? s.right : Side::open,
-          s.bottom, ny == s.cells_y ? s.top : Side::open};
+  const bool all_open = s.bottom == Side::open;
+  return {nx,
+          ny,
+          s.left,
+          nx == s.cells_x ? s.right : Side::open,
+          s.bottom,
+          ny == s.cells_y ? s.top : Side::open,
+          all_open ? 0.0 : std::min(s.open_from, nx),
+          all_open ? double(nx) : std::min(s.open_to, nx)};
 }
 
 // Columns and rows that hold grains.

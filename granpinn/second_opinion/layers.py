@@ -19,6 +19,7 @@ from granpinn.data.flow import WALL_GAP
 from granpinn.data.surface_line import line_heights
 from granpinn.data.symmetry import same_along_x
 from granpinn.physics.laws import Law
+from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.simulation.chute import FEWEST_CELLS, STEEPEST, Chute
 from granpinn.simulation.engine import Start, State
 from granpinn.simulation.scene import law_settings
@@ -30,6 +31,8 @@ Velocity = Callable[[Float64, Float64, float], tuple[Float64, Float64]]
 
 def not_a_layer(flow: Flow) -> str | None:
     """Why the simulator cannot have a flow with periodic sides; None if it may."""
+    if objection := foreign_wall(flow, None):
+        return objection
     g_x, g_y = flow.gravity
     if not 0 <= g_x <= -g_y * math.tan(math.radians(STEEPEST)):
         return (

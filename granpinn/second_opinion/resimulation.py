@@ -26,6 +26,7 @@ from granpinn.data.symmetry import with_layer
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
 from granpinn.second_opinion import layers
+from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.comparison import Comparison, compare
 from granpinn.simulation.chute import Chute
 from granpinn.simulation.parameters import FEWEST_CELLS, Collapse
@@ -60,6 +61,8 @@ def initial_column(flow: Flow) -> Column | str:
     if not full.any():
         return "the first frame holds no grains"
     dx, dy = spacings(flow)
+    if objection := foreign_wall(flow, box_of(flow)):
+        return objection
     if not in_corner(flow, 0):
         return f"the grains of the first frame {CORNER}"
     measured = extent(flow, full)

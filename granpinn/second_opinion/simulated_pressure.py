@@ -29,6 +29,7 @@ from granpinn.data import Flow
 from granpinn.physics.laws import Law
 from granpinn.results.findings import SimulatedPressure
 from granpinn.second_opinion import layers, resimulation
+from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.threads import threads
 from granpinn.simulation.chute import Chute
@@ -172,6 +173,8 @@ def usable_frames(flow: Flow) -> list[int] | str:
         return layers.not_a_layer(flow) or np.flatnonzero(there).tolist() or NO_FRAME
     if flow.steady:
         return resimulation.STEADY
+    if objection := foreign_wall(flow, resimulation.box_of(flow)):
+        return objection
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if resimulation.in_corner(flow, k)]
     if after and not standing:

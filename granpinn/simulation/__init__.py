@@ -1,10 +1,11 @@
-"""The simulator: collapses and chutes of grains with a known friction law."""
+"""The simulator: collapses, chutes and silos of grains with a known friction law."""
 
 from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
 from granpinn.simulation.parameters import PAPER_CASES, Collapse
 from granpinn.simulation.run import demo_path, simulate
 from granpinn.simulation.scene import Scene
+from granpinn.simulation.silo import Silo
 
 __all__ = [
     "PAPER_CASES",
@@ -12,6 +13,7 @@ __all__ = [
     "Collapse",
     "Engine",
     "Scene",
+    "Silo",
     "SimulationError",
     "State",
     "StepReport",

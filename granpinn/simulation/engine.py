@@ -41,6 +41,7 @@ class StepReport:
         viscous_error, pressure_error: energy norms relative to that of gravity in one step.
         largest_divergence: largest volume error of a cell, relative.
         largest_speed: of any face.
+        outflow: volume of the grains that left through the floor, as an area.
         window: cells that were computed, (x, y).
     """
 
@@ -52,6 +53,7 @@ class StepReport:
     pressure_error: float
     largest_divergence: float
     largest_speed: float
+    outflow: float
     window: tuple[int, int]
 
 
@@ -149,8 +151,9 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
         "viscous_tolerance": scene.VISCOUS_TOLERANCE,
         "pressure_tolerance": scene.PRESSURE_TOLERANCE,
     }
-    if scene.PERIODIC:
-        values["left"] = values["right"] = _collapse.Side.periodic
+    left, right = scene.side_conditions
+    values["left"], values["right"] = getattr(_collapse.Side, left), getattr(_collapse.Side, right)
+    values["open_from"], values["open_to"] = scene.opening
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
     grid = ("cells_x", "cells_y", "spacing", "chunk", "largest_step")
     for name in (*same, *grid, "cfl", "threads"):

@@ -10,7 +10,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.config import ConfigError, setting
-from granpinn.simulation.scene import CELLS_MULTIPLE, MOST_CELLS, SIZE, Scene, filled
+from granpinn.simulation.scene import CELLS_MULTIPLE, MOST_CELLS, SIZE, Scene, chunk_of, filled
 
 # (mu_s, mu_2) of mu(I) in the six regimes of the paper's figure 3.
 PAPER_CASES = ((0.2, 0.32), (0.2, 0.44), (0.4, 0.52), (0.4, 0.64), (0.6, 0.72), (0.6, 0.84))
@@ -97,10 +97,7 @@ class Collapse(Scene):
 
     @property
     def chunk(self) -> int:
-        chunk = CELLS_MULTIPLE
-        while self.cells % (2 * chunk) == 0 and 2 * chunk <= self.cells // 32:
-            chunk *= 2
-        return chunk
+        return chunk_of(self.cells)
 
     @property
     def cells_x(self) -> int:

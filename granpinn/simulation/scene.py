@@ -18,6 +18,7 @@ from granpinn.arrays import Float64
 from granpinn.config import ConfigError, Walls, setting
 from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
+from granpinn.data.flow import Walls as WallLines
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.laws import Law
 
@@ -42,7 +43,7 @@ USUAL_THREADS = 4
 
 @dataclass(frozen=True)
 class Scene(CompleteLaw):
-    """Grains that are released at t = 0: the base of `Collapse` and `Chute`.
+    """Grains that are released at t = 0: the base of `Collapse`, `Chute` and `Silo`.
 
     The first fields are the parameters of the friction law, such as mu_s, mu_2, I0, then `law`.
 
@@ -52,6 +53,7 @@ class Scene(CompleteLaw):
 
     GRAINS = "grains"  # their name in messages
     PERIODIC = False  # whether the sides are
+    LEVEL_SURFACE = False  # whether the surface is one height in every column of cells
     # Of the two solves: energy norm of the error, relative to that of one step of gravity.
     VISCOUS_TOLERANCE, PRESSURE_TOLERANCE = 1e-4, 1e-5
 
@@ -67,7 +69,8 @@ class Scene(CompleteLaw):
     )
     t_end: float | None = setting(
         None,
-        "last time; none: 5 for the paper's column, scaled; of a chute 2 (H/d) sqrt(H/g)",
+        "last time; none: 5 for the paper's column, scaled; of a chute 2 (H/d) sqrt(H/g); of a "
+        "silo the time in which about a third leaves",
         **SIZE,
     )
     frames: int = setting(
@@ -161,6 +164,20 @@ class Scene(CompleteLaw):
         """Cells by which the window grows: a power of two that divides the box."""
         raise NotImplementedError
 
+    @property
+    def side_conditions(self) -> tuple[str, str]:
+        """Names of the solver's conditions on the left and the right side."""
+        return "free_slip", "no_slip"
+
+    @property
+    def opening(self) -> tuple[int, int]:
+        """The cell edges between which the floor is open; the same number twice: nowhere."""
+        return 0, 0
+
+    def walls(self) -> WallLines | None:
+        """Walls that the flow file states; none: those of a collapse or a chute."""
+        return None
+
     def start_fraction(self) -> Float64:
         """Fraction of grains at the start, [cells_y, cells_x]."""
         raise NotImplementedError
@@ -216,6 +233,14 @@ class Scene(CompleteLaw):
 def filled(length: float, spacing: float, count: int) -> Float64:
     """Fractions of the cells between 0 and a length, [count]."""
     return np.clip((length - spacing * np.arange(count)) / spacing, 0.0, 1.0)
+
+
+def chunk_of(cells: int) -> int:
+    """Cells by which a window grows: a power of two that divides `cells`, a multiple of 8."""
+    chunk = CELLS_MULTIPLE
+    while cells % (2 * chunk) == 0 and 2 * chunk <= cells // 32:
+        chunk *= 2
+    return chunk
 
 
 def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:

@@ -19,10 +19,13 @@ from granpinn.simulation import Collapse, run
 VALUES = ["0", "-1", "nan", "inf", "1e308", "5e-324", str(2**31), str(2**63), "", "text", "1,2"]
 NAMES = [("collapse", field.name) for field in dataclasses.fields(Collapse)]
 NAMES += [("chute", name) for name in ("slope", "g", "period", "cells", "stride", "height", "d")]
+NAMES += [("silo", name) for name in ("width", "outlet", "sides", "g", "cells", "stride", "d")]
 # Small enough to run where a value is accepted.
 BASE = {"cells": "32", "frames": "2", "t_end": "0.02", "stride": "1", "threads": "1",
         "box_width": "10", "height": "5", "aspect": "2"}  # fmt: skip
 CHUTE = {"cells": "8", "frames": "2", "t_end": "0.02", "threads": "1", "height": "5"}
+SILO = {"cells": "16", "frames": "2", "t_end": "0.02", "threads": "1", "height": "5"}
+BASES = {"collapse": BASE, "chute": CHUTE, "silo": SILO}
 ACCEPTED = {  # whatever else is accepted, is wrong
     "cohesion": {"0", "5e-324", str(2**31), str(2**63)},
     "air_density": {str(2**31)},
@@ -36,6 +39,9 @@ ACCEPTED = {  # whatever else is accepted, is wrong
     "I0": {str(2**31), str(2**63)},
 }
 ACCEPTED_OF_CHUTE = {"slope": {"0", "5e-324"}, "g": {str(2**31)}, "height": {str(2**31)}}
+
+ACCEPTED_OF_SILO = {"g": {str(2**31)}}
+ALL_ACCEPTED = {"collapse": ACCEPTED, "chute": ACCEPTED_OF_CHUTE, "silo": ACCEPTED_OF_SILO}
 
 
 def flags(base: dict[str, str] = BASE, **values: str) -> list[str]:
@@ -60,20 +66,26 @@ def test_every_option_refuses_or_accepts_before_the_simulation(
         raise Computed
 
     monkeypatch.setattr(run, "record", record)
-    settings = flags(BASE if scene == "collapse" else CHUTE, **{name: value})
+    settings = flags(BASES[scene], **{name: value})
     code = command.main([scene, *settings, "--out", str(tmp_path / "flow.h5")])
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     if "Computed" in err:
-        accepted = ACCEPTED if scene == "collapse" else ACCEPTED_OF_CHUTE
-        assert value in accepted.get(name, set()), f"--{name} {value} is accepted"
+        assert value in ALL_ACCEPTED[scene].get(name, set()), f"--{name} {value} is accepted"
         return
     assert code == 2
     assert "this is a bug" not in err
     also = {"air_viscosity": "eta_min"}  # its default
     assert any(
         word in err
-        for word in (name, name.replace("_", "-"), also.get(name, name), "column", "layer")
+        for word in (
+            name,
+            name.replace("_", "-"),
+            also.get(name, name),
+            "column",
+            "layer",
+            "filling",
+        )
     )
     assert list(tmp_path.iterdir()) == []
 

@@ -1,0 +1,190 @@
+"""A silo: its discharge, its energy, and its flow file.
+
+The discharge through an opening of width w does not depend on the height of the filling, and goes
+with w^(3/2): no other length is left where the grains are small and the walls are far (Beverloo,
+Leniger and van de Velde 1961).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granpinn
+import granpinn.simulate as command
+from granpinn.data import read_flow
+from granpinn.data.flow import Walls
+from granpinn.data.walls import segments_of
+from granpinn.physics.laws import DEFAULT
+from granpinn.second_opinion.resimulation import initial_column, resimulate
+from granpinn.second_opinion.simulated_pressure import usable_frames
+from granpinn.simulation import Collapse, Engine, Silo
+from granpinn.simulation.engine import solver_parameters
+from tests.simulation.test_collapse import energies
+from tests.simulation.test_outlet import dissipation
+
+LAW = (0.4, 0.64, 0.3)
+
+
+def silo(**settings: object) -> Silo:
+    """A silo 48 grains wide, by default filled 60 grains high."""
+    values = {"width": 48.0, "height": 60.0, "outlet": 12.0, "d": 1.0, "threads": 1, **settings}
+    return Silo(*LAW, **values)  # type: ignore[arg-type]
+
+
+def coefficient(outlet: float, cells: int, height: float, depth: float) -> float:
+    """C of a discharge C sqrt(g) w^(3/2), in the second half of the time until `depth` has left."""
+    scene = silo(outlet=outlet, cells=cells, height=height).resolved()
+    assert (scene.outlet, scene.width) == (outlet, 48.0)
+    engine, outflow, found = Engine(scene), 0.0, []
+    while outflow < depth * 48.0:
+        report = engine.step(1e9)
+        outflow += report.outflow
+        found.append((report.time, outflow))
+    time, left = np.array(found).T
+    steady = left > left[-1] / 2
+    return float(np.polyfit(time[steady], left[steady], 1)[0] / outlet**1.5)
+
+
+def test_discharge_does_not_depend_on_the_height_of_the_filling() -> None:
+    rates = [coefficient(12.0, 32, height, depth=12.0) for height in (40.0, 60.0, 90.0)]
+    assert np.ptp(rates) < 0.02 * np.mean(rates)
+
+
+def test_discharge_goes_with_the_power_3_2_of_the_width() -> None:
+    """An opening of n cells has an error of the order 1/n, here 1/12 where the narrowest has it."""
+    widths = np.array([9.0, 12.0, 18.0])  # 12, 16 and 24 cells
+    found = [coefficient(w, 64, height=45.0, depth=10 + w / 2) for w in widths]
+    exponent = 1.5 + np.polyfit(np.log(widths), np.log(found), 1)[0]
+    assert exponent == pytest.approx(1.5, abs=1 / 12 / np.log(2))
+
+
+def test_energy_is_lost_to_friction_and_to_the_jet() -> None:
+    """To 2 %, as in a collapse."""
+    scene = silo(cells=64).resolved()
+    engine, lost, jet = Engine(scene), 0.0, 0.0
+    h, (first, last) = scene.spacing, scene.opening
+    s = solver_parameters(scene)
+    start = sum(energies(engine.state(), h))
+    while engine.time < 12.0:
+        report = engine.step(0.05)
+        state = engine.state()
+        lost += report.step * dissipation(s, vars(state))
+        v = state.v[0, first:last]
+        u = state.u[0, first : last + 1]
+        square = v**2 + 0.25 * (u[1:] + u[:-1]) ** 2
+        jet += report.step * h * float((-v * 0.5 * square).sum())
+    end = sum(energies(engine.state(), h))
+    assert start - end == pytest.approx(lost + jet, rel=0.02)
+
+
+def test_flow_file_is_that_of_a_silo(tmp_path: Path) -> None:
+    path = tmp_path / "silo.h5"
+    shape = ["--width", "0.04", "--height", "0.06", "--outlet", "0.012", "--d", "0.001"]
+    small = ["--g", "9.81", "--cells", "32", "--t-end", "0.3", "--frames", "6", "--threads", "1"]
+    assert command.main(["silo", *shape, *small, "--out", str(path)]) == 0
+    flow = read_flow(path)
+    h = 0.04 / 32
+    assert flow.gravity == (0.0, -9.81)
+    assert flow.attributes["outlet_width"] == pytest.approx(10 * h)  # an even number of cells
+    assert (flow.attributes["silo_width"], flow.attributes["filling_height"]) == (0.04, 0.06)
+    assert flow.x == pytest.approx(h * (np.arange(32) + 0.5))
+    through = flow.v[-1, 0]
+    assert np.nanmax(through[11:21]) < -0.1
+    assert np.abs(through[:10]).max() < 0.3 * np.abs(through[11:21]).min()
+    assert flow.surface is not None
+    at = flow.surface.t == flow.t[-1]
+    np.testing.assert_allclose(flow.surface.x[at], flow.x)
+    filled = flow.c[-1].sum(axis=0, dtype=np.float64) * h
+    np.testing.assert_allclose(flow.surface.y[at], filled, rtol=1e-6)
+    assert filled.mean() < 0.055
+    assert flow.walls is not None
+    walls = segments_of(flow.walls)
+    assert walls.sticks.all()
+    ends = [[(0, 0.06), (0, 0)], [(0, 0), (11 * h, 0)], [(21 * h, 0), (0.04, 0)]]
+    ends.append([(0.04, 0), (0.04, 0.06)])
+    np.testing.assert_allclose(walls.ends, ends, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def short() -> granpinn.Flow:
+    return granpinn.simulate(silo(cells=32, t_end=4.0, frames=4, sides="smooth"))
+
+
+def test_smooth_sides_slip(short: granpinn.Flow) -> None:
+    assert short.walls is not None
+    assert segments_of(short.walls).sticks.tolist() == [False, True, True, False]
+    rough = granpinn.simulate(silo(cells=32, t_end=4.0, frames=2))
+    beside = np.abs(short.v[-1, 20:30, 0]).mean(), np.abs(rough.v[-1, 20:30, 0]).mean()
+    assert beside[0] > 2 * beside[1]
+
+
+def test_second_opinions_have_no_silo(short: granpinn.Flow) -> None:
+    """Its grains stand in a corner like a column, but its right wall is none of the simulator's."""
+    reason = "the simulator does not have the wall from (48, 0) to (48, 60) of the file"
+    assert initial_column(short) == usable_frames(short) == reason
+    summary, comparison = resimulate(short, DEFAULT, LAW)
+    assert (summary.objection, comparison) == (reason, None)
+
+
+def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
+    """A file may state the floor, the left wall and the right one, at its box_width."""
+    flow = granpinn.simulate(Collapse(*LAW, cells=64, frames=3, t_end=0.2, stride=2, threads=1))
+    x, y = np.array([0.0, 0.0, 12.0, 12.0]), np.array([12.0, 0.0, 0.0, 12.0])
+    assert not isinstance(initial_column(dataclasses.replace(flow, walls=Walls(x, y))), str)
+    moving = Walls(x, y, u=np.full(4, 0.1), v=np.zeros(4))
+    assert "does not have" in str(initial_column(dataclasses.replace(flow, walls=moving)))
+
+
+def test_silo_that_is_empty_has_no_more_frames() -> None:
+    """Smooth sides and no floor: the filling falls out, and the file ends with it."""
+    scene = silo(outlet=48.0, sides="smooth", cells=16, height=24.0, t_end=9.0, frames=9)
+    flow = granpinn.simulate(scene)
+    assert flow.t.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]  # all has left at sqrt(48) = 6.9
+    for k, t in enumerate(flow.t):
+        np.testing.assert_allclose(flow.v[k][flow.material[k]], -t, rtol=1e-3)
+    assert flow.walls is not None
+    assert len(segments_of(flow.walls).t) == 2
+
+
+@pytest.mark.parametrize("outlet", [None, 10.0, 12.3, 48.0])
+def test_resolved_silo_resolves_to_itself(outlet: float | None) -> None:
+    once = silo(outlet=outlet, stride=2, t_end=None).resolved()
+    assert once.resolved() == once
+    assert once.outlet is not None
+    assert once.outlet == pytest.approx(outlet or 12.0, abs=once.spacing)
+    first, last = once.opening
+    assert first + last == once.cells
+    assert once.cells_x % once.chunk == once.cells_y % once.chunk == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--outlet", "6", "--width", "5"],
+            "outlet must be at most the width 5 of the silo",
+        ),
+        (["--outlet", "0.1"], "the opening must be at least 4 cells wide, got 1.3"),
+        (["--cells", "60"], "cells must be a multiple of 8, got 60"),
+        (["--width", "100"], "the filling must be at least 8 cells high, got 6.4"),
+        (["--width", "0.01", "--d", "1e-3"], "must be at most 16376 cells high, got 64000"),
+        (["--d", "2"], "d, the grain diameter, must be smaller than the opening, 1.25 wide"),
+        (["--stride", "9"], "stride must leave two points across the opening"),
+        (["--sides", "sticky"], "sides must be one of rough, smooth, got 'sticky'"),
+        (["--slope", "20"], "--slope is a setting of a chute, and this is a silo"),
+        (["--t-end", "1e9"], "the free fall from the top of the filling"),
+    ],
+)
+def test_nonsense_is_refused_in_one_sentence(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "flow.h5"
+    assert command.main(["silo", *arguments, "--out", str(out)]) == 2
+    text = capsys.readouterr().err
+    assert message in text
+    assert text.count("\n") == 1
+    assert not out.exists()
