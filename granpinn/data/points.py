@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,8 +31,8 @@ Indices = tuple[Index, Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """Points of a training: N of the data, M of the free surface, B of the equations alone, W of
-    walls.
+    """Points of a training: N of the data, M of the free surface, B and S of the equations alone,
+    W of walls.
 
     Positions and velocities are in the axes of granpinn/physics/axes.py.
 
@@ -45,8 +45,8 @@ class TrainingSet:
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
-            (granpinn/data/collocation.py); the last `strip` of them lie above the highest vectors
-            (granpinn/data/surface_strip.py).
+            (granpinn/data/collocation.py).
+        strip: such points above the highest vectors, [S, 3] (granpinn/data/surface_strip.py).
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
             layer on a wall may be thinner than the spacing of the vectors.
@@ -60,24 +60,25 @@ class TrainingSet:
     lower: torch.Tensor
     upper: torch.Tensor
     between: torch.Tensor
-    strip: int = 0
-    wall_points: torch.Tensor = field(default_factory=lambda: torch.empty(0, 3))
-    wall_velocity: torch.Tensor = field(default_factory=lambda: torch.empty(0, 2))
+    strip: torch.Tensor
+    wall_points: torch.Tensor
+    wall_velocity: torch.Tensor
 
     def pooled(self) -> TrainingSet:
-        """The training set with the B and W points among the data points, for the draws of batches.
+        """The training set with the B, S and W points among the data points, for batches.
 
-        The velocity at the B points has the weight 0, and so have the equations at the W points.
-        The others have more weight in return, so that the mean over all points is the sum over
-        data and walls by N; the equations, by N + B.
+        The velocity at the B and S points has the weight 0, and so have the equations at the W
+        points. The others have more weight in return, so that the mean over all points is the sum
+        over data and walls by N; the equations, by N + B + S.
         """
-        N, B, W = len(self.points), len(self.between), len(self.wall_points)
+        alone = torch.cat([self.between, self.strip])
+        N, B, W = len(self.points), len(alone), len(self.wall_points)
         if B + W == 0:
             return self
         velocity, physics = self.point_weights.unbind(1)
         of_data, of_equations = (N + B + W) / N, (N + B + W) / (N + B)
         weights = torch.stack([velocity * of_data, physics * of_equations], 1)
-        points, measured = [self.points, self.between], [self.velocity]
+        points, measured = [self.points, alone], [self.velocity]
         measured.append(measured[0].new_zeros(B, 2))
         of_points = [weights, weights.new_tensor([0.0, of_equations]).expand(B, 2)]
         if W:
@@ -90,6 +91,7 @@ class TrainingSet:
             velocity=torch.cat(measured),
             point_weights=torch.cat(of_points),
             between=self.between[:0],
+            strip=self.strip[:0],
             wall_points=self.wall_points[:0],
             wall_velocity=self.wall_velocity[:0],
         )
@@ -147,11 +149,12 @@ def training_set(
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
         between=tensor(points[:0]),
+        strip=tensor(points[:0]),
         wall_points=tensor(points[:0]),
         wall_velocity=tensor(velocity[:0]),
     )
     for name, values in vars(training).items():
-        if isinstance(values, torch.Tensor) and not torch.isfinite(values).all():
+        if not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
                 "an overflow: check the units and the values of the flow"

@@ -45,8 +45,7 @@ def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> Tra
     drawn = draw([strip], len(training.between), len(training.points))
     if drawn is None:
         return training
-    points = strip.points(drawn)
-    return replace(training, between=torch.cat([training.between, points]), strip=len(points))
+    return replace(training, strip=strip.points(drawn))
 
 
 class Drawn(NamedTuple):

@@ -65,8 +65,7 @@ def corresponding_sets(
         if drawn is not None:
             share = strip.area / np.mean([other.area for other in strips], axis=0).clip(1e-12)
             belongs = np.concatenate([belongs, share[drawn.place]])
-            points = strip.points(drawn)
-            own = replace(own, between=torch.cat([own.between, points]), strip=len(points))
+            own = replace(own, strip=strip.points(drawn))
         own = own.pooled()
         sets.append(replace(own, point_weights=_weights(own, belongs)))
     return sets

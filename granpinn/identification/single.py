@@ -102,7 +102,7 @@ def start(
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
     walls = sum(len(data.wall_points) for data in objective.distinct)
-    between = len(objective.points) - vectors - walls
+    between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
     many += f"{walls} points on walls, " if walls else ""
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):

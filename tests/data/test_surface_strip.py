@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set, with_collocation, with_surface_strip
+from granpinn.data import (
+    Flow,
+    TrainingSet,
+    training_set,
+    with_collocation,
+    with_surface_strip,
+    with_walls,
+)
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface_strip import DENSITY, THICKEST
@@ -34,7 +41,7 @@ def collocated(flow: Flow) -> TrainingSet:
 
 
 def strip(flow: Flow, before: TrainingSet) -> torch.Tensor:
-    return with_surface_strip(before, flow, scales_of(flow)).between[len(before.between) :]
+    return with_surface_strip(before, flow, scales_of(flow)).strip
 
 
 @pytest.mark.parametrize("frames", [1, 3])
@@ -57,11 +64,28 @@ def test_the_rest_of_the_training_stays() -> None:
     flow = layer()
     before = collocated(flow)
     after = with_surface_strip(before, flow, scales_of(flow))
-    assert after.strip == len(after.between) - len(before.between) > 0
+    assert len(after.strip) > 0
     for field in fields(before):
-        same = getattr(before, field.name)
         if field.name != "strip":
-            assert torch.equal(getattr(after, field.name)[: len(same)], same)
+            assert torch.equal(getattr(after, field.name), getattr(before, field.name))
+
+
+def test_the_pool_holds_them_between_the_others_and_the_walls() -> None:
+    flow = layer()
+    walls = replace(line((-8, 0), (40, 0)), slip=np.zeros(2, np.float32))
+    flow = replace(flow, walls=walls)
+    scales = scales_of(flow)
+    data = with_walls(with_surface_strip(collocated(flow), flow, scales), flow, scales)
+    pool = data.pooled()
+    parts = data.points, data.between, data.strip, data.wall_points
+    assert all(len(part) > 0 for part in parts)
+    assert torch.equal(pool.points, torch.cat(parts))
+    N, B, S, W = map(len, parts)
+    holds = [[1, 1], [0, 1], [0, 1], [1, 0]]
+    of_part = torch.tensor([[1 / N, 1 / (N + B + S)]]) * (N + B + S + W)
+    for part, own in zip(pool.point_weights.split([N, B, S, W]), holds, strict=True):
+        torch.testing.assert_close(part, of_part.expand(len(part), 2) * torch.tensor(own))
+    assert pool.pooled() is pool
 
 
 def test_a_wide_gap_is_no_strip() -> None:
@@ -99,7 +123,7 @@ def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
     data, scales = collocated(flow), scales_of(flow)
 
     def places(flow: Flow) -> np.ndarray:
-        found = with_surface_strip(data, flow, scales).between[len(data.between) :].double()
+        found = with_surface_strip(data, flow, scales).strip.double()
         x, y = axes_of(flow).undo(found[:, 0], found[:, 1])
         return scales.points_to_physical(np.stack([x, y, found[:, 2]], 1))[:, 0]
 
