@@ -9,16 +9,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 
-import torch
-
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import surface_of
 from granpinn.data.surface_offset import moved, with_moved_surface
 from granpinn.data.surface_sd import surface_sd
-from granpinn.data.variants import corresponding_sets
 from granpinn.identification import conclusion
-from granpinn.identification.case import Case
+from granpinn.identification.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member
@@ -44,11 +41,8 @@ def surface(case: Case) -> Assumption | None:
                 filled = with_partial_cells(with_moved_surface(given, offset))
                 seen = dataclasses.replace(case.seen, c=filled.c)
             variants.append((seen, moved(case.seen, surface_of(case.seen, level), offset)))
-        dtype = getattr(torch, case.config.dtype)
-        share = case.config.batch.collocation
-        lower, upper = corresponding_sets(variants, case.scales, level, share, dtype)
-        replace = dataclasses.replace
-        return replace(case.member, data=lower), replace(case.member, data=upper)
+        lower, upper = with_variants(case, variants)
+        return lower, upper
 
     unit, grain = case.flow.length_unit, case.flow.grain_diameter
     return Assumption(line, unit, sd, pair, f"{line} one grain higher", grain)

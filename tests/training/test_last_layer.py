@@ -44,7 +44,7 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
     x, velocity, weights = rand(points, 3), rand(points, 2), 0.5 + rand(points, 2)
     surface_points, pressure = rand(surface, 3), rand(surface)
     bounds = (x.amin(0), x.amax(0))
-    none = (x[:0], x[:0], x[:0], velocity[:0])
+    none = (x[:0], x[:0], x[:0, 0], x[:0], velocity[:0])
     return TrainingSet(x, velocity, weights, surface_points, pressure, *bounds, *none)
 
 
