@@ -30,6 +30,9 @@ def surface(case: Case) -> Assumption | None:
     level, sd = case.config.level, surface_sd(case.flow, case.config.level)
     if sd == 0:
         return None
+    given = surface_of(case.seen, level)
+    if given.t.size == 0:  # walls all around
+        return None
     line = "outline" if level == "V0" else "surface line"
 
     def pair() -> tuple[Member, Member]:
@@ -37,10 +40,10 @@ def surface(case: Case) -> Assumption | None:
         for offset in (-sd, sd):
             seen = case.seen
             if level != "V0":  # the line decides which partly filled cells count
-                given = dataclasses.replace(case.seen, c=case.flow.c)
-                filled = with_partial_cells(with_moved_surface(given, offset))
+                stated = dataclasses.replace(case.seen, c=case.flow.c)
+                filled = with_partial_cells(with_moved_surface(stated, offset))
                 seen = dataclasses.replace(case.seen, c=filled.c)
-            variants.append((seen, moved(case.seen, surface_of(case.seen, level), offset)))
+            variants.append((seen, moved(case.seen, given, offset)))
         lower, upper = with_variants(case, variants)
         return lower, upper
 

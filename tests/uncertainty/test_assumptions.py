@@ -143,6 +143,15 @@ def test_at_level_v0_the_outline_moves() -> None:
     torch.testing.assert_close(middle, case.member.data.surface_points, rtol=0, atol=1e-6)
 
 
+def test_walls_all_around_leave_no_surface_to_move() -> None:
+    plates = line((0, 0), (32, 0), (np.nan, np.nan), (0, 14), (32, 14))
+    pressed = np.array([np.nan, np.nan, np.nan, 0.5, 0.5], np.float32)
+    layer = make_chute(surface=None, walls=dataclasses.replace(plates, p=pressed))
+    full = np.ones_like(layer.c)
+    box = dataclasses.replace(layer, c=full, u=full, v=0 * full)
+    assert assumptions.surface(pose(box, tiny(level="V0"))) is None
+
+
 def test_an_exact_surface_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(of_assumptions, "continued", None)
     assert identify(solver(), tiny()).assumptions == ()
