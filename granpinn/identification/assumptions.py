@@ -7,14 +7,13 @@ certain. A certain assumption costs nothing.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import surface_of
 from granpinn.data.surface_offset import moved, with_moved_surface
 from granpinn.data.surface_sd import surface_sd
-from granpinn.identification import conclusion
 from granpinn.identification.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
@@ -84,22 +83,11 @@ def seconds(cases: Sequence[Case], limit: float) -> float:
     return limit * TIME_SHARE / (1 + TIME_SHARE) if uncertain else 0.0
 
 
-def of_ensembles(
-    ensembles: Sequence[Sequence[Case]], run: TrainingLoop
-) -> list[tuple[Assumed, ...]]:
-    """The effects of the assumptions of every ensemble of a run, on the member that is shown."""
-    asked: dict[int, tuple[Assumption, ...]] = {}
-    places, first = [], 0
-    for cases in ensembles:
-        _, place = conclusion.members_of(cases, run, first)
-        e = first + place
-        places.append(e)
-        first += len(cases)
-        if e not in run.trainer.diverged and (uncertain := assumptions_of(cases[place])):
-            asked[e] = uncertain
-    if asked:
-        every = [assumption for uncertain in asked.values() for assumption in uncertain]
-        names = " and ".join(dict.fromkeys(a.name for a in every))
-        run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
-    found = effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)
-    return [found.get(e, ()) for e in places]
+def trained(
+    asked: Mapping[int, Sequence[Assumption]], run: TrainingLoop
+) -> dict[int, tuple[Assumed, ...]]:
+    """The effects of assumptions on the laws of members of a run, by their place in it."""
+    every = [assumption for uncertain in asked.values() for assumption in uncertain]
+    names = " and ".join(dict.fromkeys(a.name for a in every))
+    run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
+    return effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)

@@ -13,7 +13,12 @@ from granpinn.config.toml import to_toml
 from granpinn.data import Flow
 from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
-from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
+from granpinn.identification.finish import (
+    conclude,
+    parts_of,
+    with_assumptions,
+    with_simulated_pressure,
+)
 from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results import Result
@@ -65,8 +70,7 @@ def identify(
         raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
         return conclude(cases, run, 0).result
-    (assumed,) = assumptions.of_ensembles([cases], run)
-    concluded = conclude(cases, run, 0, folder, simulate=True, assumed=assumed)
+    (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
     with threads(len(os.sched_getaffinity(0))) as pool:
         return with_simulated_pressure(concluded, run, pool)
 
