@@ -52,7 +52,7 @@ def surface(case: Case) -> Assumption | None:
 
 def side_walls(case: Case) -> Assumption | None:
     """The friction mu_w of the side walls, where the flow states their distance."""
-    walls, flow = case.config.walls, case.flow
+    walls, flow = case.config.side_walls, case.flow
     if flow.stated(WALL_GAP) is None or walls.friction == 0 or walls.friction_sd == 0:
         return None
 

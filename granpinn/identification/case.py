@@ -119,7 +119,8 @@ def posed(flow: Flow, config: Config) -> Case:
     built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
     member = Member(built, data, config.seed, law, fixed_values(config), flow)
-    return Case(flow, config, scales, member, seen, known_sd(seen), Balance(seen, config.walls))
+    balance = Balance(seen, config.side_walls)
+    return Case(flow, config, scales, member, seen, known_sd(seen), balance)
 
 
 def fixed_values(config: Config) -> dict[str, float]:

@@ -114,7 +114,7 @@ def start(
             progress.message("; ".join(words))
     if any(case.member.problem.physics.side_wall > 0 for case in cases):
         progress.message(
-            f"side walls: their friction {config.walls.friction:g} is in the equations"
+            f"side walls: their friction {config.side_walls.friction:g} is in the equations"
         )
     for reason in dict.fromkeys(undetermined(case.seen, config.level) for case in cases):
         if reason is not None:
