@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command.parser import Parser
-from granpinn.config import ConfigError, Walls
+from granpinn.config import ConfigError, SideWalls
 from granpinn.config.fields import flag_of, settings_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
@@ -96,8 +96,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
         default = field.default if field.name == "law" else None
         flag = flag_of(field.name)
         parser.add_argument(flag, dest=field.name, metavar="X", default=default, help=text)
-    for name, stated in settings_of(Walls).items():
-        flag = flag_of(f"walls.{name}")
+    for name, stated in settings_of(SideWalls).items():
+        flag = flag_of(f"side_walls.{name}")
         parser.add_argument(flag, dest=name, metavar="X", default=stated.default, help=stated.help)
     values = vars(parser.parse_args(argv))
     given = {n: convert(values[n], float, f"--{n}") for n in PARAMETERS if values[n] is not None}
@@ -108,15 +108,16 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
     out = values["out"]
     if out is not None and (objection := objection_to_folder(out)):
         raise ConfigError(f"--out {objection}")
-    side_walls = Walls(**{name: _of_walls(name, values[name]) for name in settings_of(Walls)})
+    friction = {name: _of_side_walls(name, values[name]) for name in settings_of(SideWalls)}
+    side_walls = SideWalls(**friction)
     made = {"law": law, "side_walls": side_walls}
     return {key: values[key] for key in ("data", "out", "json")} | made
 
 
-def _of_walls(name: str, text: Any) -> float:
-    flag = flag_of(f"walls.{name}")
+def _of_side_walls(name: str, text: Any) -> float:
+    flag = flag_of(f"side_walls.{name}")
     value: float = convert(text, float, flag)
-    settings_of(Walls)[name].check(value, flag)
+    settings_of(SideWalls)[name].check(value, flag)
     return value
 
 

@@ -143,7 +143,7 @@ def _resimulate(config: Config, result: results.Result, folder: Path) -> results
         flow = read_flow(path)
         listener = simulation_progress.automatic()
         return flow, *resimulation.resimulate(
-            flow, law, result.theta, cells, listener, config.walls.friction
+            flow, law, result.theta, cells, listener, config.side_walls.friction
         )
 
     found = attempt(RESIMULATION, again)
@@ -169,7 +169,7 @@ def _fit(
     """Fit the simulator to the flow, from the identified mu(I) law."""
     seen = add_noise(flow, config.noise, config.seed)
     mu_s, mu_2, I0 = theta
-    cells, friction = config.resimulation.cells, config.walls.friction
+    cells, friction = config.resimulation.cells, config.side_walls.friction
     runs = LawRuns(seen, column, I0, cells, config.free_I0, friction)
     try:
         return simulator_fit.fit(seen, runs, (mu_s, mu_2))

@@ -9,8 +9,8 @@ from granpinn.config.sections import (
     Profile,
     Resimulation,
     Rheology,
+    SideWalls,
     SimulatedPressure,
-    Walls,
     Weights,
 )
 from granpinn.config.settings import LEVELS, Config, Level, identity
@@ -27,8 +27,8 @@ __all__ = [
     "Profile",
     "Resimulation",
     "Rheology",
+    "SideWalls",
     "SimulatedPressure",
-    "Walls",
     "Weights",
     "flatten",
     "identity",

@@ -19,7 +19,7 @@ PAPER: dict[str, Any] = {
     "network.units": "file",
     "rheology.variables": "sigmoid",
     "rheology.random_start": True,
-    "walls.friction": 0.0,
+    "side_walls.friction": 0.0,
     "weights.units": "file",
     "weights.law_error": 0.0,
     "weights.follow_noise": False,

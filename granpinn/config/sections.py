@@ -89,7 +89,7 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
 
 
 @dataclass(frozen=True)
-class Walls:
+class SideWalls:
     """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
 
     The mean and the standard deviation are those of the range 0.05 to 0.17 of the literature.
@@ -104,7 +104,7 @@ class Walls:
     )
     friction_sd: float = setting(
         0.035,
-        "standard deviation of walls.friction, for the error bars",
+        "standard deviation of this friction, for the error bars",
         low=0,
         high=2,
         free=True,

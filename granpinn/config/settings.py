@@ -29,8 +29,8 @@ from granpinn.config.sections import (
     Profile,
     Resimulation,
     Rheology,
+    SideWalls,
     SimulatedPressure,
-    Walls,
     Weights,
 )
 from granpinn.config.values import typed
@@ -134,7 +134,7 @@ class Config:
     tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
     rheology: Rheology = section(Rheology)
-    walls: Walls = section(Walls)
+    side_walls: SideWalls = section(SideWalls)
     weights: Weights = section(Weights)
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)

@@ -11,6 +11,8 @@ from granpinn.config.fields import ConfigError, flatten, settings_of, without_no
 from granpinn.config.settings import Config
 from granpinn.config.values import NONE, typed
 
+RENAMED = {"walls": "side_walls"}  # sections of older versions
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Dotted settings of a TOML file."""
@@ -28,6 +30,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         else:
             values[key] = value
     for key, value in values.items():
+        old = key.partition(".")[0]
+        if old in RENAMED:
+            raise ConfigError(
+                f"{path} has the section [{old}], which is now [{RENAMED[old]}]: rename it there"
+            )
         if key not in known:
             raise ConfigError(f"{path} has the unknown setting {key}: --help lists them all")
         _, optional = without_none(known[key].kind)

@@ -16,7 +16,6 @@ from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
-from granpinn.data.surface_strip import with_surface_strip
 from granpinn.data.wall_points import with_walls
 from granpinn.data.writer import write_flow
 
@@ -40,7 +39,6 @@ __all__ = [
     "training_set",
     "with_collocation",
     "with_partial_cells",
-    "with_surface_strip",
     "with_walls",
     "write_flow",
 ]

@@ -51,8 +51,8 @@ def with_collocation(
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)
-    between = torch.as_tensor(turned_and_rounded(points, axes_of(flow)))
-    return replace(training, between=between.to(training.points))
+    between = torch.as_tensor(turned_and_rounded(points, axes_of(flow))).to(training.points)
+    return replace(training, between=between, equation_weights=torch.ones_like(between[:, 0]))
 
 
 def above_ground_after_start(flow: Flow) -> Bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,22 +31,25 @@ Indices = tuple[Index, Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """Points of a training: N of the data, M of the free surface, B of the equations alone, W of
-    walls.
+    """Points of a training: N of the data, M of the free surface, B and S of the equations alone,
+    W of walls.
 
     Positions and velocities are in the axes of granpinn/physics/axes.py.
 
     Attributes:
         points: (x, y, t) of the data, [N, 3].
         velocity: measured (u, v), [N, 2].
-        point_weights: weights of the velocity and of the physics at each point, [N, 2].
+        point_weights: weights of the velocity and of the physics at each point, [N, 2]; the mean
+            is 1. A point with weights 0 is of another variant of the flow
+            (granpinn/data/variants.py).
         surface_points: (x, y, t) of the free surface, [M, 3]; at level V0, points of the upper
             outline of the data.
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
-            (granpinn/data/collocation.py); the last `strip` of them lie above the highest vectors
-            (granpinn/data/surface_strip.py).
+            (granpinn/data/collocation.py).
+        strip: such points above the highest vectors, [S, 3] (granpinn/data/surface_strip.py).
+        equation_weights: weights of the equations at the points between and of the strip, [B + S].
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
             layer on a wall may be thinner than the spacing of the vectors.
@@ -60,36 +63,40 @@ class TrainingSet:
     lower: torch.Tensor
     upper: torch.Tensor
     between: torch.Tensor
-    strip: int = 0
-    wall_points: torch.Tensor = field(default_factory=lambda: torch.empty(0, 3))
-    wall_velocity: torch.Tensor = field(default_factory=lambda: torch.empty(0, 2))
+    strip: torch.Tensor
+    equation_weights: torch.Tensor
+    wall_points: torch.Tensor
+    wall_velocity: torch.Tensor
 
     def pooled(self) -> TrainingSet:
-        """The training set with the B and W points among the data points, for the draws of batches.
+        """The training set with the B, S and W points among the data points, for batches.
 
-        The velocity at the B points has the weight 0, and so have the equations at the W points.
-        The others have more weight in return, so that the mean over all points is the sum over
-        data and walls by N; the equations, by N + B.
+        The velocity at the B and S points has the weight 0, and so have the equations at the W
+        points. The others have more weight in return, so that the mean over all points is the sum
+        over data and walls by N; the equations, by N + B + S. Vectors with the weight 0 do not
+        count in N.
         """
-        N, B, W = len(self.points), len(self.between), len(self.wall_points)
+        alone = torch.cat([self.between, self.strip])
+        N, B, W = len(self.points), len(alone), len(self.wall_points)
         if B + W == 0:
             return self
         velocity, physics = self.point_weights.unbind(1)
         of_data, of_equations = (N + B + W) / N, (N + B + W) / (N + B)
-        weights = torch.stack([velocity * of_data, physics * of_equations], 1)
-        points, measured = [self.points, self.between], [self.velocity]
-        measured.append(measured[0].new_zeros(B, 2))
-        of_points = [weights, weights.new_tensor([0.0, of_equations]).expand(B, 2)]
-        if W:
-            points.append(self.wall_points)
-            measured.append(self.wall_velocity)
-            of_points.append(weights.new_tensor([of_data, 0.0]).expand(W, 2))
+        of_walls = (N + B + W) / int((velocity > 0).sum())
+        unknown = self.velocity.new_zeros(B, 2)
+        of_points = [
+            torch.stack([velocity * of_data, physics * of_equations], 1),
+            torch.stack([unknown[:, 0], self.equation_weights * of_equations], 1),
+            physics.new_tensor([of_walls, 0.0]).expand(W, 2),
+        ]
         return replace(
             self,
-            points=torch.cat(points),
-            velocity=torch.cat(measured),
+            points=torch.cat([self.points, alone, self.wall_points]),
+            velocity=torch.cat([self.velocity, unknown, self.wall_velocity]),
             point_weights=torch.cat(of_points),
             between=self.between[:0],
+            strip=self.strip[:0],
+            equation_weights=self.equation_weights[:0],
             wall_points=self.wall_points[:0],
             wall_velocity=self.wall_velocity[:0],
         )
@@ -107,7 +114,11 @@ class TestGrid:
 
 
 def training_set(
-    flow: Flow, scales: Scales, level: str = "V1", dtype: torch.dtype = torch.float32
+    flow: Flow,
+    scales: Scales,
+    level: str = "V1",
+    dtype: torch.dtype = torch.float32,
+    surface: Surface | None = None,
 ) -> TrainingSet:
     """The data points (valid vector; on a grid: c = 1) and the surface points of a level.
 
@@ -117,6 +128,7 @@ def training_set(
         level: "V0": velocity only, p = 0 on the upper `outline` of its points; "V1": also the line
             of the free surface, with p = 0; "V2": also the measured pressure on this line.
         dtype: of all tensors.
+        surface: points of the free surface, by default those of the level.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
@@ -130,10 +142,10 @@ def training_set(
     measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
     velocity = scales.to_dimensionless(measured, "velocity")
     weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
-    surface_points, surface_pressure = _surface(flow, scales, level)
-    points, velocity, surface_points = (
-        turned_and_rounded(values, axes) for values in (points, velocity, surface_points)
-    )
+    surface = surface_of(flow, level) if surface is None else surface
+    points, velocity = (turned_and_rounded(values, axes) for values in (points, velocity))
+    surface_points = place_of(surface, flow, scales)
+    surface_pressure = _pressure_on(surface, scales, level)
 
     def tensor(values: Floats) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
@@ -147,11 +159,13 @@ def training_set(
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
         between=tensor(points[:0]),
+        strip=tensor(points[:0]),
+        equation_weights=tensor(points[:0, 0]),
         wall_points=tensor(points[:0]),
         wall_velocity=tensor(velocity[:0]),
     )
     for name, values in vars(training).items():
-        if isinstance(values, torch.Tensor) and not torch.isfinite(values).all():
+        if not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
                 "an overflow: check the units and the values of the flow"
@@ -234,14 +248,17 @@ def _velocity_weights(samples: Particles) -> Float64:
     return np.asarray(weights / weights.mean())
 
 
-def _surface(flow: Flow, scales: Scales, level: str) -> tuple[Float64, Float64]:
-    """Points [M, 3] and pressure [M] of the free surface, dimensionless."""
-    surface = surface_of(flow, level)
+def place_of(surface: Surface, flow: Flow, scales: Scales) -> Float64:
+    """Points of a free surface as (x, y, t) of the training [M, 3]."""
     points = scales.points_to_dimensionless(surface.x, surface.y, surface.t)
+    return turned_and_rounded(points, axes_of(flow))
+
+
+def _pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
+    """The dimensionless pressure on a free surface [M]."""
     if level != "V2" or surface.p is None:
-        return points, np.zeros(len(points))
-    pressure = surface.p.astype(np.float64)
-    return points, scales.to_dimensionless(pressure, "pressure")
+        return np.zeros(surface.t.size)
+    return scales.to_dimensionless(surface.p.astype(np.float64), "pressure")
 
 
 def surface_of(flow: Flow, level: str) -> Surface:

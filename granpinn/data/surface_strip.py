@@ -8,7 +8,6 @@ zero at the line but rises too little below it: the weight of the strip is missi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -31,22 +30,6 @@ if TYPE_CHECKING:
 DENSITY = 0.25
 THICKEST = 2.5  # spacings; a wider strip is a gap in the data
 _KEY = 4 << 64  # of Philox; the same points for every seed
-
-
-def with_surface_strip(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
-    """The training set with points of the equations up to its free surface.
-
-    They lie between a point of the surface and the vector nearest to it at the same time, with no
-    wall between both. Without points between the vectors it is unchanged.
-    """
-    if len(training.between) == 0:
-        return training
-    strip = strip_of(training, flow, scales)
-    drawn = draw([strip], len(training.between), len(training.points))
-    if drawn is None:
-        return training
-    points = strip.points(drawn)
-    return replace(training, between=torch.cat([training.between, points]), strip=len(points))
 
 
 class Drawn(NamedTuple):
@@ -81,7 +64,11 @@ class Strip(NamedTuple):
 
 
 def strip_of(training: TrainingSet, flow: Flow, scales: Scales) -> Strip:
-    """The strip between the vectors and the surface of a training set."""
+    """The strip between the vectors and the surface of a training set.
+
+    Its points lie between a point of the surface and the vector nearest to it at the same time,
+    with no wall between both.
+    """
     dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
     thickest = THICKEST * max(dx, dy)
     points, surface = (a.double().numpy() for a in (training.points, training.surface_points))

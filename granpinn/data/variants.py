@@ -1,8 +1,9 @@
-"""Variants of one flow as training sets whose points correspond, for differences between them.
+"""Training sets: of one flow, or of variants of it whose points correspond.
 
-The variants differ in which cells count as full of grains, and in the free surface. All points of
-all variants are in every set, in one order; a point that a variant lacks has the weight 0 there. So
-the same draw of points serves all, and its scatter cancels in a difference.
+Variants differ in which cells count as full of grains, and in the free surface. All points of all
+variants are in every set, in one order; a point that a variant lacks has the weight 0 there. So the
+same draw of points serves all, and its scatter cancels in a difference. A flow alone is the only
+variant of itself.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from granpinn.arrays import Float64
 from granpinn.data.collocation import (
     above_ground_after_start,
     lie_between,
@@ -21,78 +21,104 @@ from granpinn.data.collocation import (
     with_collocation,
 )
 from granpinn.data.flow import Flow, Surface
-from granpinn.data.points import TrainingSet, training_set, turned_and_rounded
+from granpinn.data.points import TrainingSet, place_of, training_set
 from granpinn.data.surface_strip import draw, strip_of
-from granpinn.data.symmetry import axes_of
+from granpinn.data.wall_points import with_walls
 from granpinn.physics.scales import Scales
 
 
-def corresponding_sets(
+def training_sets(
     variants: Sequence[tuple[Flow, Surface]],
+    flow: Flow,
     scales: Scales,
     level: str,
     collocation: float,
     dtype: torch.dtype,
 ) -> list[TrainingSet]:
-    """The pooled training set (`TrainingSet.pooled`) of every variant.
+    """The points of a fit for every variant: data, free surface, points of the equations between
+    the vectors and in the strip under the surface, and points of walls.
 
-    Points in the strip under the surface move with it, and so differ between the sets.
+    Points in the strip move with the surface, and so differ between the sets. Walls have the same
+    conditions in all sets. The mean of a loss over a set is that over the own points of a variant.
 
     Args:
         variants: flows that differ in `c` alone, each with its points of the free surface; all
             surfaces have the same number of points.
+        flow: the vectors that decide about the conditions on its walls.
         collocation: points between the vectors for each vector.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
-    flow = variants[0][0]
-    union = replace(flow, c=np.max([variant.c for variant, _ in variants], axis=0))
-    data = training_set(union, scales, level, dtype)
-    everything = with_collocation(data, union, scales, collocation)
-    lines = [_surface_points(surface, union, scales, dtype) for _, surface in variants]
-    full = [_belongs(variant, union, len(everything.between)) for variant, _ in variants]
-    strips = []
-    for belongs, line in zip(full, lines, strict=True):
-        vectors = data.points[torch.as_tensor(belongs[: len(data.points)] > 0)]
-        strips.append(strip_of(replace(data, points=vectors, surface_points=line), union, scales))
-    drawn = None
-    if level != "V0" and len(everything.between) > 0:
-        drawn = draw(strips, len(everything.between), len(data.points))
-    sets = []
-    for belongs, line, strip in zip(full, lines, strips, strict=True):
-        own = replace(everything, surface_points=line)
-        if drawn is not None:
-            share = strip.area / np.mean([other.area for other in strips], axis=0).clip(1e-12)
-            belongs = np.concatenate([belongs, share[drawn.place]])
-            points = strip.points(drawn)
-            own = replace(own, between=torch.cat([own.between, points]), strip=len(points))
-        own = own.pooled()
-        sets.append(replace(own, point_weights=_weights(own, belongs)))
-    return sets
+    union, first = variants[0]
+    if len(variants) > 1:
+        union = replace(union, c=np.max([variant.c for variant, _ in variants], axis=0))
+    data = training_set(union, scales, level, dtype, first)
+    data = with_collocation(data, union, scales, collocation)
+    sets = [_variant(data, union, *variant, scales) for variant in variants]
+    if level != "V0" and len(data.between) > 0:
+        sets = _with_strips(sets, union, scales)
+    on_walls = with_walls(data, flow, scales)
+    count = len(data.surface_points)
+    return [_with_walls_of(on_walls, _even(made), count) for made in sets]
 
 
-def _belongs(variant: Flow, union: Flow, between: int) -> Float64:
-    """1 for the data points and the points between them that the variant has, else 0 [N + B]."""
-    if union.particles is not None:
-        return np.ones(int(union.after_start(union.particles.t).sum()))
+def _variant(
+    data: TrainingSet, union: Flow, flow: Flow, surface: Surface, scales: Scales
+) -> TrainingSet:
+    """The training set of all variants with the weights and the surface of one."""
+    line = torch.as_tensor(place_of(surface, flow, scales)).to(data.surface_points)
+    made = replace(data, surface_points=line)
+    if flow.particles is not None or np.array_equal(flow.material, union.material):
+        return made
     kept = union.valid & union.after_start(union.t)[:, None, None]
-    if np.array_equal(variant.material, union.material):
-        return np.ones(int(kept.sum()) + between)
-    x, y, t = points_between(union, above_ground_after_start(union), between)
-    inside = lie_between(variant, above_ground_after_start(variant), x, y, t)
-    return np.concatenate([variant.material[kept], inside]).astype(np.float64)
+    own = torch.as_tensor(flow.material[kept]).to(data.point_weights)
+    velocity, physics = (data.point_weights * own[:, None]).unbind(1)
+    velocity = velocity / velocity.mean()
+    x, y, t = points_between(union, above_ground_after_start(union), len(data.between))
+    inside = lie_between(flow, above_ground_after_start(flow), x, y, t)
+    return replace(
+        made,
+        point_weights=torch.stack([velocity, physics], 1),
+        equation_weights=torch.as_tensor(inside).to(data.equation_weights),
+    )
 
 
-def _weights(everything: TrainingSet, belongs: Float64) -> torch.Tensor:
-    """Weights [N + B, 2] of the points that belong; their means are those of all points."""
-    weights = everything.point_weights
-    kept = weights * torch.as_tensor(belongs).to(weights)[:, None]
-    return kept * (weights.mean(0) / kept.mean(0))
+def _with_strips(sets: Sequence[TrainingSet], flow: Flow, scales: Scales) -> list[TrainingSet]:
+    """The sets with the same points in their strips under the surface, which stand for its area."""
+    own = [made.point_weights[:, 0] > 0 for made in sets]
+    below = [replace(s, points=s.points[k]) for s, k in zip(sets, own, strict=True)]
+    strips = [strip_of(s, flow, scales) for s in below]
+    drawn = draw(strips, len(sets[0].between), len(sets[0].points))
+    if drawn is None:
+        return list(sets)
+    mean = np.mean([strip.area for strip in strips], axis=0).clip(1e-12)
+    made = []
+    for own_set, strip in zip(sets, strips, strict=True):
+        share = torch.as_tensor((strip.area / mean)[drawn.place]).to(own_set.equation_weights)
+        weights = torch.cat([own_set.equation_weights, share])
+        made.append(replace(own_set, strip=strip.points(drawn), equation_weights=weights))
+    return made
 
 
-def _surface_points(
-    surface: Surface, flow: Flow, scales: Scales, dtype: torch.dtype
-) -> torch.Tensor:
-    points = scales.points_to_dimensionless(surface.x, surface.y, surface.t)
-    return torch.as_tensor(turned_and_rounded(points, axes_of(flow))).to(dtype)
+def _even(made: TrainingSet) -> TrainingSet:
+    """The set with weights of the equations whose mean over all their points is 1."""
+    velocity, physics = made.point_weights.unbind(1)
+    mean = float(torch.cat([physics, made.equation_weights]).double().mean())
+    return replace(
+        made,
+        point_weights=torch.stack([velocity, physics / mean], 1),
+        equation_weights=made.equation_weights / mean,
+    )
+
+
+def _with_walls_of(on_walls: TrainingSet, made: TrainingSet, count: int) -> TrainingSet:
+    """A set with the walls of another one, whose first `count` surface points are no walls."""
+    line = torch.cat([made.surface_points, on_walls.surface_points[count:]])
+    return replace(
+        made,
+        surface_points=line,
+        surface_pressure=on_walls.surface_pressure,
+        wall_points=on_walls.wall_points,
+        wall_velocity=on_walls.wall_velocity,
+    )

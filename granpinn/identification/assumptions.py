@@ -7,18 +7,14 @@ certain. A certain assumption costs nothing.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-
-import torch
+from collections.abc import Callable, Mapping, Sequence
 
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import surface_of
 from granpinn.data.surface_offset import moved, with_moved_surface
 from granpinn.data.surface_sd import surface_sd
-from granpinn.data.variants import corresponding_sets
-from granpinn.identification import conclusion
-from granpinn.identification.case import Case
+from granpinn.identification.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member
@@ -33,6 +29,9 @@ def surface(case: Case) -> Assumption | None:
     level, sd = case.config.level, surface_sd(case.flow, case.config.level)
     if sd == 0:
         return None
+    given = surface_of(case.seen, level)
+    if given.t.size == 0:  # walls all around
+        return None
     line = "outline" if level == "V0" else "surface line"
 
     def pair() -> tuple[Member, Member]:
@@ -40,15 +39,12 @@ def surface(case: Case) -> Assumption | None:
         for offset in (-sd, sd):
             seen = case.seen
             if level != "V0":  # the line decides which partly filled cells count
-                given = dataclasses.replace(case.seen, c=case.flow.c)
-                filled = with_partial_cells(with_moved_surface(given, offset))
+                stated = dataclasses.replace(case.seen, c=case.flow.c)
+                filled = with_partial_cells(with_moved_surface(stated, offset))
                 seen = dataclasses.replace(case.seen, c=filled.c)
-            variants.append((seen, moved(case.seen, surface_of(case.seen, level), offset)))
-        dtype = getattr(torch, case.config.dtype)
-        share = case.config.batch.collocation
-        lower, upper = corresponding_sets(variants, case.scales, level, share, dtype)
-        replace = dataclasses.replace
-        return replace(case.member, data=lower), replace(case.member, data=upper)
+            variants.append((seen, moved(case.seen, given, offset)))
+        lower, upper = with_variants(case, variants)
+        return lower, upper
 
     unit, grain = case.flow.length_unit, case.flow.grain_diameter
     return Assumption(line, unit, sd, pair, f"{line} one grain higher", grain)
@@ -56,7 +52,7 @@ def surface(case: Case) -> Assumption | None:
 
 def side_walls(case: Case) -> Assumption | None:
     """The friction mu_w of the side walls, where the flow states their distance."""
-    walls, flow = case.config.walls, case.flow
+    walls, flow = case.config.side_walls, case.flow
     if flow.stated(WALL_GAP) is None or walls.friction == 0 or walls.friction_sd == 0:
         return None
 
@@ -87,22 +83,11 @@ def seconds(cases: Sequence[Case], limit: float) -> float:
     return limit * TIME_SHARE / (1 + TIME_SHARE) if uncertain else 0.0
 
 
-def of_ensembles(
-    ensembles: Sequence[Sequence[Case]], run: TrainingLoop
-) -> list[tuple[Assumed, ...]]:
-    """The effects of the assumptions of every ensemble of a run, on the member that is shown."""
-    asked: dict[int, tuple[Assumption, ...]] = {}
-    places, first = [], 0
-    for cases in ensembles:
-        _, place = conclusion.members_of(cases, run, first)
-        e = first + place
-        places.append(e)
-        first += len(cases)
-        if e not in run.trainer.diverged and (uncertain := assumptions_of(cases[place])):
-            asked[e] = uncertain
-    if asked:
-        every = [assumption for uncertain in asked.values() for assumption in uncertain]
-        names = " and ".join(dict.fromkeys(a.name for a in every))
-        run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
-    found = effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)
-    return [found.get(e, ()) for e in places]
+def trained(
+    asked: Mapping[int, Sequence[Assumption]], run: TrainingLoop
+) -> dict[int, tuple[Assumed, ...]]:
+    """The effects of assumptions on the laws of members of a run, by their place in it."""
+    every = [assumption for uncertain in asked.values() for assumption in uncertain]
+    names = " and ".join(dict.fromkeys(a.name for a in every))
+    run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
+    return effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from granpinn.config import Level, Walls
+from granpinn.config import Level, SideWalls
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.confined import undetermined
@@ -33,7 +33,7 @@ class Balance:
         side_walls: their friction, as the training took it.
     """
 
-    def __init__(self, flow: Flow, side_walls: Walls | None = None) -> None:
+    def __init__(self, flow: Flow, side_walls: SideWalls | None = None) -> None:
         self.flow, self._side_walls = flow, side_walls
         self._made: dict[float, Baseline] = {}
         self._lock = Lock()

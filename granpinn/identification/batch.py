@@ -14,9 +14,13 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.identification import assumptions
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
-from granpinn.identification.finish import Concluded, conclude, with_simulated_pressure
+from granpinn.identification.finish import (
+    Concluded,
+    conclude,
+    with_assumptions,
+    with_simulated_pressure,
+)
 from granpinn.identification.single import histories, prepare, start
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -99,14 +103,14 @@ def identify_many(
         run = start(every, config, folder, listener, begin, places)
         run.train()
         ensembles = [every[first : first + K] for first in range(0, len(every), K)]
-        assumed = assumptions.of_ensembles(ensembles, run)
 
         def concluded(e: int) -> Concluded:
-            made = conclude(ensembles[e], run, e * K, parts[e], keep_fields, True, assumed[e])
+            made = conclude(ensembles[e], run, e * K, parts[e], keep_fields, simulate=True)
             # The fields of all members at once would not fit into memory.
             return made._replace(maps=None)
 
         written = _side_by_side(concluded, range(len(cases)), config.device)
+        written = with_assumptions(written, run)
         # One pool for all members: every core simulates pressures as long as frames are left.
         with threads(max(1, _cores() // group.size)) as pool:
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -19,14 +20,13 @@ from granpinn.data import (
     known_sd,
     read_flow,
     redraw,
-    training_set,
-    with_collocation,
     with_partial_cells,
-    with_surface_strip,
-    with_walls,
 )
+from granpinn.data.flow import Surface
+from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer
+from granpinn.data.variants import training_sets
 from granpinn.identification.balance import Balance
 from granpinn.inspection.slips import refuse_slips
 from granpinn.physics.constants import Physics
@@ -119,7 +119,8 @@ def posed(flow: Flow, config: Config) -> Case:
     built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
     member = Member(built, data, config.seed, law, fixed_values(config), flow)
-    return Case(flow, config, scales, member, seen, known_sd(seen), Balance(seen, config.walls))
+    balance = Balance(seen, config.side_walls)
+    return Case(flow, config, scales, member, seen, known_sd(seen), balance)
 
 
 def fixed_values(config: Config) -> dict[str, float]:
@@ -134,11 +135,19 @@ def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
-    data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
-    data = with_collocation(data, flow, scales, config.batch.collocation)
-    if config.level != "V0":
-        data = with_surface_strip(data, flow, scales)
-    return with_walls(data, flow, scales)
+    variant = flow, surface_of(flow, config.level)
+    return training_sets([variant], flow, scales, *of_points(config))[0]
+
+
+def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
+    """The member of a case with the data of variants of its flow (`training_sets`)."""
+    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config))
+    return [dataclasses.replace(case.member, data=data) for data in sets]
+
+
+def of_points(config: Config) -> tuple[str, float, torch.dtype]:
+    """The settings of a training set: level, share of points between vectors, and dtype."""
+    return config.level, config.batch.collocation, getattr(torch, config.dtype)
 
 
 def members(case: Case) -> list[Case]:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from granpinn import results
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.physics.laws import LAWS
-from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
-from granpinn.results.records import Members
+from granpinn.results.records import ErrorBars, Members, Verdict
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import of_training
 
@@ -65,20 +66,10 @@ def result(
     """
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
-    residuals = residuals_of(case, loss)
-    symmetries = case.member.problem.symmetries
-    diverged = failure is not None
-    judged = of_training.judge(
-        members, residuals, run.trainer.step, config, diverged, symmetries, assumed
-    )
-    fixed = case.member.fixed
-    parameters = Parameters(
-        (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
-        for name in model.law.names
-    )
-    steps = run.trainer.step
+    residuals, steps = residuals_of(case, loss), run.trainer.step
+    law = _law(case, members, residuals, steps, failure is not None, assumed)
     return Result(
-        parameters=parameters,
+        **law._asdict(),
         level=config.level,
         form=config.form,
         recipe=config.recipe,
@@ -88,7 +79,7 @@ def result(
             n_surface=len(data.surface_points),
             noise=config.noise,
             n_frames=int(flow.t.size),
-            symmetries=symmetries,
+            symmetries=case.member.problem.symmetries,
         ),
         timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
         device=str(run.trainer.params.device),
@@ -99,14 +90,48 @@ def result(
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
         truth=flow.truth,
-        covariance=judged.covariance,
         loss=loss,
         members=members,
         residuals=residuals,
-        error_bars=judged.bars,
-        verdict=judged.verdict,
-        assumptions=assumed,
     )
+
+
+class _Law(NamedTuple):
+    """The fields of a result that the assumptions change."""
+
+    parameters: Parameters
+    covariance: Covariance | None
+    error_bars: ErrorBars | None
+    verdict: Verdict
+    assumptions: tuple[Assumed, ...]
+
+
+def _law(
+    case: Case,
+    members: Members,
+    residuals: Residuals | None,
+    steps: int,
+    diverged: bool,
+    assumed: tuple[Assumed, ...],
+) -> _Law:
+    """The law of an ensemble with its error bars and the verdict on it."""
+    symmetries, fixed = case.member.problem.symmetries, case.member.fixed
+    judged = of_training.judge(
+        members, residuals, steps, case.config, diverged, symmetries, assumed
+    )
+    parameters = Parameters(
+        (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
+        for name in LAWS[case.config.law].names
+    )
+    return _Law(parameters, judged.covariance, judged.bars, judged.verdict, assumed)
+
+
+def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:
+    """The result of `result` with other effects of its assumptions on the law."""
+    assert result.members is not None
+    steps, diverged = result.timing.steps, result.failure is not None
+    law = _law(case, result.members, result.residuals, steps, diverged, assumed)
+    return dataclasses.replace(result, **law._asdict())
 
 
 def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:

@@ -29,7 +29,8 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     objective, e = trainer.objective, member
     params, theta = trainer.trained(e)
     data = objective.data(e)
-    inside, surface = _every_kth(_held(data)), _every_kth(torch.arange(len(data.surface_points)))
+    inside = _every_kth(_held(objective.members[e].data, len(data.points)))
+    surface = _every_kth(torch.arange(len(data.surface_points)))
     sums = [0.0] * len(NAMES)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
@@ -47,11 +48,11 @@ def _named(values: list[float]) -> dict[str, float]:
     return dict(zip(NAMES, values, strict=True))
 
 
-def _held(data: TrainingSet) -> torch.Tensor:
-    """Indices of the points of an objective without those above the highest vectors."""
-    end = len(data.points) - len(data.wall_points)
-    every = torch.arange(len(data.points))
-    return torch.cat([every[: end - data.strip], every[end:]])
+def _held(data: TrainingSet, pooled: int) -> torch.Tensor:
+    """Indices of the pooled points without those above the highest vectors (`pooled`)."""
+    first = len(data.points) + len(data.between)
+    every = torch.arange(pooled)
+    return torch.cat([every[:first], every[first + len(data.strip) :]])
 
 
 def _every_kth(indices: torch.Tensor) -> torch.Tensor:

@@ -1,11 +1,14 @@
-"""From trained networks to the files of a run folder, in two steps.
+"""From trained networks to the files of a run folder, in three steps.
 
-`conclude` writes the values, their intervals and the fields. Whatever follows can fail without
-harm to them: `with_simulated_pressure` adds the pressure that a simulator gives.
+`conclude` writes the values and the fields. Whatever follows can fail without harm to them:
+`with_assumptions` adds the effects of assumptions that the data do not contain, and with them the
+intervals; `with_simulated_pressure`, the pressure that a simulator gives. A law without uncertain
+assumptions has its intervals at once.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -17,7 +20,15 @@ import numpy as np
 from granpinn import results
 from granpinn.arrays import Floats
 from granpinn.data.surface_sd import SOLVER
-from granpinn.identification import balance, conclusion, prediction, scoring, simulated_fields
+from granpinn.identification import (
+    assumptions,
+    balance,
+    conclusion,
+    prediction,
+    scoring,
+    simulated_fields,
+)
+from granpinn.identification.assumptions import assumptions_of
 from granpinn.identification.case import Case, Model
 from granpinn.inspection.confined import undetermined
 from granpinn.output import OutputError, replacing
@@ -30,11 +41,12 @@ from granpinn.results import (
     write_csv,
     write_fields,
 )
-from granpinn.results.assumed import Assumed
 from granpinn.results.attempt import (
+    ASSUMPTIONS,
     BASELINE,
     DETERMINED,
     FIELDS,
+    PENDING,
     SCORES,
     SIMULATED_PRESSURE,
     attempt,
@@ -45,14 +57,18 @@ from granpinn.results.attempt import (
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import of_kind
 from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
+from granpinn.uncertainty.of_assumptions import Assumption, without_effect
 
 
 class Concluded(NamedTuple):
-    """A result on disk, and what the simulated pressure needs.
+    """A result on disk, and what the later steps need.
 
     Attributes:
         case, model: the member that is shown, and its network.
+        place: of this member in the run.
+        uncertain: the assumptions whose effect is to come.
         maps: its fields; None if they were not made or not kept.
+        shear: I of the grains that shear [n]; None without fields.
         folder: where the result is written; None: nowhere.
         keep_fields: whether fields.h5 is written.
     """
@@ -60,7 +76,10 @@ class Concluded(NamedTuple):
     result: Result
     case: Case
     model: Model
+    place: int
+    uncertain: tuple[Assumption, ...]
     maps: Fields | None
+    shear: Floats | NotDone | None
     folder: Path | None
     keep_fields: bool
 
@@ -72,13 +91,13 @@ def conclude(
     folder: Path | None = None,
     keep_fields: bool = True,
     simulate: bool = False,
-    assumed: tuple[Assumed, ...] = (),
 ) -> Concluded:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
+    It has no error bars as long as the effect of an assumption is to come.
+
     Args:
         simulate: whether a simulated pressure will follow if the settings ask for it.
-        assumed: assumptions of the member that is shown, and their effect.
 
     Raises:
         OutputError: a file cannot be written.
@@ -87,7 +106,10 @@ def conclude(
     case, e = cases[place], first + place
     law = LAWS[case.config.law]
     model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
+    uncertain = () if e in run.trainer.diverged else assumptions_of(case)
+    assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)
+    result = pending(result, ASSUMPTIONS) if uncertain else result
     predicted = attempt(FIELDS, lambda: prediction.predict(case.flow, model))
     maps = None if isinstance(predicted, NotDone) else predicted
     if isinstance(predicted, NotDone):
@@ -96,9 +118,8 @@ def conclude(
         result = _scored(result, case, model, predicted)
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
-    result = _with_baseline(result, case)
-    if maps is not None:
-        result = _with_range(result, case, maps)
+    shear = None if maps is None else attempt(DETERMINED, lambda: _shear(maps))
+    result = _compared(result, case, shear)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -107,7 +128,34 @@ def conclude(
             shown = parts_of(folder, len(cases))[place]
             with replacing(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
-    return Concluded(result, case, model, maps, folder, keep_fields)
+    return Concluded(result, case, model, e, uncertain, maps, shear, folder, keep_fields)
+
+
+def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[Concluded]:
+    """The results with the effects of their assumptions, written to their folders.
+
+    The trainings for all of them are one batch.
+    """
+    asked = {c.place: c.uncertain for c in concluded if c.uncertain}
+    if not asked:
+        return list(concluded)
+    found = attempt(ASSUMPTIONS, lambda: assumptions.trained(asked, run))
+
+    def made(c: Concluded) -> Concluded:
+        if not c.uncertain:
+            return c
+        if isinstance(found, NotDone):
+            assumed = tuple(without_effect(assumption, found.why) for assumption in c.uncertain)
+            result = lacking(c.result, found)
+        else:
+            assumed, result = found[c.place], having(c.result, ASSUMPTIONS)
+        result = conclusion.with_assumptions(result, c.case, assumed)
+        result = _compared(result, c.case, c.shear)
+        if c.folder is not None:
+            _write_values(result, c.folder)
+        return c._replace(result=result, uncertain=())
+
+    return [made(c) for c in concluded]
 
 
 def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Result:
@@ -115,7 +163,7 @@ def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Execu
 
     The threads of `pool` simulate the frames.
     """
-    result, case, model, _, folder, keep_fields = concluded
+    result, case, model = concluded.result, concluded.case, concluded.model
     if all(part.what != SIMULATED_PRESSURE for part in result.not_done):
         return result
 
@@ -131,8 +179,8 @@ def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Execu
 
     found = attempt(SIMULATED_PRESSURE, simulated)
     result, maps = (lacking(result, found), None) if isinstance(found, NotDone) else found
-    if folder is not None:
-        if keep_fields and maps is not None:
+    if (folder := concluded.folder) is not None:
+        if concluded.keep_fields and maps is not None:
             append_variable(maps, "p_simulated", folder / "fields.h5")
         _write_values(result, folder)
     return result
@@ -146,15 +194,29 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     return having(result, SCORES, **scores._asdict())
 
 
-def _with_range(result: Result, case: Case, maps: Fields) -> Result:
+def _shear(maps: Fields) -> Floats:
+    """I of the grains that shear [n]."""
+    return maps.values["I"][scoring.after_start(maps) & scoring.flowing(maps)]
+
+
+def _compared(result: Result, case: Case, shear: Floats | NotDone | None) -> Result:
+    """The result with the momentum balance, and with what its range of I determines."""
+    result = _with_baseline(dataclasses.replace(result, determined=None), case)
+    if isinstance(shear, NotDone):
+        return lacking(result, shear)
+    return result if shear is None else _with_range(result, case, shear)
+
+
+def _with_range(result: Result, case: Case, number: Floats) -> Result:
     """The result without the parameters that its range of I, or its walls, do not determine.
 
     Kinds of flows with a known model error get their error bars first.
+
+    Args:
+        number: I of the grains that shear [n]; the loss weights every vector alike.
     """
 
     def of_shear() -> Result:
-        points = scoring.after_start(maps) & scoring.flowing(maps)
-        number = maps.values["I"][points]  # the loss weights every vector alike
         weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
         if reason is not None:
             return applied(result, unfixed(result, number, weight, reason))
@@ -163,7 +225,7 @@ def _with_range(result: Result, case: Case, maps: Fields) -> Result:
         return made if found is None else applied(made, found)
 
     made = attempt(DETERMINED, of_shear)
-    return lacking(result, made) if isinstance(made, NotDone) else made
+    return lacking(result, made) if isinstance(made, NotDone) else having(made, DETERMINED)
 
 
 def _with_model_error(result: Result, case: Case, number: Floats) -> Result:

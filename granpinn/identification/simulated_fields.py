@@ -64,7 +64,7 @@ def pressures(
         velocity_of(flow, model),
         settings.frames,
         settings.cells,
-        wall_friction=case.config.walls.friction,
+        wall_friction=case.config.side_walls.friction,
         pool=pool,
         deadline=deadline,
         listener=say,

@@ -13,7 +13,12 @@ from granpinn.config.toml import to_toml
 from granpinn.data import Flow
 from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
-from granpinn.identification.finish import conclude, parts_of, with_simulated_pressure
+from granpinn.identification.finish import (
+    conclude,
+    parts_of,
+    with_assumptions,
+    with_simulated_pressure,
+)
 from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results import Result
@@ -65,8 +70,7 @@ def identify(
         raise NonFiniteError(next(iter(run.trainer.diverged.values())))
     if together.rank > 0:
         return conclude(cases, run, 0).result
-    (assumed,) = assumptions.of_ensembles([cases], run)
-    concluded = conclude(cases, run, 0, folder, simulate=True, assumed=assumed)
+    (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
     with threads(len(os.sched_getaffinity(0))) as pool:
         return with_simulated_pressure(concluded, run, pool)
 
@@ -102,7 +106,7 @@ def start(
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
     walls = sum(len(data.wall_points) for data in objective.distinct)
-    between = len(objective.points) - vectors - walls
+    between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
     many += f"{walls} points on walls, " if walls else ""
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
@@ -110,7 +114,7 @@ def start(
             progress.message("; ".join(words))
     if any(case.member.problem.physics.side_wall > 0 for case in cases):
         progress.message(
-            f"side walls: their friction {config.walls.friction:g} is in the equations"
+            f"side walls: their friction {config.side_walls.friction:g} is in the equations"
         )
     for reason in dict.fromkeys(undetermined(case.seen, config.level) for case in cases):
         if reason is not None:

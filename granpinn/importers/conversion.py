@@ -159,6 +159,6 @@ def _summary(flow: Flow, material: Material) -> list[str]:
         lines.append(
             f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
             f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
-            "--walls.friction"
+            "--side_walls.friction"
         )
     return lines

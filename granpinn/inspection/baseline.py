@@ -24,7 +24,7 @@ from itertools import pairwise
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.config import Walls
+from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
 from granpinn.inspection.hanging import hanging
@@ -45,14 +45,14 @@ LARGEST_ERROR = 0.25  # of mu, relative
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
-def baseline(flow: Flow, I0: float = I0, side_walls: Walls | None = None) -> Baseline:
+def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) -> Baseline:
     """The friction of a flow from the momentum balance.
 
     Args:
         I0: inertial scale of the law through the points.
         side_walls: their friction, for a flow that states their distance.
     """
-    side_walls = side_walls or Walls()
+    side_walls = side_walls or SideWalls()
     pose = upright(flow, 0)
     held = None if isinstance(pose, str) else hanging(flow, pose)
     if held is not None:

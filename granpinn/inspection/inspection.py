@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.config import Walls
+from granpinn.config import SideWalls
 from granpinn.data import Flow, with_partial_cells
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
@@ -166,7 +166,7 @@ class Inspection:
 
 
 def inspect(
-    flow: Flow, law: AssumedLaw | None = None, side_walls: Walls | None = None
+    flow: Flow, law: AssumedLaw | None = None, side_walls: SideWalls | None = None
 ) -> Inspection:
     """Inspects a flow without training; the precision is that of `law`."""
     law = law or AssumedLaw()

@@ -1,9 +1,9 @@
 """Parts of a run that follow its results: each may fail alone.
 
-The identified values are written first. What comes after them (pressure by the simulator, profile
-of I0, simulation with the identified law, figures, page) is optional for the values. So any error
-in such a part, a bug included, becomes one sentence: a `NotDone` in results.json, in the terminal
-and on the page.
+The identified values are written first. What comes after them (effect of the assumptions, pressure
+by the simulator, profile of I0, simulation with the identified law, figures, page) is optional for
+the values. So any error in such a part, a bug included, becomes one sentence: a `NotDone` in
+results.json, in the terminal and on the page.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ T = TypeVar("T")
 FIELDS = "fields"
 SCORES = "comparison with the reference"
 SIMULATED_PRESSURE = "simulated pressure"
+ASSUMPTIONS = "effect of the assumptions"
 BASELINE = "momentum balance"
 DETERMINED = "range of the law"
 PROFILE = "profile of I0"
@@ -30,7 +31,7 @@ RESIMULATION = "simulation with the identified law"
 SIMULATOR_FIT = "fit of the simulator"
 REPORT = "report"
 # Parts that are made without a flag; a run without them has exit code 0.
-UNASKED = (BASELINE, DETERMINED, SIMULATED_PRESSURE, REPORT)
+UNASKED = (ASSUMPTIONS, BASELINE, DETERMINED, SIMULATED_PRESSURE, REPORT)
 
 PENDING = "the run ended before it; --resume continues there"
 LONGEST = 300  # characters of the message of an error

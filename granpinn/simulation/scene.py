@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.config import ConfigError, Walls, setting
+from granpinn.config import ConfigError, SideWalls, setting
 from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
 from granpinn.data.flow import Walls as WallLines
@@ -28,7 +28,7 @@ PAPER_ETA_MAX = 1e4
 PAPER_AIR_DENSITY = 1e-4
 PAPER_AIR_VISCOSITY = 1e-4
 PAPER_LARGEST_STEP = 1e-2
-USUAL_WALLS = Walls()
+USUAL_SIDE_WALLS = SideWalls()
 
 # Any unit of length, time and mass is possible. Products of sizes in this range are far from the
 # largest and smallest float64.
@@ -65,7 +65,7 @@ class Scene(CompleteLaw):
         None, "distance of side walls, whose friction slows the grains; none: no side walls", **SIZE
     )
     wall_friction: float | None = setting(
-        None, f"friction of the side walls; none: {USUAL_WALLS.friction}", low=0, high=2
+        None, f"friction of the side walls; none: {USUAL_SIDE_WALLS.friction}", low=0, high=2
     )
     t_end: float | None = setting(
         None,
@@ -217,7 +217,7 @@ class Scene(CompleteLaw):
     @property
     def _wall_friction(self) -> float | None:
         stated = self.wall_friction
-        return USUAL_WALLS.friction if stated is None and self.wall_gap is not None else stated
+        return USUAL_SIDE_WALLS.friction if stated is None and self.wall_gap is not None else stated
 
     @property
     def _longest(self) -> float:

@@ -123,18 +123,20 @@ class Objective:
         return [places[i] for i in self.set_of]
 
     def data(self, member: int) -> TrainingSet:
-        """All points of a member, on the device; surface points only if the loss has that term."""
+        """All points of a member, pooled and on the device.
+
+        Surface points only if the loss has that term.
+        """
         first, count, first_surface, count_surface = self.places[member].tolist()
         own = slice(first, first + count)
         surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
         return replace(
-            self.members[member].data,
+            self.sets[self.set_of[member]],
             points=self.points[own],
             velocity=self.velocity[own],
             point_weights=self.point_weights[own],
             surface_points=self.surface_points[surface],
             surface_pressure=self.surface_pressure[surface],
-            between=self.points[:0],
         )
 
     def tensors(self) -> dict[str, Tensor]:

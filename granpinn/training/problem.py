@@ -80,7 +80,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         pressure_scale=P_out,
         pressure_floor=config.rheology.p_floor,
         law_rate=law_rate(sigmas, config.weights.law_error),
-        side_wall=side_wall_of(flow, scales, config.walls.friction),
+        side_wall=side_wall_of(flow, scales, config.side_walls.friction),
         side_wall_speed=AT_REST * facts.speed if between_walls else 1.0,
     )
     widths = (3, *config.network.widths, OUTPUTS[config.form])

@@ -78,6 +78,12 @@ def effects(
     return found
 
 
+def without_effect(assumption: Assumption, why: str) -> Assumed:
+    """The record of an assumption whose effect is not known, for a reason."""
+    a = assumption
+    return Assumed(a.name, a.unit, a.sd, None, a.example, why=why)
+
+
 def covariance(assumed: Sequence[Assumed], names: Sequence[str]) -> Float64:
     """The sum of sd^2 (d theta / d a)(d theta / d a)^T over assumptions, [L, L]."""
     total = np.zeros((len(names), len(names)))
@@ -98,7 +104,7 @@ def _assumed(
 ) -> Assumed:
     a = assumption
     if lower is None or upper is None:
-        return Assumed(a.name, a.unit, a.sd, None, a.example, why=DIVERGED)
+        return without_effect(a, DIVERGED)
     slope = (upper - lower) / (2 * a.sd)
     places = {name: law.names.index(name) for name in law.free}
     derivative = {name: float(slope[k]) for name, k in places.items()}

@@ -36,7 +36,7 @@ def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
     assert paper.optimizer.learning_rate * paper.optimizer.final_fraction == pytest.approx(1e-5)
     assert paper.rheology == Rheology(variables="sigmoid", start=None, random_start=True)
     assert paper.optimizer.prefit == 0
-    assert paper.walls.friction == 0
+    assert paper.side_walls.friction == 0
     assert {paper.weights.sigma(term.name) for term in TERMS} == {1.0}
 
 
@@ -166,7 +166,7 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
     after_training = {
         *("free_I0", "profile.values", "profile.reach", "profile.seeds", "profile.law_accuracy"),
         *("resimulate", "resimulation.cells"),
-        *("simulated_pressure.frames", "simulated_pressure.cells", "walls.friction_sd"),
+        *("simulated_pressure.frames", "simulated_pressure.cells", "side_walls.friction_sd"),
     }
     assert missing == after_training | {
         *("flow", "out", "resume", "tensorboard", "checkpoint_every", "max_time")

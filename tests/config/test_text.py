@@ -152,6 +152,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
     [
         ("steps = ", "could not be read as TOML"),
         ("stepz = 3", "unknown setting stepz"),
+        ("[walls]\nfriction = 0.1", "has the section [walls], which is now [side_walls]"),
         ("[network]\nwidth = 3", "unknown setting network.width"),
         ('steps = "many"', "steps must be a whole number, got 'many'"),
         ("resume = 1", "resume must be true or false, got 1"),

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set, with_collocation, with_surface_strip
+from granpinn.data import Flow, TrainingSet, training_set, with_collocation
 from granpinn.data.flow import Surface
+from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface_strip import DENSITY, THICKEST
 from granpinn.data.symmetry import axes_of
+from granpinn.data.variants import training_sets
 from tests.data.walled import line
 from tests.flows import make_chute
 
@@ -33,15 +35,16 @@ def collocated(flow: Flow) -> TrainingSet:
     return with_collocation(training_set(flow, scales), flow, scales, 1.0)
 
 
-def strip(flow: Flow, before: TrainingSet) -> torch.Tensor:
-    return with_surface_strip(before, flow, scales_of(flow)).between[len(before.between) :]
+def trained(flow: Flow, share: float = 1.0, level: str = "V1") -> TrainingSet:
+    variant = flow, surface_of(flow, level)
+    return training_sets([variant], flow, scales_of(flow), level, share, torch.float32)[0]
 
 
 @pytest.mark.parametrize("frames", [1, 3])
 def test_they_fill_the_strip_evenly(frames: int) -> None:
     flow = layer(frames=frames)
     before = collocated(flow)
-    found = strip(flow, before).double().numpy()
+    found = trained(flow).strip.double().numpy()
     top = before.points[:, 1].max().item()
     height = (found[:, 1] - top) / (before.surface_points[:, 1].max().item() - top)
     assert np.histogram(height, 4, (0, 1))[0] == pytest.approx(
@@ -56,17 +59,33 @@ def test_they_fill_the_strip_evenly(frames: int) -> None:
 def test_the_rest_of_the_training_stays() -> None:
     flow = layer()
     before = collocated(flow)
-    after = with_surface_strip(before, flow, scales_of(flow))
-    assert after.strip == len(after.between) - len(before.between) > 0
+    after = trained(flow)
+    assert len(after.equation_weights) == len(after.between) + len(after.strip)
     for field in fields(before):
-        same = getattr(before, field.name)
-        if field.name != "strip":
-            assert torch.equal(getattr(after, field.name)[: len(same)], same)
+        if field.name not in ("strip", "equation_weights"):
+            assert torch.equal(getattr(after, field.name), getattr(before, field.name))
+
+
+def test_the_pool_holds_them_between_the_others_and_the_walls() -> None:
+    flow = layer()
+    walls = replace(line((-8, 0), (40, 0)), slip=np.zeros(2, np.float32))
+    flow = replace(flow, walls=walls)
+    data = trained(flow)
+    pool = data.pooled()
+    parts = data.points, data.between, data.strip, data.wall_points
+    assert all(len(part) > 0 for part in parts)
+    assert torch.equal(pool.points, torch.cat(parts))
+    N, B, S, W = map(len, parts)
+    holds = [[1, 1], [0, 1], [0, 1], [1, 0]]
+    of_part = torch.tensor([[1 / N, 1 / (N + B + S)]]) * (N + B + S + W)
+    for part, own in zip(pool.point_weights.split([N, B, S, W]), holds, strict=True):
+        torch.testing.assert_close(part, of_part.expand(len(part), 2) * torch.tensor(own))
+    assert pool.pooled() is pool
 
 
 def test_a_wide_gap_is_no_strip() -> None:
     flow = layer(THICKEST + 0.2)
-    assert len(strip(flow, collocated(flow))) == 0
+    assert len(trained(flow).strip) == 0
 
 
 @pytest.mark.parametrize("steady", [True, False])
@@ -78,14 +97,13 @@ def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> No
     between = (flow.t[1] + flow.t[2]) / 2  # no vector has this time
     late = replace(flow.surface, t=np.where(flow.surface.t > flow.t[1], between, flow.surface.t))
     flow = replace(flow, surface=late)
-    found = strip(flow, collocated(flow))
+    found = trained(flow).strip
     assert len(found[:, 2].unique()) == (3 if steady else 2)
 
 
-def test_nothing_changes_without_points_between_the_vectors() -> None:
-    flow = layer()
-    data = training_set(flow, scales_of(flow))
-    assert with_surface_strip(data, flow, scales_of(flow)) is data
+def test_no_strip_without_points_between_the_vectors_or_a_line() -> None:
+    assert len(trained(layer(), share=0.0).strip) == 0
+    assert len(trained(layer(), level="V0").strip) == 0
 
 
 @pytest.mark.parametrize("periodic", [True, False])
@@ -96,10 +114,10 @@ def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
     assert flow.surface is not None
     height, middle = flow.surface.y[0] - 0.1 * (flow.y[1] - flow.y[0]), flow.x.mean()
     lid = replace(flow, walls=line((flow.x[0] - 1, height), (middle, height)))
-    data, scales = collocated(flow), scales_of(flow)
+    scales = scales_of(flow)
 
     def places(flow: Flow) -> np.ndarray:
-        found = with_surface_strip(data, flow, scales).between[len(data.between) :].double()
+        found = trained(flow).strip.double()
         x, y = axes_of(flow).undo(found[:, 0], found[:, 1])
         return scales.points_to_physical(np.stack([x, y, found[:, 2]], 1))[:, 0]
 

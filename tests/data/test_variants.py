@@ -5,21 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
-from granpinn.data import (
-    Flow,
-    Surface,
-    TrainingSet,
-    training_set,
-    with_collocation,
-    with_surface_strip,
-)
+from granpinn.data import Flow, TrainingSet, training_set, with_collocation
 from granpinn.data.collocation import above_ground_after_start, lie_between, points_between
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
-from granpinn.data.variants import corresponding_sets
-from tests.flows import make_flow
+from granpinn.data.variants import training_sets
+from tests.data.walled import line, single
+from tests.flows import make_chute, make_flow
 
 
 def fuller(flow: Flow, cells: int) -> Flow:
@@ -31,30 +26,52 @@ def fuller(flow: Flow, cells: int) -> Flow:
     return replace(flow, c=c, u=u, v=v)
 
 
-def sets_of(*flows: Flow) -> list[TrainingSet]:
-    def line(flow: Flow) -> Surface:
-        return surface_of(flow, "V1")
-
-    variants = [(flow, line(flow)) for flow in flows]
-    return corresponding_sets(variants, scales_of(flows[0]), "V1", 1.0, torch.float64)
+def sets_of(*flows: Flow, share: float = 1.0) -> list[TrainingSet]:
+    variants = [(flow, surface_of(flow, "V1")) for flow in flows]
+    return training_sets(variants, flows[0], scales_of(flows[0]), "V1", share, torch.float64)
 
 
-def test_the_same_flow_gives_its_own_training_set() -> None:
-    flow = make_flow()
-    scales = scales_of(flow)
-    own = training_set(flow, scales, "V1", torch.float64)
-    own = with_surface_strip(with_collocation(own, flow, scales, 1.0), flow, scales).pooled()
-    for found in sets_of(flow, flow):
+def walled() -> Flow:
+    """A chute that stands on its bed, under a plate with a known pressure over its left half."""
+    walls = line((0, 0), (32, 0), (np.nan, np.nan), (0, 12), (16, 12))
+    p = single(np.nan, np.nan, np.nan, 0.5, 0.7)
+    return make_chute(walls=replace(walls, slip=single(0, 0, np.nan, 1, 1), p=p))
+
+
+@pytest.mark.parametrize("flow", [make_flow(), walled()], ids=["heap", "walls"])
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_flow_beside_itself_is_the_flow_alone(flow: Flow, share: float) -> None:
+    (own,) = sets_of(flow, share=share)
+    assert len(own.strip) > 0 or share == 0
+    assert (len(own.wall_points) > 0) == (flow.walls is not None)
+    for found in sets_of(flow, flow, share=share):
         for name, values in vars(own).items():
-            same = torch.as_tensor(getattr(found, name))
-            assert torch.equal(same, torch.as_tensor(values)), name
+            assert torch.equal(getattr(found, name), values), name
+
+
+def test_walls_have_their_conditions_in_every_variant() -> None:
+    """Fewer vectors count in the lower one; its walls weigh like one of its vectors."""
+    full = walled()
+    less = replace(full, c=np.where(full.c.cumsum(1) > 8, np.float32(0.7), full.c))
+    (own,) = sets_of(full)
+    for found, N in zip(sets_of(full, less), (full.valid.sum(), less.valid.sum()), strict=True):
+        assert torch.equal(found.wall_points, own.wall_points)
+        assert torch.equal(found.wall_velocity, own.wall_velocity)
+        pressed = own.surface_pressure > 0
+        assert 0 < pressed.sum() < len(pressed)
+        assert torch.equal(found.surface_pressure, own.surface_pressure)
+        assert torch.equal(found.surface_points[pressed], own.surface_points[pressed])
+        weights, W = found.pooled().point_weights, len(own.wall_points)
+        torch.testing.assert_close(weights[-W:, 0], weights[:, 0].max().expand(W))
+        expected = torch.tensor([(N + W) / N, 1.0]).double()
+        torch.testing.assert_close(weights.mean(0), expected)
 
 
 def test_a_variant_has_the_points_of_its_own() -> None:
     """Weighted means over the common points are means over the own points of each variant."""
     full = fuller(make_flow(), 300)
     less = replace(full, c=make_flow().c)
-    lower, upper = sets_of(less, full)
+    lower, upper = (found.pooled() for found in sets_of(less, full))
     scales = scales_of(less)
     own = training_set(full, scales, "V1", torch.float64)
     fixed = len(with_collocation(own, full, scales, 1.0).pooled().points)
@@ -92,7 +109,8 @@ def test_surfaces_are_those_of_the_variants() -> None:
     higher = replace(line, y=line.y + 0.01)
     scales = scales_of(flow)
     variants = [(flow, line), (flow, higher)]
-    lower, upper = corresponding_sets(variants, scales, "V1", 1.0, torch.float64)
+    found = training_sets(variants, flow, scales, "V1", 1.0, torch.float64)
+    lower, upper = (variant.pooled() for variant in found)
     shift = (upper.surface_points - lower.surface_points).mean(0).tolist()
     np.testing.assert_allclose(shift, [0, 0.01 / scales.length, 0], atol=1e-6)
     assert torch.equal(upper.surface_pressure, torch.zeros(len(line.t)).double())

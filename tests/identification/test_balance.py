@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from granpinn.config import Walls
+from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.identification import balance, finish
 from granpinn.identification.balance import Balance
@@ -78,7 +78,7 @@ def test_the_error_bars_of_both_count() -> None:
 
 
 def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(flow: Flow, I0: float, side_walls: Walls | None) -> Baseline:
+    def fail(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
         raise RuntimeError("singular")
 
     monkeypatch.setattr(balance, "baseline", fail)
@@ -96,7 +96,7 @@ def test_a_flow_has_one_balance_for_each_inertial_scale(monkeypatch: pytest.Monk
     """Members ask from several threads, as a batch on a GPU does."""
     made = []
 
-    def counted(flow: Flow, I0: float, side_walls: Walls | None) -> Baseline:
+    def counted(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
         made.append(I0)
         return baseline(flow, I0, side_walls)
 

@@ -23,8 +23,8 @@ def identified(friction: float, sd: float = 0.0) -> Result:
         "network__widths": (32, 32),
         "batch__interior": 256,
         "batch__surface": 16,
-        "walls__friction": friction,
-        "walls__friction_sd": sd,
+        "side_walls__friction": friction,
+        "side_walls__friction_sd": sd,
     }
     flow = make_channel(friction=FRICTION, rows=120)
     flow.attributes["surface_sd"] = 0.0
@@ -48,7 +48,7 @@ class Notes(Silent):
 @pytest.mark.parametrize(("friction", "said"), [(FRICTION, True), (0.0, False)])
 def test_a_training_says_what_friction_it_takes(friction: float, said: bool) -> None:
     notes = Notes()
-    identify(make_channel(rows=14), tiny(walls__friction=friction), progress=notes)
+    identify(make_channel(rows=14), tiny(side_walls__friction=friction), progress=notes)
     assert ("side walls: their friction 0.3 is in the equations" in notes.texts) == said
 
 
@@ -77,7 +77,9 @@ def test_the_law_by_the_friction_of_the_walls() -> None:
 
 
 def test_friction_is_not_negative_in_either_training() -> None:
-    case = pose(make_channel(rows=14), tiny(walls__friction=0.02, walls__friction_sd=0.05))
+    case = pose(
+        make_channel(rows=14), tiny(side_walls__friction=0.02, side_walls__friction_sd=0.05)
+    )
     found = assumptions.side_walls(case)
     assert found is not None
     k = [member.problem.physics.side_wall for member in found.pair()]
@@ -85,6 +87,6 @@ def test_friction_is_not_negative_in_either_training() -> None:
     height = case.scales.length
     assert k[1] == pytest.approx(2 * 0.1 * height / 24)
     for friction, sd in ((0.0, 0.05), (0.1, 0.0)):
-        walls = tiny(walls__friction=friction, walls__friction_sd=sd)
+        walls = tiny(side_walls__friction=friction, side_walls__friction_sd=sd)
         assert assumptions.side_walls(pose(make_channel(rows=14), walls)) is None
     assert assumptions.side_walls(pose(make_chute(), tiny())) is None

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.config import Walls
+from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.inspection import inspect
 from granpinn.inspection.baseline import baseline
@@ -48,7 +48,7 @@ def test_without_their_friction_the_slope_is_the_friction() -> None:
 def test_the_law_and_its_error_from_the_walls() -> None:
     """The sd of mu_w counts: a known friction has smaller errors than an unknown one."""
     flow = make_channel(gap=GAP, friction=FRICTION, rows=240)
-    known, unknown = (baseline(flow, side_walls=Walls(FRICTION, sd)) for sd in (0.0, 0.1))
+    known, unknown = (baseline(flow, side_walls=SideWalls(FRICTION, sd)) for sd in (0.0, 0.1))
     assert known.law is not None
     assert known.law.mu_s == pytest.approx(0.3, abs=0.005)
     assert known.law.mu_2 == pytest.approx(0.7, abs=0.02)
@@ -63,7 +63,7 @@ def test_the_law_and_its_error_from_the_walls() -> None:
     assert unknown.mean.se == pytest.approx(np.hypot(known.mean.se, share * known.mean.mu), rel=0.1)
     assert "with the friction 0.3 of the side walls" in known.sentence
     assert "side walls" in str(known)
-    smooth = baseline(flow, side_walls=Walls(0.0, 0.0))
+    smooth = baseline(flow, side_walls=SideWalls(0.0, 0.0))
     assert smooth.mean is not None
     assert smooth.mean.mu == pytest.approx(0.5, rel=1e-5)
 
@@ -76,6 +76,6 @@ def test_a_flow_without_side_walls_does_not_mention_them() -> None:
 
 
 def test_an_inspection_takes_their_friction() -> None:
-    found = inspect(make_channel(), side_walls=Walls(FRICTION, 0.0))
-    assert found.baseline == baseline(make_channel(), side_walls=Walls(FRICTION, 0.0))
+    found = inspect(make_channel(), side_walls=SideWalls(FRICTION, 0.0))
+    assert found.baseline == baseline(make_channel(), side_walls=SideWalls(FRICTION, 0.0))
     assert found.numbers()["momentum_balance"]["wall_friction"] == FRICTION

@@ -44,7 +44,8 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
     x, velocity, weights = rand(points, 3), rand(points, 2), 0.5 + rand(points, 2)
     surface_points, pressure = rand(surface, 3), rand(surface)
     bounds = (x.amin(0), x.amax(0))
-    return TrainingSet(x, velocity, weights, surface_points, pressure, *bounds, x[:0])
+    none = (x[:0], x[:0], x[:0, 0], x[:0], velocity[:0])
+    return TrainingSet(x, velocity, weights, surface_points, pressure, *bounds, *none)
 
 
 def every_point(data: TrainingSet, features: Features) -> module.Data:
@@ -195,10 +196,7 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
     velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
-    tensors = {
-        name: value.to(device) if isinstance(value, torch.Tensor) else value
-        for name, value in vars(data).items()
-    }
+    tensors = {name: value.to(device) for name, value in vars(data).items()}
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
     member = Member(posed, moved, seed, DEFAULT, {})

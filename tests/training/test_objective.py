@@ -129,12 +129,12 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
 def test_side_walls_count_where_the_file_states_their_distance(flow: Flow) -> None:
     """k = 2 mu_w H0 / W; the file may have any unit."""
     narrow = replace(flow, attributes={"wall_gap": 0.08})
-    found = posed(narrow, tiny(walls__friction=0.3))
+    found = posed(narrow, tiny(side_walls__friction=0.3))
     height = scales_of(flow).length
     assert found.physics.side_wall == pytest.approx(2 * 0.3 * height / 0.08)
     assert found.physics.side_wall_speed == 0.01 * Facts(narrow, scales_of(narrow)).speed
     assert found.physics[:9] == posed(flow, tiny()).physics[:9]
-    smooth = posed(narrow, tiny(walls__friction=0.0))
+    smooth = posed(narrow, tiny(side_walls__friction=0.0))
     assert smooth.physics.side_wall == 0
     assert with_wall_friction(smooth, narrow, scales_of(flow), 0.3) == found
     other = with_wall_friction(found, narrow, scales_of(flow), 0.15)

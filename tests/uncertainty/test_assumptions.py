@@ -23,8 +23,9 @@ from granpinn.training.objective import Member
 from granpinn.uncertainty import calibration, error_bars, of_assumptions
 from granpinn.uncertainty.of_assumptions import Assumption, covariance, effects
 from granpinn.uncertainty.of_training import judge
+from tests.data.walled import line
 from tests.examples import make_result
-from tests.flows import make_flow
+from tests.flows import make_chute, make_flow
 from tests.runs import make_trainer, tiny
 
 LINE = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
@@ -120,6 +121,17 @@ def test_the_surface_line_moves_by_its_standard_deviation() -> None:
     assert (upper.data.point_weights[:, 0] > 0).sum() > (lower.data.point_weights[:, 0] > 0).sum()
 
 
+def test_the_copies_keep_the_conditions_of_the_walls() -> None:
+    bed = dataclasses.replace(line((0, 0), (32, 0)), slip=np.zeros(2, np.float32))
+    case = pose(make_chute(walls=bed), tiny())
+    found = assumptions.surface(case)
+    assert found is not None
+    for member in found.pair():
+        assert len(member.data.wall_points) > 0
+        assert torch.equal(member.data.wall_points, case.member.data.wall_points)
+        assert torch.equal(member.data.wall_velocity, case.member.data.wall_velocity)
+
+
 def test_at_level_v0_the_outline_moves() -> None:
     case = pose(make_flow(surface=None), tiny(level="V0"))
     found = assumptions.surface(case)
@@ -129,6 +141,15 @@ def test_at_level_v0_the_outline_moves() -> None:
     assert torch.equal(lower.data.point_weights, upper.data.point_weights)
     middle = (upper.data.surface_points + lower.data.surface_points) / 2
     torch.testing.assert_close(middle, case.member.data.surface_points, rtol=0, atol=1e-6)
+
+
+def test_walls_all_around_leave_no_surface_to_move() -> None:
+    plates = line((0, 0), (32, 0), (np.nan, np.nan), (0, 14), (32, 14))
+    pressed = np.array([np.nan, np.nan, np.nan, 0.5, 0.5], np.float32)
+    layer = make_chute(surface=None, walls=dataclasses.replace(plates, p=pressed))
+    full = np.ones_like(layer.c)
+    box = dataclasses.replace(layer, c=full, u=full, v=0 * full)
+    assert assumptions.surface(pose(box, tiny(level="V0"))) is None
 
 
 def test_an_exact_surface_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,7 +177,8 @@ def test_a_training_asks_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     identify(make_chute(frames=2), tiny())
     identify(make_flow(), tiny())
     identify(make_flow(attributes={"grid_spacing_of_solver": 0.04}), tiny())
-    assert [kind for kind, _ in seen] == ["steady_layer", "collapse", None]
+    # twice where the effect of an assumption follows
+    assert list(dict.fromkeys(kind for kind, _ in seen)) == ["steady_layer", "collapse", None]
 
 
 REFUSED = {

@@ -75,9 +75,10 @@ def _last_layer(run: TrainingLoop, e: int) -> list[float]:
     """Higher minus lower line, theta [N], after a step of the last layer of member `e` alone."""
     trainer = run.trainer
     found = []
-    for member in (run.objective.members[e + 1], run.objective.members[e + 2]):
+    for place in (e + 1, e + 2):
+        member, data = run.objective.members[place], run.objective.data(place)
         problem = dataclasses.replace(member.problem, term_weights=trainer.final_weights(e))
-        posed = dataclasses.replace(member, problem=problem)
+        posed = dataclasses.replace(member, problem=problem, data=data)
         found.append(last_layer(posed, *trainer.trained(e), trainer.step)[1])
     return (found[1] - found[0]).tolist()
 

@@ -18,17 +18,19 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from bench.studies.reliability import runs
 from bench.studies.reliability.record import RESULTS, Record, command_of
+from granpinn.data import read_flow, write_flow
 from granpinn.training import checkpoint
 
 PHASES = (
-    *("imports", "pre-fit", "training", "last layer", "simulated pressure", "resimulation"),
-    "figures",
+    *("imports", "pre-fit", "training", "last layer", "copies", "simulated pressure"),
+    *("resimulation", "figures"),
 )
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 FIRST, SECOND = 10.0, 1.0  # seconds to end
@@ -52,7 +54,7 @@ def main() -> int:
     record = Record("T-4", command_of("bench.studies.reliability.signals"))
     slowest = dict.fromkeys(("first", "second"), 0.0)
     with tempfile.TemporaryDirectory() as folder:
-        flow = runs.make_flow(Path(folder) / "flow.h5")
+        flow = make_flow(Path(folder))
         for k in range(options.repeats):
             for phase in options.phases:
                 for number in SIGNALS:
@@ -71,6 +73,14 @@ def main() -> int:
     record.write(options.out)
     print(f"{options.out}: {record.tried} signals, {len(record.failures)} failed")
     return 1 if record.failures else 0
+
+
+def make_flow(folder: Path) -> Path:
+    """A small simulated collapse with an uncertain surface line, whose training has copies."""
+    exact = read_flow(runs.make_flow(folder / "exact.h5"))
+    path = folder / "flow.h5"
+    write_flow(replace(exact, attributes={**exact.attributes, "surface_sd": 0.01}), path)
+    return path
 
 
 def one(
@@ -141,6 +151,7 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
     from granpinn.identification import single
     from granpinn.second_opinion import resimulation
     from granpinn.training.trainer import Trainer
+    from granpinn.uncertainty import of_assumptions
 
     reached: list[str] = []
 
@@ -179,6 +190,7 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
         "pre-fit": (Trainer, "advance", lambda t: t.step > 50 and t.schedule.in_prefit(t.step)),
         "training": (Trainer, "advance", lambda t: t.step > 200),
         "last layer": (Trainer, "solve_last_layer", always),
+        "copies": (of_assumptions, "continued", always),
         "simulated pressure": (single, "with_simulated_pressure", always),
         "resimulation": (resimulation, "resimulate", always),
         "figures": (album, "draw_all", always),
