@@ -14,6 +14,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
+from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import of_training
@@ -94,7 +95,7 @@ def result(
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
-        law=model.law.name,
+        law=IdentifiedLaw(model.law.name),
         settings=dataclasses.asdict(config),
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,

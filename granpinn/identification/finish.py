@@ -19,6 +19,7 @@ from granpinn.arrays import Floats
 from granpinn.data.surface_sd import SOLVER
 from granpinn.identification import balance, conclusion, prediction, scoring, simulated_fields
 from granpinn.identification.case import Case, Model
+from granpinn.identification.law_curve import with_law_curve
 from granpinn.inspection.confined import undetermined
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
@@ -99,6 +100,7 @@ def conclude(
     result = _with_baseline(result, case)
     if maps is not None:
         result = _with_range(result, case, maps)
+        result = with_law_curve(result, maps)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -153,8 +155,7 @@ def _with_range(result: Result, case: Case, maps: Fields) -> Result:
     """
 
     def of_shear() -> Result:
-        points = scoring.after_start(maps) & scoring.flowing(maps)
-        number = maps.values["I"][points]  # the loss weights every vector alike
+        number = maps.values["I"][scoring.shearing(maps)]  # the loss weights every vector alike
         weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
         if reason is not None:
             return applied(result, unfixed(result, number, weight, reason))
