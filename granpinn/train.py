@@ -36,7 +36,6 @@ from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
 from granpinn.output import objection_to_folder, owned
-from granpinn.physics.laws import LAWS
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     PROFILE,
@@ -137,7 +136,7 @@ def _conclude(config: Config, result: results.Result) -> results.Result:
 def _resimulate(config: Config, result: results.Result, folder: Path) -> results.Result:
     """Simulate with the identified law, fit the simulator, and write resimulation.json."""
     assert config.flow is not None
-    path, cells, law = config.flow, config.resimulation.cells, LAWS[result.law]
+    path, cells, law = config.flow, config.resimulation.cells, result.friction_law
 
     def again() -> tuple[Flow, findings.Resimulation, comparison.Comparison | None]:
         flow = read_flow(path)

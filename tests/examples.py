@@ -30,6 +30,7 @@ from granpinn.results import (
 from granpinn.results.baseline import Baseline, Difference, LawFit, Point
 from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
+from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
 from granpinn.results.records import ErrorBars, Members, Verdict
 
 PARAMETERS = Parameters(
@@ -45,6 +46,12 @@ BASELINE = Baseline(
     parts={"scatter": 0.01, "window": 0.0, "depth": 0.01, "model": 0.02},
     network=(Difference(0.05, 1.5, 2.5, False),),
 )
+LAW = IdentifiedLaw(
+    "mu_of_i",
+    (0.01, 0.2),
+    Curve((0.01, 0.045, 0.2), (0.42, 0.44, 0.49), (0.4, 0.42, 0.46), (0.44, 0.46, 0.52)),
+    StressPoints((0.02, 0.1), (0.42, 0.46), (0.4, 0.43), (0.44, 0.5), (40, 50)),
+)
 RATIOS: dict[str, float | None] = {"momentum": 0.9, "constitutive": 1.1}
 # Changes that leave everything unknown that may be.
 SPARSE: dict[str, Any] = {
@@ -58,6 +65,7 @@ SPARSE: dict[str, Any] = {
     "verdict": None,
     "baseline": None,
     "determined": None,
+    "law": IdentifiedLaw(),
     "error_percent": ErrorPercent(),
     "settings": {},
 }
@@ -76,6 +84,7 @@ def make_result(**changes: Any) -> Result:
         device="cpu",
         versions={"python": "3.11.7", "torch": "2.11.0"},
         input=Input(name="Säule µ.h5", sha256="ab" * 32),
+        law=LAW,
         settings={"network": {"widths": [40, 40], "units": "file"}, "max_time": None},
         stopped="max_time",
         truth=Truth(mu_s=0.4, mu_2=0.64, I0=0.3),

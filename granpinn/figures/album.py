@@ -65,10 +65,10 @@ def _history(source: Source) -> History:
 
 # file name -> (title, drawing function)
 FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
+    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "velocity": ("Velocity", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
     "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
     "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
-    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "inertial_number": (
         "Inertial number",
         lambda s: curves.inertial_number(s.result, fields_of(s)),

@@ -25,10 +25,12 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.identification.scoring import after_start, flowing
-from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.physics.laws import mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
-from granpinn.results.summary import half_width, true_theta
+from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.identified_law import StressPoints
+from granpinn.results.summary import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
@@ -37,34 +39,56 @@ PARAMETER_COLORS = (BLUE, ORANGE, GREEN, PURPLE)  # of the identified parameters
 
 @styled
 def friction_law(result: Result, fields: Fields) -> Drawing:
-    """The law, identified and true, over the I that the data cover; the share of each I below."""
-    if result.inertial_number is None:
-        raise NothingToDraw("the band of the inertial number that the data cover is not known")
-    lowest = max(result.inertial_number.q05, I_EDGES[0])
-    I = np.geomspace(lowest, max(result.inertial_number.q95, 2 * lowest), 300)  # noqa: E741
-    law, truth = LAWS[result.law], true_theta(result)
+    """The law with its band, the points of the fit and the true law; the share of each I below."""
+    found, law = result.law, result.friction_law
+    if found.I_range is None:
+        raise NothingToDraw(f"the range of I is not known: {found.reason or 'an earlier version'}")
     figure = new_figure(5.4)
     curve, histogram = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    caption = "Friction law over the inertial numbers of 5 % to 95 % of the grain points"
-
-    mu = law.friction(I, *result.theta)
-    curve.plot(I, mu, color=BLUE, lw=2.2, label="identified", zorder=3)
-    if result.covariance is not None:
-        half = half_width(I, result, result.covariance)
-        curve.fill_between(
-            I, np.maximum(mu - half, 0), mu + half, color=BLUE, alpha=0.2, lw=0, label="90 % band"
-        )
-    if truth is not None:
-        true = law.friction(I, *truth)
+    low, high = found.I_range
+    caption = f"Friction law over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
+    caption += f"{high:.2g}"
+    if found.points is not None:
+        caption += _stress_points(curve, found.points, result.form)
+    I = np.geomspace(low, high, 2) if found.curve is None else np.array(found.curve.I)  # noqa: E741
+    if found.curve is not None:
+        curve.plot(I, found.curve.mu, color=BLUE, lw=2.2, label="identified", zorder=3)
+        if found.curve.low is not None and found.curve.high is not None:
+            ends = found.curve.low, found.curve.high
+            curve.fill_between(I, *ends, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+    if (true := true_friction(result, I)) is not None:
         curve.plot(I, true, color=BLACK, lw=1.4, ls=(0, (4, 3)), label="true", zorder=4)
         caption += ", against the law that generated the data"
+    if found.reason is not None:
+        what = "curve" if found.curve is None else "90 % band"
+        caption += f". The {what} is {NOT_DETERMINED}: {found.reason}"
     curve.set_ylabel(r"$\mu(I)$")
     curve.set_title(f"(a) friction law: {law.title}")
-    curve.legend(loc="upper left")
+    if curve.get_legend_handles_labels()[1]:
+        curve.legend(loc="upper left")
     curve.grid(True)
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
     return Drawing(figure, f"{caption}. {_share_below(fields)}")
+
+
+def _stress_points(axes: Axes, points: StressPoints, form: str) -> str:
+    """Draw the points behind the law; words for the caption."""
+    mu = np.array(points.mu)
+    spread = np.stack([mu - points.low, np.array(points.high) - mu])
+    axes.errorbar(
+        points.I,
+        mu,
+        yerr=spread,
+        fmt="o",
+        ms=3.5,
+        color=GREY,
+        elinewidth=0.9,
+        label=r"$|\tau|/p$ of the fit",
+        zorder=2,
+    )
+    words = ", with median and 16 % to 84 % of the stress ratio of the fit"
+    return words + (", which is that of the law by construction" if form == "strong" else "")
 
 
 @styled
@@ -74,7 +98,7 @@ def inertial_number(result: Result, fields: Fields) -> Drawing:
     axes = figure.subplots()
     _histogram_of_I(axes, fields)
     caption = f"Inertial number in the grains. {_share_below(fields)}"
-    if result.law == mu_of_i.LAW.name:
+    if result.law.name == mu_of_i.LAW.name:
         I_0 = result.parameters.I0.value
         axes.axvline(I_0, color=BLACK, lw=1.2, ls=(0, (4, 3)), label=f"$I_0$ = {I_0:.3g}")
         caption += " The data determine mu_2 only where I comes near I0."
@@ -112,7 +136,7 @@ def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
         raise NothingToDraw("history.csv has no rows")
     figure = new_figure(5.6)
     scalars, terms = figure.subplots(2, 1, sharex=True)
-    law = LAWS[result.law]
+    law = result.friction_law
     for name, color in zip(law.free, itertools.cycle(PARAMETER_COLORS), strict=False):
         symbol = f"${law.parameter(name).symbol}$"
         scalars.plot(step, history[name], color=color, label=symbol)

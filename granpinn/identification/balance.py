@@ -12,7 +12,6 @@ from granpinn.config import Level, SideWalls
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.confined import undetermined
-from granpinn.physics.laws import LAWS
 from granpinn.results import Parameters, Result
 from granpinn.results.baseline import Baseline, Difference, Point
 from granpinn.results.records import Verdict
@@ -48,7 +47,7 @@ class Balance:
 
 def beside(balance: Balance, result: Result) -> Baseline:
     """The baseline of a flow, and its differences from the law of a result."""
-    name = LAWS[result.law].inertial_scale
+    name = result.friction_law.inertial_scale
     found = balance.at(I0 if name is None else result.parameters[name].value)
     if undetermined(balance.flow, cast(Level, result.level)) is not None:
         return found  # the network's law has no meaning
@@ -82,7 +81,7 @@ def judged(result: Result, found: Baseline) -> Result:
 def _difference(point: Point, result: Result) -> Difference:
     """Without error bars of the result, the balance has all of the standard error."""
     at = np.array([point.I])
-    mu = float(LAWS[result.law].friction(at, *result.theta)[0])
+    mu = float(result.friction_law.friction(at, *result.theta)[0])
     sd = 0.0
     if result.covariance is not None:
         sd = float(friction_sd(at, result, result.covariance)[0])

@@ -15,6 +15,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
+from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import ErrorBars, Members, Verdict
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import of_training
@@ -85,7 +86,7 @@ def result(
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
-        law=model.law.name,
+        law=IdentifiedLaw(model.law.name),
         settings=dataclasses.asdict(config),
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,

@@ -25,11 +25,11 @@ from granpinn.identification import (
     balance,
     conclusion,
     prediction,
-    scoring,
     simulated_fields,
 )
 from granpinn.identification.assumptions import assumptions_of
 from granpinn.identification.case import Case, Model
+from granpinn.identification.law_curve import Shear, shear_of, with_law_curve
 from granpinn.inspection.confined import undetermined
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
@@ -68,7 +68,7 @@ class Concluded(NamedTuple):
         place: of this member in the run.
         uncertain: the assumptions whose effect is to come.
         maps: its fields; None if they were not made or not kept.
-        shear: I of the grains that shear [n]; None without fields.
+        shear: the points where grains shear; None without fields.
         folder: where the result is written; None: nowhere.
         keep_fields: whether fields.h5 is written.
     """
@@ -79,7 +79,7 @@ class Concluded(NamedTuple):
     place: int
     uncertain: tuple[Assumption, ...]
     maps: Fields | None
-    shear: Floats | NotDone | None
+    shear: Shear | NotDone | None
     folder: Path | None
     keep_fields: bool
 
@@ -118,7 +118,7 @@ def conclude(
         result = _scored(result, case, model, predicted)
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
-    shear = None if maps is None else attempt(DETERMINED, lambda: _shear(maps))
+    shear = None if maps is None else attempt(DETERMINED, lambda: shear_of(maps))
     result = _compared(result, case, shear)
     if folder is not None:
         _write_values(result, folder)
@@ -194,17 +194,14 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     return having(result, SCORES, **scores._asdict())
 
 
-def _shear(maps: Fields) -> Floats:
-    """I of the grains that shear [n]."""
-    return maps.values["I"][scoring.after_start(maps) & scoring.flowing(maps)]
-
-
-def _compared(result: Result, case: Case, shear: Floats | NotDone | None) -> Result:
-    """The result with the momentum balance, and with what its range of I determines."""
+def _compared(result: Result, case: Case, shear: Shear | NotDone | None) -> Result:
+    """The result with the momentum balance, what its range of I determines, and its curve."""
     result = _with_baseline(dataclasses.replace(result, determined=None), case)
     if isinstance(shear, NotDone):
         return lacking(result, shear)
-    return result if shear is None else _with_range(result, case, shear)
+    if shear is None:
+        return result
+    return with_law_curve(_with_range(result, case, shear.I), shear)
 
 
 def _with_range(result: Result, case: Case, number: Floats) -> Result:

@@ -96,6 +96,11 @@ def flowing(fields: Fields, d2: Floats | None = None) -> Bool:
     return np.asarray(d2 * fields.time >= D2_STAGNANT)
 
 
+def shearing(fields: Fields) -> Bool:
+    """Points [K] after the start that flow: the ones that show friction."""
+    return np.asarray(after_start(fields) & flowing(fields))
+
+
 def score(
     flow: Flow, fields: Fields, parameters: Parameters, at_particles: Floats | None = None
 ) -> Scores:

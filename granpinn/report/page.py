@@ -23,8 +23,9 @@ from markupsafe import Markup, escape
 from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.figures import album, maps
+from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
-from granpinn.physics.laws import DEFAULT, LAWS, Law
+from granpinn.physics.laws import DEFAULT, Law
 from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
@@ -73,9 +74,11 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     except FieldsFileError as error:
         problems.append(str(error))
     try:
-        history = read_history(folder / "history.csv", LAWS[result.law])
+        history = read_history(folder / "history.csv", result.friction_law)
     except HistoryFileError as error:
         problems.append(str(error))
+    if fields is not None and result.law.I_range is None:  # a run of an earlier version
+        result = with_law_curve(result, fields)
     compared: Comparison | None = None
     if result.resimulation is not None and result.resimulation.objection is None:
         try:
@@ -143,7 +146,7 @@ def render(
 ) -> str:
     """The page, with every figure inside; a script is on it only where there is a film."""
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
-    summary, law = summarize(result, history), LAWS[result.law]
+    summary, law = summarize(result, history), result.friction_law
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     digest = hashlib.sha256(script.encode()).digest()
     return template("report.html", duration=duration, base64=encoded).render(

@@ -2,9 +2,9 @@
 
 In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
 bars, verdict), baseline (the momentum balance), determined (what a narrow range of I leaves),
-findings (checks and simulations), result (all of it, and results.json), decoding
-(its JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
-results_csv, fields.
+identified_law (its curve over the I of the data), findings (checks and simulations), result (all of
+it, and results.json), decoding (its JSON), attempt (parts that may fail alone), summary (numbers
+behind the words of a report), results_csv, fields.
 """
 
 from granpinn.results.fields import (
@@ -14,6 +14,7 @@ from granpinn.results.fields import (
     read_fields,
     write_fields,
 )
+from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
 from granpinn.results.records import NotDone, Zones
@@ -41,6 +42,7 @@ __all__ = [
     "ErrorPercent",
     "Fields",
     "FieldsFileError",
+    "IdentifiedLaw",
     "InertialNumber",
     "Input",
     "NotDone",

@@ -19,13 +19,14 @@ from granpinn.config import LEVELS
 from granpinn.data import Truth
 from granpinn.errors import BadInput
 from granpinn.output import write_text
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
 from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import decode, encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
+from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
 from granpinn.results.records import ErrorBars, Members, NotDone, Verdict, Zones
@@ -136,18 +137,11 @@ class Input:
 
 
 @dataclass(frozen=True)
-class LawName:
-    """The friction law in the form of results.json."""
-
-    name: str = DEFAULT.name
-
-
-@dataclass(frozen=True)
 class Result:
     """All records of one identification.
 
     Attributes:
-        law: name of the friction law (`granpinn.physics.laws.LAWS`).
+        law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
         not_done: parts after the identification that the run lacks, with the reasons.
@@ -164,7 +158,7 @@ class Result:
     device: str
     versions: dict[str, str]
     input: Input
-    law: str = DEFAULT.name
+    law: IdentifiedLaw = field(default_factory=IdentifiedLaw)
     settings: dict[str, Any] = field(default_factory=dict)
     stopped: str = "steps"
     failure: str | None = None
@@ -187,11 +181,12 @@ class Result:
     assumptions: tuple[Assumed, ...] = ()
 
     def __post_init__(self) -> None:
+        given = {"level": self.level, "form": self.form, "law": self.law.name}
         for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
-            value = getattr(self, name)
-            if value not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
-        law = LAWS[self.law]
+            if given[name] not in allowed:
+                expected = ", ".join(allowed)
+                raise ValueError(f"{name} must be one of {expected}, got {given[name]!r}")
+        law = self.friction_law
         require_names(self.parameters, law.names, where="parameters.")
         require_names(self.error_percent, FIELD_ERRORS, law.names, "error_percent.")
         for p in law.parameters:
@@ -210,14 +205,19 @@ class Result:
                 raise ValueError(f"covariance.names must be among {known}, got {name}")
 
     @property
+    def friction_law(self) -> Law:
+        """The law itself: its parameters and its curve."""
+        return LAWS[self.law.name]
+
+    @property
     def theta(self) -> tuple[float, ...]:
         """The values of the parameters, in the order of the law."""
-        return tuple(self.parameters[name].value for name in LAWS[self.law].names)
+        return tuple(self.parameters[name].value for name in self.friction_law.names)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
         content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "law": None}
-        values: dict[str, Any] = plain(content | encode(self) | {"law": {"name": self.law}})
+        values: dict[str, Any] = plain(content | encode(self))
         return values
 
     def __str__(self) -> str:
@@ -238,6 +238,8 @@ class Result:
                 lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
         if self.determined is not None and self.determined.lost:
             lines.append(str(self.determined))
+        if self.law.I_range is not None:
+            lines.append(str(self.law))
         if self.verdict is not None:
             lines.append(self.verdict.words)
         lines += [str(assumed) for assumed in self.assumptions]
@@ -289,7 +291,6 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
-        content["law"] = decode(LawName, content.get("law", {}), "law").name
         return decode(Result, content)
     except ValueError as error:
         raise ResultsFileError(f"{where}: {error}") from None

@@ -11,12 +11,12 @@ import io
 from pathlib import Path
 
 from granpinn.output import write_text
-from granpinn.physics.laws import LAWS
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS
 from granpinn.results.result import Result
 
+PLACES = {"low": 0.0, "middle": 0.5, "high": 1.0}  # of the range of log I
 Cell = str | int | float | bool | None
 
 
@@ -27,7 +27,7 @@ def row(result: Result) -> dict[str, Cell]:
         "sha256": result.input.sha256,
         "level": result.level,
         "form": result.form,
-        "law": result.law,
+        "law": result.law.name,
         "recipe": result.recipe,
         "seed": result.seed,
         "stopped": result.stopped,
@@ -43,7 +43,7 @@ def row(result: Result) -> dict[str, Cell]:
             f"{name}_fixed": parameter.fixed,
             f"{name}_true": getattr(result.truth, name, None),
         }
-    for name in (*LAWS[result.law].free, *FIELD_ERRORS):
+    for name in (*result.friction_law.free, *FIELD_ERRORS):
         cells[f"error_{name}"] = result.error_percent.get(name)
     cells["error_unit"] = "%"
     band, shear, balance = result.inertial_number, result.determined, result.baseline
@@ -70,7 +70,22 @@ def row(result: Result) -> dict[str, Cell]:
         "wall_unit": "s",
         "granpinn": result.versions.get("granpinn"),
     }
-    return {name: plain(value) for name, value in cells.items()}
+    return {name: plain(value) for name, value in (cells | _curve(result)).items()}
+
+
+def _curve(result: Result) -> dict[str, Cell]:
+    """mu with its 90 % band at both ends and in the middle of the range of log I."""
+    law, cells = result.law, dict[str, Cell]()
+    curve, lost = law.curve, NOT_DETERMINED if law.I_range else None
+    for place, share in PLACES.items():
+        k = round(share * (len(curve.I) - 1)) if curve else 0
+        cells |= {
+            f"I_{place}": curve.I[k] if curve else None,
+            f"mu_at_I_{place}": curve.mu[k] if curve else lost,
+            f"mu_at_I_{place}_low_90": curve.low[k] if curve and curve.low else None,
+            f"mu_at_I_{place}_high_90": curve.high[k] if curve and curve.high else None,
+        }
+    return cells
 
 
 def write_csv(result: Result, path: str | Path) -> None:

@@ -1,7 +1,7 @@
 """The numbers behind the words of a report, derived from a result and its history.
 
 The flow shows its friction law only over the inertial numbers that it has. Hence the law is summed
-up over the band of I that the middle 90 % of the grains cover, beside its parameters.
+up over the range of I of its curve, beside its parameters.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from granpinn.arrays import Floats
-from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.arrays import Float64, Floats
+from granpinn.physics.laws import mu_of_i
 from granpinn.results.result import Covariance, Result
 
 LAST_PART = 0.1  # of the steps: how much the parameters still changed
-BAND_POINTS = 200
+BAND_POINTS = 200  # of laws that are compared over a range of I
 NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 
 
 class Band(NamedTuple):
-    """The friction law over the inertial numbers that the data cover.
+    """The friction law over the range of I of its curve.
 
     Attributes:
         largest_difference: between the identified and the true law; None if the latter is unknown.
@@ -41,7 +41,8 @@ class Summary(NamedTuple):
     """
     Attributes:
         slope: (mu_2 - mu_s) / I0, the slope of mu(I) at I = 0; None for other laws.
-        reaches: I_high / I0; mu_2 is an extrapolation where it is far below 1; None for other laws.
+        reaches: I of the grains (95 %) over I0; mu_2 is an extrapolation where it is far below 1;
+            None for other laws.
         stagnant: share of the scored points in stagnant zones.
         drift: relative change of each identified parameter over the last tenth of the steps.
     """
@@ -59,53 +60,43 @@ def summarize(result: Result, history: Mapping[str, Floats] | None = None) -> Su
     zones = result.zones
     scored = zones.n_flowing + zones.n_stagnant if zones else 0
     slope = reaches = None
-    if result.law == mu_of_i.LAW.name:
+    if result.law.name == mu_of_i.LAW.name:
         mu_s, mu_2, I0 = result.theta
         slope = (mu_2 - mu_s) / I0
-        reaches = band.I_high / I0 if band else None
+        reaches = result.inertial_number.q95 / I0 if result.inertial_number else None
     return Summary(
         slope=slope,
         band=band,
         reaches=reaches,
         stagnant=zones.n_stagnant / scored if zones and scored else None,
-        drift=_drift(LAWS[result.law].free, history) if history else None,
+        drift=_drift(result.friction_law.free, history) if history else None,
     )
 
 
-def true_theta(result: Result) -> tuple[float, ...] | None:
-    """The true parameters in the order of the law; None if one of them is unknown.
+def true_friction(result: Result, I: Floats) -> Float64 | None:  # noqa: E741
+    """mu of the law that made the data, at I [n]; None if one of its parameters is unknown.
 
-    A fixed parameter with an unknown true value counts as true.
+    A parameter with an unknown true value that was given in the identification counts as true.
     """
-    theta = []
-    for name in LAWS[result.law].names:
-        given, true = result.parameters[name], getattr(result.truth, name, None)
-        if true is None and not given.fixed:
+    truth = result.truth
+    if truth is None:
+        return None
+    law, theta = truth.friction_law, []
+    for name, true in zip(law.names, truth.theta, strict=True):
+        given = result.parameters.get(name) if law is result.friction_law else None
+        if true is None and (given is None or not given.fixed):
             return None
-        theta.append(given.value if true is None else float(true))
-    return tuple(theta)
+        theta.append(float(true if true is not None or given is None else given.value))
+    return np.asarray(law.friction(np.asarray(I, np.float64), *theta), np.float64)
 
 
 def _band(result: Result) -> Band | None:
-    if result.inertial_number is None:
+    curve = result.law.curve
+    if curve is None:
         return None
-    low, high = result.inertial_number.q05, result.inertial_number.q95
-    I = np.linspace(low, high, BAND_POINTS)  # noqa: E741
-    law, truth = LAWS[result.law], true_theta(result)
-    mu = law.friction(I, *result.theta)
-    largest = None
-    if truth is not None:
-        largest = float(np.max(np.abs(mu - law.friction(I, *truth))))
-    known = result.covariance
-    half = None if known is None else float(np.max(half_width(I, result, known)))
-    return Band(low, high, float(mu[0]), float(mu[-1]), largest, half)
-
-
-def half_width(I: Floats, result: Result, covariance: Covariance) -> Floats:  # noqa: E741
-    """Half of the 90 % band of the law [n]; the widest interval of the parameters counts."""
-    bars = result.error_bars
-    width = max(bars.half_width) if bars else NORMAL_90
-    return width * friction_sd(I, result, covariance)
+    mu, truth = np.array(curve.mu), true_friction(result, np.array(curve.I))
+    largest = None if truth is None else float(np.max(np.abs(mu - truth)))
+    return Band(curve.I[0], curve.I[-1], curve.mu[0], curve.mu[-1], largest, curve.half_width)
 
 
 def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  # noqa: E741
@@ -113,7 +104,7 @@ def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  #
 
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
     """
-    law = LAWS[result.law]
+    law = result.friction_law
     theta = torch.tensor(result.theta, dtype=torch.float64)
     at = torch.as_tensor(np.asarray(I, np.float64))
     jacobian: Any = torch.autograd.functional.jacobian

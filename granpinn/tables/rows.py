@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from granpinn.data import Flow, Truth
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import DEFAULT
 from granpinn.results import Result
 from granpinn.results.named import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
@@ -74,7 +74,7 @@ class Row:
 def row_of(case: Case, results: Sequence[Result]) -> Row:
     """The row of a case from the results of all its seeds."""
     ended = [r for r in results if r.failure is None]
-    truth, law = case.flow.truth, LAWS[results[0].law]
+    truth, law = case.flow.truth, results[0].friction_law
     errors: dict[str, Spread] = {}
     medians: dict[str, float | None] = {}
     for name in law.free:

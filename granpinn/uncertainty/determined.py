@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
-from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
 from granpinn.results.determined import Determined
 from granpinn.results.summary import NORMAL_90, friction_sd
@@ -39,13 +39,13 @@ def determined(result: Result, inertial_number: Floats, weight: Floats) -> Deter
         inertial_number: of the points that shear [n].
         weight: of these points in the fit [n].
     """
-    if result.law != mu_of_i.LAW.name:
+    if result.law.name != mu_of_i.LAW.name:
         return None
     shear = range_of(inertial_number, weight, result.parameters["I0"].value)
     if shear is None:
         return None
     at, reach = np.array([shear.I]), dict(shear.reach)
-    mu = float(LAWS[result.law].friction(at, *result.theta)[0])
+    mu = float(result.friction_law.friction(at, *result.theta)[0])
     std, interval = _at(at, mu, result)
     if std and result.covariance is not None:
         for k, name in enumerate(result.covariance.names):
@@ -67,11 +67,10 @@ class Range(NamedTuple):
 
 def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None:
     """The range of I of points that shear [n] with weights [n]; None without such points."""
-    number, share = np.asarray(inertial_number, np.float64), np.asarray(weight, np.float64)
-    used = np.isfinite(number) & (number > 0) & (share > 0)
-    if not used.any():
+    used = _shearing(inertial_number, weight)
+    if used is None:
         return None
-    number, share = number[used], share[used]
+    number, share = used
     low, high = _quantiles(number, share)
     within = (number >= low) & (number <= high)
     number, share = number[within], share[within] / share[within].sum()
@@ -83,6 +82,12 @@ def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None
         "mu_2": float(np.sqrt(1 + (1 - mean) ** 2 / variance)),
     }
     return Range(low, high, I0 * mean / (1 - mean), reach)
+
+
+def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] | None:
+    """The 5th and 95th percentile of I of points that shear [n]; None without such points."""
+    used = _shearing(inertial_number, weight)
+    return None if used is None else _quantiles(*used)
 
 
 def lost_of(reach: Mapping[str, float], mu: float, values: Mapping[str, float]) -> tuple[str, ...]:
@@ -97,7 +102,7 @@ def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str
         inertial_number: of the points that shear [n], with the pressure of the training.
         weight: of these points [n].
     """
-    law = LAWS[result.law]
+    law = result.friction_law
     scale = law.inertial_scale
     shear = range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
     low, high, at = (0.0, 0.0, 0.0) if shear is None else (shear.low, shear.high, shear.I)
@@ -124,6 +129,13 @@ def _at(at: Float64, mu: float, result: Result) -> tuple[float | None, tuple[flo
     std = float(friction_sd(at, result, result.covariance)[0])
     half = max(result.error_bars.half_width) if result.error_bars else NORMAL_90
     return std, (mu - half * std, mu + half * std)
+
+
+def _shearing(inertial_number: Floats, weight: Floats) -> tuple[Float64, Float64] | None:
+    """The points with a positive I and weight; None without such points."""
+    number, share = np.asarray(inertial_number, np.float64), np.asarray(weight, np.float64)
+    used = np.isfinite(number) & (number > 0) & (share > 0)
+    return (number[used], share[used]) if used.any() else None
 
 
 def _quantiles(values: Float64, weight: Float64) -> tuple[float, float]:

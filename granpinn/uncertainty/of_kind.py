@@ -65,7 +65,7 @@ def with_model_error(
         return result
     if result.members is None or result.residuals is None or result.stopped == "diverged":
         return result
-    if result.law != table.law or uncalibrated(config):
+    if result.law.name != table.law or uncalibrated(config):
         return result
     if of_assumptions.unknown(result.assumptions):
         return result

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.summary import Summary
 
@@ -66,7 +65,7 @@ def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], l
         bad.append(f"The training diverged: {result.failure or 'its last good state is shown'}.")
     if summary.drift is not None:
         drift = max(summary.drift.values())
-        symbols = " and ".join(LAWS[result.law].parameter(name).text for name in summary.drift)
+        symbols = " and ".join(result.friction_law.parameter(name).text for name in summary.drift)
         words = f"{symbols} changed by up to {100 * drift:.2g} % over the last tenth of the steps"
         if drift > DRIFT_CARE:
             (bad if drift > DRIFT_BAD else care).append(f"{words}: train with more steps.")
@@ -84,7 +83,7 @@ def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], l
 def _interval(result: Result, name: str) -> tuple[bool, str]:
     """Whether the interval of a parameter needs care, and the sentence; "" if it is fixed."""
     parameter = result.parameters[name]
-    symbol = LAWS[result.law].parameter(name).text
+    symbol = result.friction_law.parameter(name).text
     if parameter.fixed or not parameter.determined:
         return False, ""
     if parameter.interval_90 is None:

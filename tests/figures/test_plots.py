@@ -10,145 +10,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
-from granpinn.data import Truth
 from granpinn.figures import album, curves, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.physics.terms import NAMES
-from granpinn.results import (
-    Covariance,
-    Fields,
-    InertialNumber,
-    Parameter,
-    Parameters,
-    Result,
-    summary,
-)
-from granpinn.results.records import ErrorBars
+from granpinn.results import Fields, Result
+from tests.figures.drawn import labels, line, xy
 from tests.run_folder import Array, Contents, with_values
-
-BAND = InertialNumber(q05=2e-3, median=0.02, q95=0.3)
-COVARIANCE = Covariance(("mu_s", "mu_2"), ((1.6e-4, -6e-5), (-6e-5, 9e-4)))
-
-
-@pytest.fixture
-def result(contents: Contents) -> Result:
-    """A result with round numbers over a known band."""
-    parameters = Parameters(
-        mu_s=Parameter(0.4, False), mu_2=Parameter(0.6, False), I0=Parameter(0.25, True)
-    )
-    truth = Truth(mu_s=0.38, mu_2=0.64, I0=0.3)
-    return replace(
-        contents.result,
-        parameters=parameters,
-        truth=truth,
-        inertial_number=BAND,
-        covariance=None,
-        error_bars=None,
-    )
-
-
-def line(axes: Axes, name: str) -> Line2D:
-    (found,) = (item for item in axes.lines if item.get_label() == name)
-    return found
-
-
-def xy(found: Line2D) -> tuple[Array, Array]:
-    return np.asarray(found.get_xdata(), float), np.asarray(found.get_ydata(), float)
-
-
-def labels(axes: Axes) -> list[str]:
-    legend = axes.get_legend()
-    return [text.get_text() for text in legend.get_texts()] if legend else []
 
 
 def bars(axes: Axes) -> Array:
     """Heights of the filled bars of a histogram."""
     return np.array([bar.get_height() for bar in axes.containers[0]])
-
-
-def test_the_law_is_drawn_over_the_covered_band_only(result: Result, contents: Contents) -> None:
-    law = curves.friction_law(result, contents.fields).figure.axes[0]
-    for name, (mu_s, mu_2, I_0) in {
-        "identified": (0.4, 0.6, 0.25),
-        "true": (0.38, 0.64, 0.3),
-    }.items():
-        I, mu = xy(line(law, name))  # noqa: E741
-        assert (I[0], I[-1]) == pytest.approx((BAND.q05, BAND.q95))
-        np.testing.assert_allclose(mu, mu_s + (mu_2 - mu_s) / (1 + I_0 / I), rtol=1e-12)
-    assert labels(law) == ["identified", "true"]
-
-
-def test_a_band_that_starts_at_rest_is_cut_where_the_law_is_flat(
-    result: Result, contents: Contents
-) -> None:
-    at_rest = replace(result, inertial_number=InertialNumber(0.0, 0.0, 0.0))
-    law = curves.friction_law(at_rest, contents.fields).figure.axes[0]
-    I, mu = xy(line(law, "identified"))  # noqa: E741
-    assert I[0] == pytest.approx(1e-4)
-    assert np.ptp(mu) < 1e-4
-
-
-@pytest.mark.parametrize("truth", [None, Truth(), Truth(mu_s=0.4), Truth(I0=0.3)], ids=str)
-def test_the_law_without_its_truth(result: Result, contents: Contents, truth: Truth | None) -> None:
-    drawing = curves.friction_law(replace(result, truth=truth), contents.fields)
-    assert labels(drawing.figure.axes[0]) == ["identified"]
-    assert "generated the data" not in drawing.caption
-
-
-def test_a_truth_without_I0_is_drawn_with_the_given_one(result: Result, contents: Contents) -> None:
-    truth = replace(result, truth=Truth(mu_s=0.38, mu_2=0.64))
-    I, mu = xy(line(curves.friction_law(truth, contents.fields).figure.axes[0], "true"))  # noqa: E741
-    np.testing.assert_allclose(mu, 0.38 + 0.26 / (1 + 0.25 / I), rtol=1e-12)
-
-
-def test_the_law_needs_to_know_the_band(result: Result, contents: Contents) -> None:
-    with pytest.raises(NothingToDraw, match="band of the inertial number"):
-        curves.friction_law(replace(result, inertial_number=None), contents.fields)
-
-
-def test_the_band_of_uncertainty_is_90_percent_of_a_sample(
-    result: Result, contents: Contents
-) -> None:
-    """Against laws drawn from the covariance: mu is linear in mu_s and mu_2."""
-    drawing = curves.friction_law(replace(result, covariance=COVARIANCE), contents.fields)
-    law = drawing.figure.axes[0]
-    assert labels(law) == ["identified", "90 % band", "true"]
-    vertices = np.asarray(law.collections[0].get_paths()[0].vertices)
-    I, _ = xy(line(law, "identified"))  # noqa: E741
-    drawn = np.random.default_rng(0).multivariate_normal([0.4, 0.6], COVARIANCE.matrix, 40_000)
-    for at in (I[0], I[150], I[-1]):
-        edges = vertices[np.isclose(vertices[:, 0], at), 1]
-        mu = drawn[:, 0] + (drawn[:, 1] - drawn[:, 0]) / (1 + 0.25 / at)
-        low, high = np.quantile(mu, (0.05, 0.95))
-        assert (edges.min(), edges.max()) == pytest.approx((low, high), abs=0.02 * (high - low))
-
-
-def test_the_band_is_as_wide_as_the_intervals(result: Result, contents: Contents) -> None:
-    bars = ErrorBars((0.01, 0.02), (0.01, 0.02), (5.0, 6.0), (2.0, 3.29), "a test", False)
-    heights = []
-    for error_bars in (None, bars):
-        known = replace(result, covariance=COVARIANCE, error_bars=error_bars)
-        law = curves.friction_law(known, contents.fields).figure.axes[0]
-        heights.append(np.ptp(np.asarray(law.collections[0].get_paths()[0].vertices)[:5, 1]))
-    assert heights[1] / heights[0] == pytest.approx(2, rel=0.01)
-
-
-def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result) -> None:
-    I = np.array([1e-3, 0.1, 2.0])  # noqa: E741
-    values = np.array([0.4, 0.6, 0.25])
-    matrix = np.array([[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 2.0]]) * 1e-4
-
-    def mu(p: Array) -> Array:
-        return p[0] + (p[1] - p[0]) / (1 + p[2] / I)
-
-    step = 1e-6 * np.eye(3)
-    J = np.stack([(mu(values + h) - mu(values - h)) / 2e-6 for h in step])
-    order = [2, 0, 1]
-    covariance = Covariance(("I0", "mu_s", "mu_2"), tuple(map(tuple, matrix[order][:, order])))
-    sd = summary.friction_sd(I, result, covariance)
-    np.testing.assert_allclose(sd, np.sqrt(np.einsum("in,ij,jn->n", J, matrix, J)), rtol=1e-6)
 
 
 def test_the_histogram_of_I_counts_every_grain_point_after_the_start(

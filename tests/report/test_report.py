@@ -159,9 +159,9 @@ def test_the_level_is_said_in_words(level: str, words: str, absent: str) -> None
 
 def test_the_words_say_what_the_band_holds() -> None:
     text = render(make_result()).text
-    assert "Nine tenths of the grains flow at I between 0.0001 and 0.3." in text
-    assert "goes from 0.410 to 0.510" in text  # 0.41 + 0.2 / 2 at I = I0
-    assert "within 0.01 of the true law" in text  # at rest |0.41 - 0.4| is the largest
+    assert "Where the grains shear, nine tenths of them have I between 0.01 and 0.2." in text
+    assert "goes from 0.420 to 0.490, known to ± 0.03 (90 %)" in text
+    assert "within 0.012 of the true law" in text  # |0.42 - 0.4 - 0.24 * 0.01 / 0.31|
     step = np.arange(1.0, 101.0)
     history = {"step": step, "mu_s": np.where(step > 95, 0.4, 0.3), "mu_2": np.full(100, 0.6)}
     text = render(make_result(), history).text

@@ -17,6 +17,7 @@ from granpinn.report import page as pages
 from granpinn.results import (
     Covariance,
     ErrorPercent,
+    IdentifiedLaw,
     Parameter,
     Parameters,
     Result,
@@ -30,6 +31,7 @@ from granpinn.second_opinion import simulator_fit
 from granpinn.second_opinion.resimulation import Column, collapse_of
 from granpinn.training.history import columns
 from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.of_result import assess
 from granpinn.uncertainty.of_training import judge
 from tests.examples import make_fields, make_result
@@ -42,9 +44,9 @@ MEMBERS = Members((0, 1, 2), {"mu_s": (0.31, 0.35, 0.36)}, (False, False, True))
 
 def coulomb(**changes: object) -> Result:
     usual = {
-        "law": LAW.name,
+        "law": IdentifiedLaw(LAW.name),
         "parameters": Parameters(mu_s=Parameter(0.33, fixed=False)),
-        "truth": Truth(mu_s=0.3),
+        "truth": Truth(0.3, law=LAW.name),
         "error_percent": ErrorPercent(mu_s=10.0, velocity=1.0),
         "covariance": None,
         "error_bars": None,
@@ -56,18 +58,21 @@ def coulomb(**changes: object) -> Result:
 def test_results_json_has_the_names_of_the_law(tmp_path: Path) -> None:
     write_results(coulomb(), tmp_path / "results.json")
     content = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
-    assert content["law"] == {"name": "coulomb"}
+    assert content["law"]["name"] == "coulomb"
     assert list(content["parameters"]) == ["mu_s"]
     assert content["members"]["mu_s"] == [0.31, 0.35, 0.36]
     assert "mu_2" not in content["error_percent"]
     assert read_results(tmp_path / "results.json") == coulomb()
 
 
-def test_a_file_without_a_law_is_of_mu_of_i(tmp_path: Path) -> None:
+@pytest.mark.parametrize("law", [None, {"name": "mu_of_i"}], ids=["no law", "a law without curve"])
+def test_a_file_of_an_earlier_version_is_read(law: object, tmp_path: Path) -> None:
     content = make_result().to_dict()
-    assert content.pop("law") == {"name": "mu_of_i"}
+    content["law"] = law
+    if law is None:
+        del content["law"]
     (tmp_path / "results.json").write_text(json.dumps(content))
-    assert read_results(tmp_path / "results.json") == make_result()
+    assert read_results(tmp_path / "results.json") == make_result(law=IdentifiedLaw("mu_of_i"))
 
 
 def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
@@ -88,7 +93,8 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
 
 def test_its_curve_is_drawn_with_its_truth() -> None:
     fields = make_fields(make_flow(frames=3))
-    law = curves.friction_law(coulomb(), fields).figure.axes[0]
+    known = with_curve(coulomb(), np.geomspace(0.01, 0.1, 50), np.ones(50))
+    law = curves.friction_law(known, fields).figure.axes[0]
     assert law.get_title(loc="left") == "(a) friction law: constant friction"
     np.testing.assert_allclose(law.lines[0].get_ydata(), 0.33)
     np.testing.assert_allclose(law.lines[1].get_ydata(), 0.3)
@@ -97,7 +103,8 @@ def test_its_curve_is_drawn_with_its_truth() -> None:
 
 
 def test_the_summary_is_that_of_the_law() -> None:
-    found = summarize(coulomb())
+    known = with_curve(coulomb(), np.geomspace(0.01, 0.1, 50), np.ones(50))
+    found = summarize(known)
     assert (found.slope, found.reaches) == (None, None)
     assert found.band is not None
     assert found.band.largest_difference == pytest.approx(0.03)

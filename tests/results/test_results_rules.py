@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from granpinn.results import Covariance, Parameter, Result, ResultsFileError, read_results
+from granpinn.results import (
+    Covariance,
+    IdentifiedLaw,
+    Parameter,
+    Result,
+    ResultsFileError,
+    read_results,
+)
 from tests.examples import SPARSE, make_result
 
 
@@ -46,8 +53,14 @@ def read_content(content: Any, folder: Path) -> Result:
             lambda: make_result(covariance=Covariance(("d",), ((1.0,),))),
             "covariance.names must be among mu_s, mu_2, I0, got d",
         ),
-        (lambda: make_result(law="snow"), "law must be one of mu_of_i, coulomb, got 'snow'"),
-        (lambda: make_result(law="coulomb"), "parameters.mu_2 is not known; expected mu_s"),
+        (
+            lambda: make_result(law=IdentifiedLaw("snow")),
+            "law must be one of mu_of_i, coulomb, got 'snow'",
+        ),
+        (
+            lambda: make_result(law=IdentifiedLaw("coulomb")),
+            "parameters.mu_2 is not known; expected mu_s",
+        ),
         (lambda: make_result(level="V3"), "level must be one of V0, V1, V2, got 'V3'"),
         (lambda: make_result(form="weak"), "form must be one of mixed, strong, got 'weak'"),
     ],

@@ -23,5 +23,10 @@ def test_numbers_of_a_known_result() -> None:
     assert found.reaches == pytest.approx(2)
     assert found.stagnant == pytest.approx(0.25)  # 300 of 1200 points
     assert found.band is not None
-    assert found.band.mu_high == pytest.approx(0.41 + 0.2 / (1 + 0.3 / 0.6))
+    assert (found.band.I_low, found.band.I_high) == (0.01, 0.2)  # of the curve, not of all grains
+    assert (found.band.mu_low, found.band.mu_high) == (0.42, 0.49)
+    assert found.band.half_width == pytest.approx(0.03)
+    true = 0.4 + 0.24 * np.array([0.01, 0.045, 0.2]) / (np.array([0.01, 0.045, 0.2]) + 0.3)
+    difference = np.abs(true - [0.42, 0.44, 0.49]).max()
+    assert found.band.largest_difference == pytest.approx(difference)
     assert found.drift == {"mu_s": pytest.approx(0.2), "mu_2": pytest.approx(0.1)}

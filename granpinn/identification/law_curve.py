@@ -1,0 +1,49 @@
+"""The curve of an identified law, from the fields of the fit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from granpinn.arrays import Floats
+from granpinn.identification import scoring
+from granpinn.results import Fields, NotDone, Result
+from granpinn.results.attempt import LAW_CURVE, attempt, having, lacking
+from granpinn.uncertainty.curve import with_curve
+
+
+class Shear(NamedTuple):
+    """The points of the fit where grains shear, n of them.
+
+    Attributes:
+        I: inertial number [n].
+        ratio: |tau|/p [n], NaN where p <= 0.
+    """
+
+    I: Floats  # noqa: E741
+    ratio: Floats
+
+
+def shear_of(fields: Fields) -> Shear:
+    """The points of the fields where grains shear."""
+    points = scoring.shearing(fields)
+    number, p, tau_xx, tau_xy = (
+        fields.values[name][points].astype(np.float64) for name in ("I", "p", "tau_xx", "tau_xy")
+    )
+    return Shear(number, np.hypot(tau_xx, tau_xy) / np.where(p > 0, p, np.nan))
+
+
+def with_law_curve(result: Result, shear: Shear | Fields) -> Result:
+    """The result with its law over the I of the points that shear; the loss weights all alike.
+
+    Args:
+        shear: these points, or the fields that hold them.
+    """
+
+    def made() -> Result:
+        points = shear_of(shear) if isinstance(shear, Fields) else shear
+        return with_curve(result, points.I, np.ones(points.I.shape), points.ratio)
+
+    found = attempt(LAW_CURVE, made)
+    return lacking(result, found) if isinstance(found, NotDone) else having(found, LAW_CURVE)

@@ -1,0 +1,114 @@
+"""The record of the identified law: its curve over the I of the data, and the points behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.results.determined import NOT_DETERMINED
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """mu over I, evenly in log I; [n] each.
+
+    Attributes:
+        I: inertial numbers.
+        mu: friction of the identified law.
+        low, high: its pointwise 90 % band; None where it is not determined.
+    """
+
+    I: Numbers  # noqa: E741 (the inertial number's own symbol)
+    mu: Numbers
+    low: Numbers | None = None
+    high: Numbers | None = None
+
+    def __post_init__(self) -> None:
+        if (self.low is None) != (self.high is None):
+            raise ValueError("low and high must be two lists, or both null")
+        _require_columns(self.I, self.low or self.mu, self.mu, self.high or self.mu)
+
+    def band(self, k: int) -> str:
+        """mu and its band at the point k, in words."""
+        if self.low is None or self.high is None:
+            return f"{self.mu[k]:.3f}"
+        return f"{self.mu[k]:.3f} ({self.low[k]:.3f} to {self.high[k]:.3f})"
+
+    @property
+    def half_width(self) -> float | None:
+        """Half of the band at its widest place."""
+        if self.low is None or self.high is None:
+            return None
+        return max(high - low for low, high in zip(self.low, self.high, strict=True)) / 2
+
+
+@dataclass(frozen=True)
+class StressPoints:
+    """|tau|/p in the fields of the fit over I, where grains shear, in bins of log I; [n] each.
+
+    Attributes:
+        I: median of the inertial numbers of a bin.
+        mu, low, high: median, 16th and 84th percentile of |tau|/p.
+        count: of the points of a bin.
+    """
+
+    I: Numbers  # noqa: E741
+    mu: Numbers
+    low: Numbers
+    high: Numbers
+    count: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        _require_columns(self.I, self.low, self.mu, self.high, self.count)
+
+
+@dataclass(frozen=True)
+class IdentifiedLaw:
+    """The identified law over the inertial numbers that the data hold (uncertainty/curve.py).
+
+    Attributes:
+        name: of the law (`granpinn.physics.laws.LAWS`).
+        I_range: 5th and 95th percentile of I over the points that shear; None without any.
+        curve: of the law over `I_range`, and nothing beyond; None where it is not determined.
+        points: |tau|/p of the fit.
+        reason: why the curve, or its band, is not determined, in words; None if it has both.
+    """
+
+    name: str = DEFAULT.name
+    I_range: tuple[float, float] | None = None
+    curve: Curve | None = None
+    points: StressPoints | None = None
+    reason: str | None = None
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        if self.I_range is None:
+            return f"{LAWS[self.name].title}: the range of I is {NOT_DETERMINED}: {self.reason}"
+        low, high = self.I_range
+        text = f"{LAWS[self.name].title} over I = {low:.2g} to {high:.2g}: "
+        if self.curve is None:
+            return text + f"{NOT_DETERMINED}: {self.reason}"
+        text += f"mu = {self.curve.band(0)} to {self.curve.band(-1)}"
+        if self.curve.low is None:
+            return f"{text}, 90 % band {NOT_DETERMINED}: {self.reason}"
+        return f"{text}, with the 90 % band"
+
+
+def _require_columns(
+    I: Numbers,  # noqa: E741
+    low: Numbers,
+    mu: Numbers,
+    high: Numbers,
+    *others: tuple[int, ...],
+) -> None:
+    lengths = [len(values) for values in (I, low, mu, high, *others)]
+    if len(set(lengths)) > 1 or not I:
+        raise ValueError(f"I, mu, low and high must have equally many values, got {lengths}")
+    if not I[0] > 0 or any(a > b for a, b in pairwise(I)):
+        raise ValueError("I must be positive and ascending")
+    for at, a, value, b in zip(I, low, mu, high, strict=True):
+        if not a <= value <= b:
+            raise ValueError(f"mu must be from low to high, got {a}, {value}, {b} at I = {at}")

@@ -1,0 +1,79 @@
+"""The curve of an identified law in its run folder, from the fields of the fit."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granpinn import report
+from granpinn.identification.law_curve import with_law_curve
+from granpinn.identification.scoring import D2_STAGNANT
+from granpinn.results import IdentifiedLaw
+from granpinn.results.attempt import LAW_CURVE
+from tests.run_folder import Contents, make_run, read_run, with_values
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_run(tmp_path_factory.mktemp("runs") / "finished")
+
+
+@pytest.fixture(scope="module")
+def contents(folder: Path) -> Contents:
+    return read_run(folder)
+
+
+def test_a_run_states_its_law_over_the_points_that_shear(contents: Contents) -> None:
+    result, values = contents.result, contents.fields.values
+    after = contents.fields.time_of_points() > 0
+    shear = after & (values["D2"] * contents.fields.time >= D2_STAGNANT)
+    law = result.law
+    assert law.I_range is not None
+    inside = np.mean(
+        (values["I"][shear] >= law.I_range[0]) & (values["I"][shear] <= law.I_range[1])
+    )
+    assert inside == pytest.approx(0.9, abs=2 / shear.sum() + 1e-6)
+    if result.determined is not None:
+        assert law.I_range == (result.determined.I_low, result.determined.I_high)
+    assert law.curve is not None
+    mu_s, mu_2, I0 = result.theta
+    I = np.array(law.curve.I)  # noqa: E741
+    np.testing.assert_allclose(law.curve.mu, mu_s + (mu_2 - mu_s) * I / (I + I0))
+    assert law.reason is not None  # so few steps have no error bars
+
+
+def test_the_points_are_the_stress_of_the_fit(contents: Contents) -> None:
+    K = contents.fields.index.size
+    I = np.geomspace(0.01, 0.1, K)  # noqa: E741
+    p = np.where(np.arange(K) % 7 == 0, -1.0, 2.0)  # no ratio where p < 0
+    fields = with_values(contents.fields, I=I, D2=1e3, p=p, tau_xx=0.3, tau_xy=-0.4)
+    points = with_law_curve(contents.result, fields).law.points
+    assert points is not None
+    np.testing.assert_allclose(points.mu, 0.25, rtol=1e-6)
+    known = (p > 0) & (fields.time_of_points() > 0)
+    assert 0.85 * known.sum() < sum(points.count) < 0.95 * known.sum()
+
+
+def test_fields_without_stress_are_a_reason(contents: Contents) -> None:
+    made = with_law_curve(contents.result, with_values(contents.fields, tau_xx=None))
+    assert [part.what for part in made.not_done] == [LAW_CURVE]
+    assert with_law_curve(made, contents.fields).not_done == ()
+
+
+def test_a_run_of_an_earlier_version_gets_its_curve(folder: Path, contents: Contents) -> None:
+    path = folder / "results.json"
+    content = json.loads(path.read_text())
+    content["law"] = {"name": "mu_of_i"}
+    path.write_text(json.dumps(content))
+    assert read_run(folder).result.law == IdentifiedLaw("mu_of_i")
+    report.build(folder)
+    with (folder / "results.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    law = contents.result.law
+    assert law.I_range is not None
+    assert (float(row["I_low"]), float(row["I_high"])) == pytest.approx(law.I_range)
+    assert (folder / "figures" / "friction_law.png").exists()
