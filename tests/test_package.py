@@ -28,6 +28,12 @@ def test_import_loads_neither_torch_nor_the_kernels() -> None:
     assert out.stdout.split() == ["False", "False"]
 
 
+def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
+    code = "import granpinn.train, granpinn.inspect, sys; print('scipy.signal' in sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["False"]
+
+
 def test_version_is_that_of_the_installed_distribution() -> None:
     from importlib.metadata import version
 

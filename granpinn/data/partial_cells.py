@@ -15,10 +15,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, Surface
 from granpinn.data.surface_line import folded, line_heights, points_of
-from granpinn.data.walls import Segments, crossed, segments_of
+from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
 FILLED = 0.5  # least c of a cell that counts where there is no surface line
@@ -75,12 +75,17 @@ def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
 
 def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
     """Cells of `partial` [T, Y, X] from which a wall hides the nearest full cell."""
+    cells = np.argwhere(partial)
+    here, nearest = _places(flow, cells), np.full((len(cells), 2), np.nan)
+    for k in np.unique(cells[:, 0]):
+        full, own = _places(flow, np.argwhere(flow.material[k : k + 1])), cells[:, 0] == k
+        if len(full):
+            nearest[own] = full[cKDTree(full).query(here[own])[1]]
     behind = np.zeros_like(partial)
-    for k, t in enumerate(flow.t):
-        cells, full = np.argwhere(partial[k]), np.argwhere(flow.material[k])
-        if len(cells) == 0 or len(full) == 0:
-            continue
-        here, there = (np.stack([flow.x[a[:, 1]], flow.y[a[:, 0]]], 1) for a in (cells, full))
-        nearest = cKDTree(there).query(here)[1]
-        behind[k][tuple(cells.T)] = crossed(here, there[nearest], segments.at(float(t)))
+    behind[tuple(cells.T)] = parted(here, nearest, flow.t[cells[:, 0]], segments)
     return behind
+
+
+def _places(flow: Flow, cells: Index) -> Float64:
+    """x, y of the centers of cells [n, 2], given by frame, row and column [n, 3]."""
+    return np.stack([flow.x[cells[:, 2]], flow.y[cells[:, 1]]], 1)

@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow
 from granpinn.data.points import RESOLUTION, TrainingSet
-from granpinn.data.surface_line import SAME_TIME
+from granpinn.data.surface_line import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
-from granpinn.data.walls import Segments, crossed, segments_of
+from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import Axes
 
 if TYPE_CHECKING:
@@ -113,11 +113,11 @@ def _below(
     times, frame = np.unique(points[:, 2], return_inverse=True)
     order = np.argsort(frame, kind="stable")
     ends = np.searchsorted(frame[order], np.arange(len(times) + 1))
-    for t in np.unique(surface[:, 2]):
-        k = int(np.argmin(np.abs(times - t)))
+    for k, line in points_of(np.unique(surface[:, 2]) if steady else times, surface[:, 2]):
+        here = np.flatnonzero(line)
+        t = float(surface[here[0], 2])
         if not steady and abs(times[k] - t) > SAME_TIME * max(abs(t), 1.0):
             continue
-        here = np.flatnonzero(surface[:, 2] == t)
         now = slice(None) if steady else slice(ends[k], ends[k + 1])
         vectors = points[order[now], :2]
         distance, index = cKDTree(vectors).query(surface[here, :2], distance_upper_bound=farthest)
@@ -133,15 +133,10 @@ def _hidden(
     segments: Segments, axes: Axes, scales: Scales, surface: Float64, nearest: Float64
 ) -> Bool:
     """Points of the surface [M, 3] that a wall parts from their vectors [M, 2]."""
-    hidden = np.zeros(len(surface), bool)
-    known = np.isfinite(nearest).all(axis=1)
 
     def in_file(places: Float64) -> Float64:
         x, y = axes.undo(*places.T)
         return scales.points_to_physical(np.stack([x, y, surface[:, 2]], 1))
 
     start, end = in_file(surface[:, :2]), in_file(nearest)
-    for t in np.unique(start[known, 2]):
-        k = np.flatnonzero(known & (start[:, 2] == t))
-        hidden[k] = crossed(start[k, :2], end[k, :2], segments.at(float(t)))
-    return hidden
+    return parted(start[:, :2], end[:, :2], start[:, 2], segments)

@@ -151,6 +151,19 @@ def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
     return found
 
 
+def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool:
+    """Which of the paths [n, 2], each at a time [n], cross a wall that is there then.
+
+    A path without an end (NaN) crosses none.
+    """
+    found = np.zeros(len(start), bool)
+    known = np.isfinite(end).all(axis=1)
+    for time in np.unique(t[known]):
+        k = np.flatnonzero(known & (t == time))
+        found[k] = crossed(start[k], end[k], segments.at(float(time)))
+    return found
+
+
 def _cross(a: Float64, b: Float64) -> Float64:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 

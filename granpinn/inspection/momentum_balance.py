@@ -23,7 +23,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
@@ -209,6 +208,8 @@ class _Lines:
         integral = _integral(stress, self.below, dy)
         if integral.shape[2] == 1:
             return 0.0
+        from scipy.signal import savgol_filter  # slow to import, and layers do without it
+
         window = min(SIDEWAYS, (integral.shape[2] + 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(integral, window, 2, deriv=1, delta=dx, axis=2))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -42,7 +43,7 @@ USUAL_THREADS = 4
 
 
 @dataclass(frozen=True)
-class Scene(CompleteLaw):
+class Scene(CompleteLaw, ABC):
     """Grains that are released at t = 0: the base of `Collapse`, `Chute` and `Silo`.
 
     The first fields are the parameters of the friction law, such as mu_s, mu_2, I0, then `law`.
@@ -126,9 +127,9 @@ class Scene(CompleteLaw):
                 f"the top of the {self.GRAINS}, got {r['t_end']:g}"
             )
 
+    @abstractmethod
     def _check(self) -> None:
         """Raises ConfigError if the grains do not fit into the box or on the grid."""
-        raise NotImplementedError
 
     def _check_memory(self) -> None:
         needed, there = self.memory, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
@@ -140,29 +141,29 @@ class Scene(CompleteLaw):
             )
 
     @property
+    @abstractmethod
     def gravity(self) -> tuple[float, float]:
         """Gravity in the axes of the box."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def cells_x(self) -> int:
         """Cells across the width of the box."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def cells_y(self) -> int:
         """Cells across the height of the box, a multiple of `chunk`."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def spacing(self) -> float:
         """Cell size."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def chunk(self) -> int:
         """Cells by which the window grows: a power of two that divides the box."""
-        raise NotImplementedError
 
     @property
     def side_conditions(self) -> tuple[str, str]:
@@ -178,13 +179,13 @@ class Scene(CompleteLaw):
         """Walls that the flow file states; none: those of a collapse or a chute."""
         return None
 
+    @abstractmethod
     def start_fraction(self) -> Float64:
         """Fraction of grains at the start, [cells_y, cells_x]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def shape_attributes(self) -> dict[str, float | None]:
         """The sizes of a resolved scene, for the attributes of its flow file."""
-        raise NotImplementedError
 
     @property
     def memory(self) -> float:

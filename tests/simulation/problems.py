@@ -47,6 +47,23 @@ def parameters(cells_x: int, cells_y: int, spacing: float, **values: Any) -> Par
     return s
 
 
+def incline(cells: int, tangent: float, **values: Any) -> Parameters:
+    """A layer of depth 1 on a slope, periodic along it, without air; cells deep and 8 long."""
+    cosine = 1 / np.sqrt(1 + tangent**2)
+    layer: dict[str, Any] = {
+        "newtonian": False,
+        "eta_max": 1e4,
+        "gravity_x": tangent * cosine,
+        "gravity_y": -cosine,
+        "left": Side.periodic,
+        "right": Side.periodic,
+        "air_density": 0.0,
+        "largest_step": 1.0,
+        "cfl": 1e3,  # nothing is advected: the flow is uniform along the slope
+    }
+    return parameters(8, cells, 1 / cells, **{**layer, **values})
+
+
 def walls(side: Side) -> dict[str, Side]:
     return dict.fromkeys(("left", "right", "bottom", "top"), side)
 
@@ -74,6 +91,19 @@ def run(solver: Solver, t_end: float, step: float) -> list[dict[str, Any]]:
         while n * step - solver.time > 1e-12 * t_end:
             reports.append(solver.step(n * step - solver.time))
     return reports
+
+
+def steady_from(s: Parameters, profile: Callable[[Array], Array]) -> dict[str, Array]:
+    """The state after a long time of a layer on a slope, from a velocity u(y)."""
+    solver = start(s, u=lambda x, y: profile(y) + 0 * x)
+    run(solver, 600.0, 1.0)
+    state: dict[str, Array] = solver.state()
+    return state
+
+
+def relative(found: Array, exact: Array) -> float:
+    """The relative error of a field [ny, nx]; `exact` may be [ny, 1]."""
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact + 0 * found))
 
 
 def order(errors: list[float]) -> float:

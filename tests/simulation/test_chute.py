@@ -16,7 +16,7 @@ import granpinn
 import granpinn.simulate as command
 from granpinn.config import ConfigError
 from granpinn.data.symmetry import invariant_axes, words
-from granpinn.simulation import Chute, Engine
+from granpinn.simulation import Chute, Engine, Scene
 from tests.simulation import problems as p
 from tests.simulation.startup import Layer, velocity
 
@@ -173,3 +173,12 @@ def test_scene_and_keywords_do_not_mix() -> None:
         granpinn.simulate(chute(0.1, 16), mu_s=0.3)
     with pytest.raises(ConfigError, match="mu_2 must be at least"):
         Chute(0.4, 0.3)
+
+
+def test_a_kind_of_scene_must_say_everything() -> None:
+    class Heap(Scene):
+        gravity = (0.0, -1.0)
+
+    kind: type = Heap
+    with pytest.raises(TypeError, match="abstract.*cells_x.*chunk.*start_fraction"):
+        kind()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from granpinn._collapse import Parameters, Side
+from granpinn._collapse import Parameters
 from granpinn.config import ConfigError
 from granpinn.physics.laws import LAWS
 from granpinn.simulation import Collapse, Engine
@@ -35,22 +35,7 @@ def test_layer_slides_down_an_incline_like_a_block() -> None:
     """
     tangent, mu = 0.5, 0.4
     cosine = 1 / np.sqrt(1 + tangent**2)
-    s = p.parameters(
-        8,
-        32,
-        1 / 32,
-        newtonian=False,
-        law="coulomb",
-        theta=(mu,),
-        eta_max=1e4,
-        gravity_x=tangent * cosine,
-        gravity_y=-cosine,
-        left=Side.periodic,
-        right=Side.periodic,
-        air_density=0.0,
-        largest_step=1.0,
-        cfl=1e3,  # nothing is advected: the flow is uniform along the incline
-    )
+    s = p.incline(32, tangent, law="coulomb", theta=(mu,))
     solver = p.start(s)
     p.run(solver, 1.0, 0.02)
     before = solver.state()["u"][16].mean()
