@@ -219,5 +219,11 @@ def filled(length: float, spacing: float, count: int) -> Float64:
 
 
 def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:
-    """Keyword arguments of a `Scene` for this friction law with the parameters theta [N]."""
+    """Keyword arguments of a `Scene` for this friction law with the parameters theta [N].
+
+    Raises:
+        ConfigError: the simulator does not have the law.
+    """
+    if not law.compiled:
+        raise ConfigError(f"the simulator does not have the friction law {law.name}")
     return {"law": law.name, **dict(zip(law.names, theta, strict=True))}
