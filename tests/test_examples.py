@@ -6,9 +6,13 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+import pytest
 import torch
 
 from granpinn import reference
+from granpinn.data import write_flow
+from granpinn.physics.laws import LAWS
+from tests.flows import make_flow
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -35,3 +39,17 @@ def test_a_residual_in_torch_on_fused_jets() -> None:
     expected = first[:, 2] + u * first[:, 0] - example.NU * second[:, 0]
     found = example.residual(params.double(), where.detach())
     torch.testing.assert_close(found, expected.detach(), rtol=1e-9, atol=1e-9)
+
+
+def test_a_law_of_your_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example = load("own_law")
+    write_flow(make_flow(), tmp_path / "flow.h5")
+    run = ["--flow", str(tmp_path / "flow.h5"), "--out", str(tmp_path / "run")]
+    try:
+        result = example.main([*run, "--steps", "20", "--width", "8"])
+    finally:
+        LAWS.pop("linear", None)
+    assert (result.law.name, list(result.parameters)) == ("linear", ["mu_s", "b"])
+    assert result.law.curve is not None
+    assert "linear law over I = " in capsys.readouterr().out
+    assert (tmp_path / "run" / "report.html").stat().st_size > 100_000

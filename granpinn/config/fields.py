@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import math
 import types
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -41,7 +42,7 @@ class Setting:
     low: float = -math.inf
     high: float | None = None
     positive: bool = False
-    choices: tuple[Any, ...] = ()
+    choices: Collection[Any] = ()
     free: bool = False
 
     def check(self, value: Any, name: str) -> None:

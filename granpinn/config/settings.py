@@ -73,7 +73,7 @@ class Config:
     law: str = setting(
         DEFAULT.name,
         f"friction law: {', '.join(f'{law.name} ({law.title})' for law in LAWS.values())}",
-        choices=tuple(LAWS),
+        choices=LAWS,  # with those that are registered later
     )
     recipe: str = setting(
         "default",

@@ -118,6 +118,11 @@ def posed(flow: Flow, config: Config) -> Case:
     data = training_data(seen, scales, config)
     built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
+    if not law.compiled and config.form != "mixed":
+        raise ConfigError(
+            f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
+            "mixed form"
+        )
     member = Member(built, data, config.seed, law, fixed_values(config), flow)
     balance = Balance(seen, config.side_walls)
     return Case(flow, config, scales, member, seen, known_sd(seen), balance)

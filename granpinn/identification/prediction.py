@@ -30,6 +30,7 @@ from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, Units
+from granpinn.training.operators import operators_of
 
 CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
@@ -136,12 +137,13 @@ def evaluate(
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
     d, floor = physics.grain_diameter, physics.pressure_floor
     limits = physics.eta_min, physics.eta_max
-    eta = ops.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
+    operators = operators_of(law)
+    eta = operators.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
     if spec.form == "mixed":
         tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
     else:
         tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
-    residual = ops.strong_residual(points, params, theta, *network, list(physics), law.name)
+    residual = operators.strong_residual(points, params, theta, *network, list(physics), law.name)
     e_u, e_v, divergence = residual.unbind(1)
     return {
         "u": u,

@@ -20,7 +20,9 @@ from granpinn.identification.finish import (
     with_simulated_pressure,
 )
 from granpinn.inspection.confined import undetermined
+from granpinn.laws import register
 from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.physics.laws import Law
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
@@ -36,6 +38,7 @@ def identify(
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
+    law: Law | None = None,
 ) -> Result:
     """Identify the friction law of a flow, with its velocity and pressure fields.
 
@@ -47,14 +50,18 @@ def identify(
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener, by default none; `granpinn.training.progress.automatic()` shows a bar.
+        law: a law of your own (granpinn/laws.py); by default the one in the settings.
 
     Raises:
-        FlowFileError, ConfigError: bad input; the message is one sentence.
+        FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
         NonFiniteError, CheckpointError: the run cannot go on.
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
     """
     begin = time.monotonic()
     config = config or Config()
+    if law is not None:
+        register(law)
+        config = dataclasses.replace(config, law=law.name)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
     folder = None if run_dir is None else Path(run_dir)

@@ -15,6 +15,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from granpinn.physics.laws import LAWS
+
 
 def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
     """mu of the law at inertial numbers I [...], for parameters theta [..., N]."""
@@ -24,6 +26,9 @@ def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
         mu_s, mu_2, I_0 = theta.unbind(-1)
         # multiplied out by I, so that I = 0 gives mu_s instead of a division by zero
         return mu_s + (mu_2 - mu_s) * I / (I_0 + I)
+    if law in LAWS and not LAWS[law].compiled:  # a user's own law, which has one formula only
+        value: Tensor = LAWS[law].friction(I, *theta.unbind(-1))
+        return value
     raise ValueError(f"law must be mu_of_i or coulomb, got {law!r}")
 
 

@@ -93,7 +93,7 @@ class IdentifiedLaw:
             return text + f"{NOT_DETERMINED}: {self.reason}"
         text += f"mu = {self.curve.band(0)} to {self.curve.band(-1)}"
         if self.curve.low is None:
-            return f"{text}, 90 % band {NOT_DETERMINED}: {self.reason}"
+            return f"{text}, 90 % band {NOT_DETERMINED}"
         return f"{text}, with the 90 % band"
 
 

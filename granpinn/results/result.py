@@ -185,7 +185,8 @@ class Result:
         for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
             if given[name] not in allowed:
                 expected = ", ".join(allowed)
-                raise ValueError(f"{name} must be one of {expected}, got {given[name]!r}")
+                own = ", or a law that granpinn.laws.register was given" if name == "law" else ""
+                raise ValueError(f"{name} must be one of {expected}{own}, got {given[name]!r}")
         law = self.friction_law
         require_names(self.parameters, law.names, where="parameters.")
         require_names(self.error_percent, FIELD_ERRORS, law.names, "error_percent.")

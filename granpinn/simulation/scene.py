@@ -245,5 +245,11 @@ def chunk_of(cells: int) -> int:
 
 
 def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:
-    """Keyword arguments of a `Scene` for this friction law with the parameters theta [N]."""
+    """Keyword arguments of a `Scene` for this friction law with the parameters theta [N].
+
+    Raises:
+        ConfigError: the simulator does not have the law.
+    """
+    if not law.compiled:
+        raise ConfigError(f"the simulator does not have the friction law {law.name}")
     return {"law": law.name, **dict(zip(law.names, theta, strict=True))}

@@ -15,18 +15,13 @@ from torch import Tensor
 
 from granpinn.config import Batch, ConfigError
 from granpinn.data import Flow, TrainingSet
-from granpinn.kernels import (
-    ops,
-    step_ops,  # noqa: F401
-)
 from granpinn.physics.laws import Law
 from granpinn.training.control_table import ControlTable
+from granpinn.training.operators import operators_of
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import MISFIT, draw
 
 MISFIT_POINTS = 32768
-
-_ops = torch.ops.granpinn
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,7 @@ class Objective:
     """The data on their device, and the two losses that a run minimizes in turn.
 
     Attributes:
-        law: the friction law of all members.
+        law, operators: the friction law of all members, and the operators for it.
         distinct: training sets of the members, each once.
         share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
@@ -81,6 +76,7 @@ class Objective:
         self.members = list(members)
         self.precision = precision
         self.spec, self.law = members[0].problem.spec, members[0].law
+        self.operators = operators_of(self.law)
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
         self.distinct, self.set_of = _distinct(members)
@@ -161,7 +157,7 @@ class Objective:
                 derivatives of the network.
         """
         return Evaluation(
-            *_ops.batch_loss(
+            *self.operators.batch_loss(
                 control.counter,
                 control.table,
                 self.seeds,
@@ -214,7 +210,7 @@ class Objective:
             data: its points, `data(member)`; `inside` and `surface` choose some of them.
             form: of the residuals, or "data" for the velocity alone.
         """
-        _, terms, _, _ = ops.residual_loss(
+        found: tuple[Tensor, ...] = self.operators.residual_loss(
             params,
             theta,
             data.points[inside],
@@ -230,7 +226,7 @@ class Objective:
             form,
             self.law.name,
         )
-        return terms
+        return found[1]
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:

@@ -38,7 +38,8 @@ class Trainer:
         lr_scale: factor on the learning rates of each member.
         diverged: members that are frozen after a second fault, with the reason.
         solved: params [P] and theta [N] of the members after the last-layer step.
-        graphs: CUDA graphs of the steps on a GPU; None on a CPU, where each step is called.
+        graphs: CUDA graphs of the steps on a GPU; None on a CPU, and for a law
+            without kernels, where each step is called.
     """
 
     def __init__(
@@ -81,7 +82,8 @@ class Trainer:
         self.diverged: dict[int, str] = {}
         self.solved: dict[int, tuple[Tensor, Tensor]] = {}
         self.last: Evaluation | None = None
-        self.graphs = Graphs(self.one_step, self.changing()) if device.type == "cuda" else None
+        captured = device.type == "cuda" and objective.operators.captured
+        self.graphs = Graphs(self.one_step, self.changing()) if captured else None
         self.remember()
 
     @property

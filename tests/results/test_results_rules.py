@@ -55,7 +55,7 @@ def read_content(content: Any, folder: Path) -> Result:
         ),
         (
             lambda: make_result(law=IdentifiedLaw("snow")),
-            "law must be one of mu_of_i, coulomb, got 'snow'",
+            "granpinn.laws.register was given, got 'snow'",
         ),
         (
             lambda: make_result(law=IdentifiedLaw("coulomb")),

@@ -1,4 +1,7 @@
-"""The friction laws.  A new law is a module here, its row in `LAWS`, and its header in csrc."""
+"""The friction laws.  A new law is a module here, its row in `LAWS`, and its header in csrc.
+
+A user's own law is registered in `LAWS` while Python runs (granpinn/laws.py).
+"""
 
 from granpinn.physics.laws import coulomb, mu_of_i
 from granpinn.physics.laws.law import Law, LawParameter

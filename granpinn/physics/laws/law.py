@@ -59,6 +59,7 @@ class Law:
         friction: mu at (I, *theta).
         slope: I dmu/dI at (I, *theta).
         inertial_scale: name of the parameter that is the I at which the curve bends, if any.
+        compiled: whether kernels and simulator have it (csrc/math/laws); others run in torch.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Law:
     friction: Curve
     slope: Curve
     inertial_scale: str | None = None
+    compiled: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,0 +1,162 @@
+"""The operators that know the friction law: compiled ones, or the same ones in torch.
+
+A compiled law has kernels (granpinn/kernels). For a law of a user, the kernels give the network and
+its derivatives, and the equations of the mixed form and their gradients come from torch. The
+arguments and results are the same, so there is one training for both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from granpinn import reference
+from granpinn.kernels import (
+    ops,
+    step_ops,  # noqa: F401
+)
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.terms import NAMES, RESIDUALS
+from granpinn.training.equations import residuals
+
+_ops = torch.ops.granpinn
+
+Operator = Callable[..., Any]
+Losses = tuple[Tensor, Tensor, Tensor, Tensor]
+
+
+class Operators(NamedTuple):
+    """Functions with the arguments of granpinn.kernels.ops, and batch_loss of its step_ops.
+
+    Attributes:
+        captured: whether a CUDA graph can hold them.
+    """
+
+    batch_loss: Operator
+    residual_loss: Operator
+    viscosity: Operator
+    strong_residual: Operator
+    captured: bool
+
+
+def operators_of(law: Law) -> Operators:
+    """The operators for a law."""
+    return COMPILED if law.compiled else IN_TORCH
+
+
+def batch_loss(
+    counter: Tensor,
+    table: Tensor,
+    seeds: Tensor,
+    places: Tensor,
+    points: Tensor,
+    velocity: Tensor,
+    point_weights: Tensor,
+    surface_points: Tensor,
+    surface_pressure: Tensor,
+    term_weights: Tensor,
+    interior: int,
+    surface: int,
+    share: int,
+    params: Tensor,
+    theta: Tensor,
+    widths: Sequence[int],
+    input_shift: Tensor,
+    input_scale: Tensor,
+    physics: Tensor,
+    form: str,
+    law: str,
+    precision: str,
+) -> Losses:
+    """`residual_loss` of every member [E, ...] over the batch that `draw_batch` draws."""
+    data = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
+    batch = _ops.draw_batch(counter, table, seeds, places, *data, interior, surface, share)
+    found = []
+    for e in range(len(params)):
+        own: list[Any] = [params[e], theta[e], *(part[e] for part in batch), widths]
+        own += [input_shift[e], input_scale[e], physics[e]]
+        found.append(residual_loss(*own, form, law, precision))
+    loss, terms, grad_params, grad_theta = (torch.stack(part) for part in zip(*found, strict=True))
+    return loss, terms, grad_params, grad_theta
+
+
+def residual_loss(
+    params: Tensor,
+    theta: Tensor,
+    points: Tensor,
+    velocity: Tensor,
+    point_weights: Tensor,
+    surface_points: Tensor,
+    surface_pressure: Tensor,
+    term_weights: Tensor,
+    widths: Sequence[int],
+    input_shift: Tensor,
+    input_scale: Tensor,
+    physics: Tensor,
+    form: str,
+    law: str,
+    precision: str = "fp32",
+) -> Losses:
+    """Loss, terms and gradients of one member of the mixed form, or of form "data", in torch.
+
+    Everything as in `granpinn.kernels.ops.residual_loss`; `precision` has no effect.
+    """
+    network = (widths, input_shift.tolist(), input_scale.tolist())
+    constants = Physics(*physics.tolist())
+    with torch.enable_grad():
+        leaves = params.detach().requires_grad_(), theta.detach().requires_grad_()
+        jet = ops.network_jet(points, leaves[0], *network, 0 if form == "data" else 1)
+        misfit = constants.velocity_scale * jet[0, :, :2] - velocity
+        at_surface = ops.network_value(surface_points, leaves[0], *network)[:, 2]
+        p = constants.pressure_scale * torch.nn.functional.softplus(at_surface)
+        terms = dict.fromkeys(NAMES, misfit.new_zeros(()))
+        terms["velocity"] = _half_mean(point_weights[:, 0], misfit)
+        terms["surface"] = _half_mean(torch.ones_like(p), (p - surface_pressure)[:, None])
+        if form != "data":
+            # The means of the strain rate are those at the point itself.
+            z = torch.cat([jet, jet[1:3]])
+            e, _ = residuals(z, leaves[1].expand(len(points), -1), constants, LAWS[law])
+            for name in dict.fromkeys(RESIDUALS[form]):
+                columns = [k for k, term in enumerate(RESIDUALS[form]) if term == name]
+                terms[name] = _half_mean(point_weights[:, 1], e[:, columns])
+        found = torch.stack(list(terms.values()))
+        loss = (term_weights * found).sum()
+        by_params, by_theta = torch.autograd.grad(loss, leaves, materialize_grads=True)
+    return loss.detach(), found.detach(), by_params, by_theta
+
+
+def viscosity(gamma_dot: Tensor, p: Tensor, theta: Tensor, *constants: Any) -> Tensor:
+    """As `granpinn.kernels.ops.viscosity`."""
+    return reference.viscosity(gamma_dot, p, theta, *constants)
+
+
+def strong_residual(
+    points: Tensor,
+    params: Tensor,
+    theta: Tensor,
+    widths: Sequence[int],
+    input_shift: Sequence[float],
+    input_scale: Sequence[float],
+    physics: Sequence[float],
+    law: str,
+) -> Tensor:
+    """As `granpinn.kernels.ops.strong_residual`, by nested automatic differentiation."""
+    with torch.no_grad():
+        jets = ops.network_jet(points, params, widths, input_shift, input_scale, 2)
+    with torch.enable_grad():
+        return reference.pointwise_residuals(jets, theta, physics, "strong", law).detach()
+
+
+def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
+    """1/(2N) sum of weights [N] times |vectors [N, .]|^2."""
+    return (weights * vectors.square().sum(1)).sum() / (2 * max(len(vectors), 1))
+
+
+COMPILED = Operators(
+    _ops.batch_loss, ops.residual_loss, ops.viscosity, ops.strong_residual, captured=True
+)
+IN_TORCH = Operators(batch_loss, residual_loss, viscosity, strong_residual, captured=False)

@@ -1,0 +1,152 @@
+"""A law of a user from its definition to a result."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+import granpinn
+from granpinn import laws, report
+from granpinn.config import Config, ConfigError
+from granpinn.physics.laws import LAWS
+from granpinn.results import ResultsFileError, read_results
+from tests.flows import make_flow
+from tests.run_folder import SETTINGS
+
+
+def linear(I: Tensor, theta: Sequence[Tensor]) -> Tensor:  # noqa: E741
+    mu_s, b = theta
+    return mu_s + b * I
+
+
+UNKNOWNS = [laws.Parameter("mu_s", 0.3), laws.Parameter("b", 1.0, bounds=(0.01, 20.0))]
+
+
+@pytest.fixture(autouse=True)
+def forget() -> Iterator[None]:
+    """Laws of a test are known in it alone."""
+    known = dict(LAWS)
+    yield
+    LAWS.clear()
+    LAWS.update(known)
+
+
+# ---- the law -------------------------------------------------------------------------------------
+
+
+def test_its_curve_for_numbers_arrays_and_tensors() -> None:
+    law = laws.Law("linear", linear, UNKNOWNS)
+    I = np.array([0.0, 0.1, 0.5])  # noqa: E741
+    np.testing.assert_allclose(law.friction(I, 0.3, 2.0), 0.3 + 2 * I)
+    np.testing.assert_allclose(law.slope(I, 0.3, 2.0), 2 * I)
+    assert law.friction(0.1, 0.3, 2.0) == pytest.approx(0.5)
+    theta = torch.tensor([0.3, 2.0], dtype=torch.float64, requires_grad=True)
+    mu = law.friction(torch.tensor(I), *theta)
+    (slope,) = torch.autograd.grad(mu.sum(), theta)
+    assert slope.tolist() == pytest.approx([3, 0.6])
+    assert (law.names, law.free, law.title) == (("mu_s", "b"), ("mu_s", "b"), "linear")
+
+
+def test_a_friction_without_I_is_a_law() -> None:
+    law = laws.Law("flat", lambda i, theta: theta[0], UNKNOWNS[:1])
+    assert law.friction(np.ones(3), 0.4).tolist() == [0.4] * 3
+    assert law.slope(np.ones(3), 0.4).tolist() == [0] * 3
+
+
+@pytest.mark.parametrize(
+    ("mu", "unknowns", "sentence"),
+    [
+        (lambda i, theta: theta[0] + i**0.5, UNKNOWNS[:1], "finite derivatives by I and theta"),
+        (lambda i, theta: theta[0] / i, UNKNOWNS[:1], "must be positive and finite, got"),
+        (lambda i, theta: theta[0] - i, UNKNOWNS[:1], "must be positive and finite, got"),
+        (lambda i, theta: 0.4, UNKNOWNS[:1], "failed: AttributeError: 'float'"),
+        (lambda i, theta: theta[1] + i, UNKNOWNS[:1], "failed: IndexError"),
+        (lambda i, theta: (theta[0] + i)[:2], UNKNOWNS[:1], "failed: "),
+        (linear, [], "must have 1 to 3 parameters, got 0"),
+        (linear, [*UNKNOWNS, *UNKNOWNS], "must have 1 to 3 parameters, got 4"),
+        (linear, UNKNOWNS[:1] * 2, "must have different names"),
+        (linear, [laws.Parameter("mu_s", -0.3), UNKNOWNS[1]], "cannot start at mu_s = -0.3"),
+        (linear, [laws.Parameter("a", 0.3, above=True)], "none before it"),
+        (linear, [laws.LawParameter("I0", "I_0", "I0", 0.3, fixed=True)], "must be free"),
+    ],
+)
+def test_a_law_that_cannot_be_used_says_why(
+    mu: laws.Friction, unknowns: Sequence[laws.LawParameter], sentence: str
+) -> None:
+    with pytest.raises(laws.LawError, match=sentence):
+        laws.Law("own", mu, unknowns)
+
+
+def test_names_and_bounds_are_checked() -> None:
+    with pytest.raises(laws.LawError, match="one word"):
+        laws.Law("my law", linear, UNKNOWNS)
+    with pytest.raises(laws.LawError, match="positive and ascending, got 0.0 and 1.0"):
+        laws.Parameter("a", 0.5, bounds=(0.0, 1.0))
+    with pytest.raises(laws.LawError, match="is a law of granpinn"):
+        laws.register(laws.Law("coulomb", linear, UNKNOWNS))
+
+
+def test_a_law_is_known_once_it_is_registered() -> None:
+    with pytest.raises(ConfigError, match="--law must be one of mu_of_i, coulomb, got 'linear'"):
+        Config(law="linear")
+    for law in (laws.Law("linear", linear, UNKNOWNS) for _ in range(2)):  # a notebook runs twice
+        laws.register(law)
+        assert LAWS["linear"] is law
+    assert Config(law="linear").law == "linear"
+
+
+# ---- the identification --------------------------------------------------------------------------
+
+
+def test_from_python_to_the_files_of_a_run(tmp_path: Path) -> None:
+    law = laws.Law("linear", linear, UNKNOWNS, title="linear law")
+    result = granpinn.identify(make_flow(), Config(**SETTINGS), law=law, run_dir=tmp_path)
+    assert list(result.parameters) == ["mu_s", "b"]
+    assert result.friction_law is law
+    mu_s, b = result.theta
+    assert (mu_s, b) != (0.3, 1.0)  # both were trained
+    curve = result.law.curve
+    assert curve is not None
+    np.testing.assert_allclose(curve.mu, mu_s + b * np.array(curve.I))
+    assert (curve.low, result.parameters["b"].std, result.covariance) == (None, None, None)
+    assert result.law.reason == (
+        "no error bars and no verdict: they are calibrated for mu(I) alone"
+    )
+    assert result.simulated_pressure is not None
+    assert result.simulated_pressure.objection == (
+        "the simulator does not have the friction law linear"
+    )
+    again = read_results(tmp_path / "results.json")
+    assert (again.law, again.parameters) == (result.law, result.parameters)
+    text = report.build(tmp_path).read_text(encoding="utf-8")
+    assert "linear law" in text
+    assert (tmp_path / "figures" / "friction_law.png").exists()
+    with (tmp_path / "results.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["law"], float(row["b"])) == ("linear", b)
+    del LAWS["linear"]
+    with pytest.raises(ResultsFileError, match=r"or a law that granpinn.laws.register was given"):
+        read_results(tmp_path / "results.json")
+
+
+def test_the_strong_form_needs_kernels() -> None:
+    law = laws.Law("linear", linear, UNKNOWNS)
+    with pytest.raises(ConfigError, match="--form strong needs a law of granpinn"):
+        granpinn.identify(make_flow(), Config(**SETTINGS, form="strong"), law=law)
+
+
+def test_an_ensemble_and_its_assumptions(tmp_path: Path) -> None:
+    law = laws.Law("linear", linear, UNKNOWNS)
+    flow = make_flow(attributes={"surface_sd": 0.01})
+    result = granpinn.identify(flow, Config(**SETTINGS, members=2), law=law)
+    assert result.members is not None
+    assert len(result.members.values["b"]) == 2
+    (surface,) = result.assumptions
+    assert surface.derivative is not None
+    assert set(surface.derivative) == {"mu_s", "b"}

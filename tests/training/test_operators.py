@@ -1,0 +1,136 @@
+"""Laws without kernels: the operators in torch are the oracle's, and train the same numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn import laws, reference
+from granpinn.data import Flow
+from granpinn.kernels import ops
+from granpinn.physics.laws import LAWS
+from granpinn.training.operators import COMPILED, IN_TORCH, operators_of
+from granpinn.training.trainer import Trainer
+from tests.kernels.configurations import Form, Problem, problem, small
+from tests.runs import make_objective, make_trainer, tiny
+
+
+def mu_of_i(I: Tensor, theta: Sequence[Tensor]) -> Tensor:  # noqa: E741
+    mu_s, mu_2, I0 = theta
+    return mu_s + (mu_2 - mu_s) * I / (I0 + I)
+
+
+@pytest.fixture
+def twin() -> Iterator[laws.Law]:
+    """mu(I) as a law of a user, whose I0 is an unknown like the others."""
+    parameters = [
+        laws.Parameter("mu_s", 0.3),
+        laws.Parameter("mu_2", 0.6, above=True),
+        laws.Parameter("I0", 0.3),
+    ]
+    law = laws.Law("twin", mu_of_i, parameters)
+    laws.register(law)
+    yield law
+    del LAWS["twin"]
+
+
+def arguments(case: Problem, **changes: object) -> tuple[object, ...]:
+    """Of the operators in torch, which take the constants as tensors, for one member."""
+    numbers = {name: getattr(case, name) for name in ("input_shift", "input_scale", "physics")}
+    tensors = {name: case.points.new_tensor(value) for name, value in numbers.items()}
+    return replace(case, **(tensors | changes)).loss  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("law", ["mu_of_i", "coulomb"])
+@pytest.mark.parametrize("regime", ["flowing", "low pressure", "slow"])
+@pytest.mark.parametrize("walls", [0.0, 0.5])
+def test_loss_terms_and_gradients_are_those_of_the_oracle(
+    law: str, regime: str, walls: float
+) -> None:
+    case = problem(small("mixed", law=law, regime=regime, side_wall=walls))
+    found = IN_TORCH.residual_loss(*arguments(case))
+    for ours, truth in zip(found, reference.residual_loss(*case.loss), strict=True):
+        assert ours.abs().max() > 0
+        torch.testing.assert_close(ours, truth, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["mixed", "data"])
+def test_a_law_of_a_user_is_the_same_law(form: Form, twin: laws.Law) -> None:
+    case = problem(small("mixed", surface_points=0 if form == "data" else 5))
+    found = IN_TORCH.residual_loss(*arguments(case, form=form, law="twin"))
+    known = ops.residual_loss(*replace(case, form=form).loss)
+    for ours, truth in zip(found, known, strict=True):
+        torch.testing.assert_close(ours, truth, rtol=1e-9, atol=1e-12)
+    slow = reference.residual_loss(*replace(case, form=form, law="twin").loss)
+    torch.testing.assert_close(slow[0], known[0], rtol=1e-9, atol=1e-12)
+
+
+def test_the_gradient_is_that_of_the_loss(twin: laws.Law, seed: int) -> None:
+    """K-2: a central difference along a random direction of all unknowns."""
+    case = problem(small("mixed", law="mu_of_i"))
+    g = torch.Generator().manual_seed(seed)
+    away = [torch.randn(t.shape, generator=g, dtype=t.dtype) for t in (case.params, case.theta)]
+    step = 1e-6
+
+    def loss(sign: float) -> Tensor:
+        moved = [t + sign * step * d for t, d in zip((case.params, case.theta), away, strict=True)]
+        at = arguments(case, params=moved[0], theta=moved[1], law="twin")
+        value: Tensor = IN_TORCH.residual_loss(*at)[0]
+        return value
+
+    _, _, *gradients = IN_TORCH.residual_loss(*arguments(case, law="twin"))
+    along = sum((g * d).sum() for g, d in zip(gradients, away, strict=True))
+    numeric = (loss(1) - loss(-1)) / (2 * step)
+    torch.testing.assert_close(along, numeric, rtol=1e-6, atol=1e-8)
+
+
+def test_viscosity_and_momentum_of_the_fields_are_those_of_the_kernels(twin: laws.Law) -> None:
+    case = problem(small("mixed"))
+    torch.testing.assert_close(
+        IN_TORCH.strong_residual(*case.strong[:-1], "twin"),
+        ops.strong_residual(*case.strong),
+        rtol=1e-8,
+        atol=1e-10,
+    )
+    rate, p = torch.logspace(-4, 2, 40, dtype=torch.float64), torch.linspace(-0.1, 1, 40).double()
+    constants = (0.02, 1e-3, 10.0, 1e-6)
+    torch.testing.assert_close(
+        IN_TORCH.viscosity(rate, p, case.theta, *constants, "twin"),
+        ops.viscosity(rate, p, case.theta, *constants, "mu_of_i"),
+    )
+
+
+def test_the_training_is_the_same_one(flow: Flow, twin: laws.Law) -> None:
+    """With the I0 of the kernels, so that both laws have the same unknowns."""
+    laws.register(
+        laws.Law(
+            "twin",
+            lambda i, theta: mu_of_i(i, (*theta, torch.full_like(i, 0.3))),
+            [laws.Parameter("mu_s", 0.3), laws.Parameter("mu_2", 0.6, above=True)],
+        )
+    )
+    ours, known = (
+        trained(make_trainer(tiny(law=name, dtype="float64"), flow)) for name in ("twin", "mu_of_i")
+    )
+    torch.testing.assert_close(ours[0], known[0], rtol=1e-6, atol=1e-8)
+    torch.testing.assert_close(ours[1], known[1][:2], rtol=1e-7, atol=0)
+
+
+def trained(trainer: Trainer) -> tuple[Tensor, Tensor]:
+    """params and theta after all steps and the last layer."""
+    while not trainer.finished:
+        trainer.advance()
+    assert math.isfinite(float(trainer.last.loss)) if trainer.last else False
+    trainer.solve_last_layer()
+    return trainer.solution()
+
+
+def test_the_law_chooses_its_operators(flow: Flow, twin: laws.Law) -> None:
+    assert operators_of(LAWS["coulomb"]) is COMPILED
+    assert make_objective(tiny(law="twin"), flow).operators is IN_TORCH
+    assert operators_of(twin).captured is False
