@@ -14,6 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
+from granpinn.estimates.facts import Facts
 from granpinn.identification import assumptions
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.finish import Concluded, conclude, with_simulated_pressure
@@ -163,7 +164,7 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         if config.noise:
             return posed(read[key], config)
         first = clean[key]
-        fixed = fixed_values(config)
+        fixed = fixed_values(config, Facts(first.seen, first.scales))
         member = dataclasses.replace(first.member, seed=config.seed, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)
 

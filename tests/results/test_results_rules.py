@@ -46,7 +46,10 @@ def read_content(content: Any, folder: Path) -> Result:
             lambda: make_result(covariance=Covariance(("d",), ((1.0,),))),
             "covariance.names must be among mu_s, mu_2, I0, got d",
         ),
-        (lambda: make_result(law="snow"), "law must be one of mu_of_i, coulomb, got 'snow'"),
+        (
+            lambda: make_result(law="snow"),
+            "law must be one of mu_of_i, coulomb, regularised, power, free, got 'snow'",
+        ),
         (lambda: make_result(law="coulomb"), "parameters.mu_2 is not known; expected mu_s"),
         (lambda: make_result(level="V3"), "level must be one of V0, V1, V2, got 'V3'"),
         (lambda: make_result(form="weak"), "form must be one of mixed, strong, got 'weak'"),
