@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import ModuleType
 
 import numpy as np
@@ -12,6 +13,7 @@ from granpinn import _C, reference
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 
+from .configurations import Form, problem, small
 from .manufactured import PHYSICS
 
 LAW_NAMES = list(LAWS)
@@ -146,3 +148,30 @@ def test_an_unknown_law_is_refused(ops: ModuleType) -> None:
     one = torch.ones(1).double()
     with pytest.raises(ValueError, match="law must be one of 'mu_of_i', .*, got 'plastic'"):
         ops.viscosity(one, one, one, *LIMITS, "plastic")
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+def test_members_with_laws_of_their_own(form: Form, ops: ModuleType) -> None:
+    """A batch gives what its members give alone; theta is filled up to the longest law."""
+    case = problem(small(form, members=len(LAW_NAMES)))
+    of_laws = [theta_of(name) for name in LAW_NAMES]
+    longest = max(map(len, of_laws))
+    theta = torch.stack(
+        [torch.nn.functional.pad(t, (0, longest - len(t)), value=7) for t in of_laws]
+    )
+    mixed = dataclasses.replace(case, theta=theta, law=",".join(LAW_NAMES))
+    together = ops.residual_loss(*mixed.loss)
+    for e, (name, own) in enumerate(zip(LAW_NAMES, of_laws, strict=True)):
+        alone = dataclasses.replace(case.member(e), theta=own, law=name)
+        loss, terms, grad_params, grad_theta = (result[e] for result in together)
+        assert not grad_theta[len(own) :].any()
+        found = (loss, terms, grad_params, grad_theta[: len(own)])
+        for a, b in zip(found, ops.residual_loss(*alone.loss), strict=True):
+            torch.testing.assert_close(a, b, rtol=1e-13, atol=0)
+
+
+def test_a_list_of_laws_has_one_for_each_member(ops: ModuleType) -> None:
+    case = problem(small("mixed", members=3))
+    wrong = dataclasses.replace(case, law="mu_of_i,coulomb")
+    with pytest.raises(ValueError, match="one for each of E = 3 members .* got 'mu_of_i,coulomb'"):
+        ops.residual_loss(*wrong.loss)
