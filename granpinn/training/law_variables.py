@@ -121,3 +121,20 @@ def start_of(law: Law, settings: Rheology, seed: int) -> list[float]:
     generator = torch.Generator().manual_seed(seed)
     draws = torch.rand(len(law.free), dtype=torch.float64, generator=generator)
     return sorted((_DRAW[0] + (_DRAW[1] - _DRAW[0]) * draws).tolist())
+
+
+def relative_change(law: Law, before: Tensor, after: Tensor) -> float:
+    """The largest relative change of a free parameter, or of a curve over its range of I.
+
+    Args:
+        before, after: theta [N]. The ends of a curve have a sixth of its outer coefficients, so
+            these may change far more than the curve.
+    """
+    if law.curve:
+        low, high = (math.log10(float(before[law.names.index(name)])) for name in law.quantiles)
+        I = torch.logspace(low, high, 50, dtype=before.dtype, device=before.device)  # noqa: E741
+        old, new = (law.friction(I, *theta) for theta in (before, after))
+    else:
+        free = [k for k, p in enumerate(law.parameters) if not p.fixed]
+        old, new = before[free], after[free]
+    return float(((new - old).abs() / old).max())

@@ -100,10 +100,7 @@ def test_the_range_of_a_free_curve_is_that_of_the_flow(flow_of: Simulate, tmp_pa
     ("words", "message"),
     [
         (("--law", "coulomb", "--rheology.fix", "mu_inf=1"), "the law coulomb holds no other"),
-        (
-            ("--law", "power", "--rheology.fix", "n=1"),
-            "the law power holds no other parameter fixed",
-        ),
+        (("--law", "power", "--rheology.fix", "b=1"), "the law power holds n fixed, got b"),
         (("--law", "free", "--rheology.fix", "I_low"), "must be NAME=NUMBER"),
         (("--law", "free", "--rheology.fix", "c1=1"), "holds I_low, I_high fixed, got c1"),
         (("--law", "free", "--rheology.fix", "I_low=-1"), "must be a positive number, got -1"),

@@ -98,4 +98,5 @@ LAW = Law(
     ),
     friction=friction,
     slope=slope,
+    curve=tuple(f"c{k}" for k in range(1, COEFFICIENTS + 1)),
 )

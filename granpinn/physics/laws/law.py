@@ -62,6 +62,8 @@ class Law:
         friction: mu at (I, *theta).
         slope: I dmu/dI at (I, *theta).
         inertial_scale: name of the parameter that is the I at which the curve bends, if any.
+        curve: names of coefficients along ln I whose second differences are small for a smooth
+            curve, if any.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Law:
     friction: Curve
     slope: Curve
     inertial_scale: str | None = None
+    curve: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
