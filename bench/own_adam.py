@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Config, Rheology
-from granpinn.kernels import step_ops
 from granpinn.physics.laws import DEFAULT
 from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
@@ -36,9 +35,9 @@ class OwnAdam:
         self.state = (control.counter, control.table, control.lr_scale, control.fault, counts)
         self.moments = [torch.zeros_like(self.params) for _ in range(4)]
         moments = [torch.zeros_like(self.theta) for _ in range(2)]
-        law = LawVariables(DEFAULT, Rheology(), [{}] * E, [0] * E, self.params)
+        law = LawVariables([DEFAULT] * E, Rheology(), [{}] * E, [0] * E, self.params)
         self.law = (law.q, *moments, self.theta, torch.zeros_like(self.theta))
-        self.variables = ([step_ops.VARIABLES[kind] for kind in law.kinds], law.bounds)
+        self.variables = (law.codes, law.bounds)
 
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:
         """One update; the shapes are those of residual_loss."""

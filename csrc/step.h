@@ -70,7 +70,9 @@ constexpr int kMaxRegions = 64;
 template <class T>
 struct LawArguments {
   AdamSettings adam;
-  LawVariables variables;
+  int parameters;                 // the most that a law of a member has
+  const std::int64_t* variables;  // [E, parameters] codes of `Variable`
+  const double* bounds;           // [E, parameters, 2] of q
   bool moves;
   const T* gradient;              // by theta, [E, parameters] like all below
   T *q, *first, *second, *theta;  // variables, their moments, parameters
@@ -102,10 +104,9 @@ struct Sound {
 };
 template <class T>
 GRANPINN_HD Sound sound(const UpdateArguments<T>& a, std::int64_t e) {
-  const T* g = a.law.gradient + a.law.variables.parameters * e;
+  const T* g = a.law.gradient + a.law.parameters * e;
   bool law = true;
-  for (int k = 0; k < kMaxLawParameters; ++k)
-    law &= k >= a.law.variables.parameters || finite(g[k]);
+  for (int k = 0; k < kMaxLawParameters; ++k) law &= k >= a.law.parameters || finite(g[k]);
   return {finite(a.loss[e]), law};
 }
 
@@ -146,12 +147,12 @@ template <class T>
 GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
   constexpr int N = kMaxLawParameters;
   const LawArguments<T>& a = arguments.law;
-  const LawVariables& v = a.variables;
   const double* row = arguments.control.row(step);
   const double factor = row[0] * arguments.members.lr_scale[e];
   const T weight = static_cast<T>(row[1]);
   std::int64_t* count = arguments.members.counts + 2 * e + 1;
-  const std::int64_t t = next(*count), at = v.parameters * e;
+  const std::int64_t t = next(*count), at = a.parameters * e;
+  const LawVariables v = law_variables_from(a.parameters, a.variables + at, a.bounds + 2 * at);
   T q[N] = {}, first[N] = {}, second[N] = {}, average[N] = {}, theta[N] = {}, theta_a[N] = {};
   for (int k = 0; k < N; ++k) {
     if (k >= v.parameters) continue;

@@ -10,6 +10,7 @@ import torch
 from granpinn.config import Config
 from granpinn.data import Flow, training_set
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
 from granpinn.identification.case import fixed_values
 from granpinn.physics.laws import LAWS
 from granpinn.training import problem
@@ -38,7 +39,7 @@ def make_objective(config: Config, flow: Flow) -> Objective:
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
     posed = problem.build(flow, scales, data, config)
     law = LAWS[config.law]
-    member = Member(posed, data, config.seed, law, fixed_values(config), flow)
+    member = Member(posed, data, config.seed, law, fixed_values(config, Facts(flow, scales)), flow)
     return Objective([member], config.batch, torch.device("cpu"), precision=config.precision)
 
 

@@ -16,8 +16,8 @@ struct LawValues {
   Vec<T> theta[kMaxLawParameters];
 
   LawValues(LawName law, const T* from) {
-    for (int i = 0; i < kMaxLawParameters; ++i)
-      theta[i] = Vec<T>(i < parameters_of(law) ? from[i] : T(0));
+    const int parameters = parameters_of(law);
+    for (int i = 0; i < kMaxLawParameters; ++i) theta[i] = Vec<T>(i < parameters ? from[i] : T(0));
   }
 };
 

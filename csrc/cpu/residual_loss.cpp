@@ -13,8 +13,8 @@ LossArguments<T> member_arguments(const LossTensors& in, std::int64_t e) {
   a.net = network(params, in.widths, in.input_shift.member<T>(e), in.input_scale.member<T>(e));
   a.form = in.form;
   a.physics = physics_from<T>(in.physics.member<T>(e));
-  a.law = in.law;
-  for (int i = 0; i < parameters_of(in.law); ++i) a.theta[i] = in.theta.member<T>(e)[i];
+  a.law = in.law_of(e);
+  for (int i = 0; i < parameters_of(a.law); ++i) a.theta[i] = in.theta.member<T>(e)[i];
   for (int i = 0; i < kTerms; ++i) a.term_weights[i] = in.term_weights.member<T>(e)[i];
   a.n = in.n;
   a.m = in.m;
@@ -26,9 +26,11 @@ LossArguments<T> member_arguments(const LossTensors& in, std::int64_t e) {
   return a;
 }
 
-// One member: terms [kTerms], gradients; returns the loss.
+// One member: terms [kTerms], gradients; returns the loss. grad_theta has `parameters` values, 0
+// beyond those of the law.
 template <class T>
-double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_theta) {
+double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_theta,
+                   int parameters) {
   const std::int64_t interior = tiles_of(a.n), tiles = interior + tiles_of(a.m);
   const Team<T> team(a.net, channels_of(a.form), tiles);
   std::vector<LossSums<T>> sums(team.size());
@@ -51,7 +53,7 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
     terms[k] = static_cast<T>(term);
     loss += static_cast<double>(a.term_weights[k]) * term;
   }
-  for (int i = 0; i < parameters_of(a.law); ++i) {
+  for (int i = 0; i < parameters; ++i) {
     double sum = 0;
     for (const auto& s : sums) sum += s.theta[i];
     grad_theta[i] = static_cast<T>(sum);
@@ -63,7 +65,6 @@ double member_loss(const LossArguments<T>& a, T* terms, T* grad_params, T* grad_
 
 LossResult CpuBackend::loss(const LossTensors& in) {
   const LossResult out = in.results();
-  const int parameters = parameters_of(in.law);
   AT_DISPATCH_FLOATING_TYPES(in.params.scalar_type(), "residual_loss", [&] {
     auto* losses = std::get<0>(out).mutable_data_ptr<scalar_t>();
     auto* each_terms = std::get<1>(out).mutable_data_ptr<scalar_t>();
@@ -72,7 +73,7 @@ LossResult CpuBackend::loss(const LossTensors& in) {
     for (std::int64_t e = 0; e < in.members(); ++e)
       losses[e] = static_cast<scalar_t>(
           member_loss(member_arguments<scalar_t>(in, e), each_terms + e * kTerms,
-                      by_params + e * in.count, by_theta + e * parameters));
+                      by_params + e * in.count, by_theta + e * in.parameters, in.parameters));
   });
   return out;
 }

@@ -130,6 +130,29 @@ struct Vec {
     return Vec(Native(Mask(sum.v) + exponent));
   }
 
+  // log of a normal positive number (NaN: NaN): x = 2^n m with m in [sqrt(1/2), sqrt(2)), and
+  // log m = 2 artanh(s) with s = (m - 1) / (m + 1), |s| < 0.172
+  friend GRANPINN_INLINE Vec logarithm(Vec x) {
+    constexpr bool single = sizeof(T) == 4;
+    constexpr int mantissa_bits = single ? 23 : 52;
+    constexpr auto root_half = single ? 0x3f3504f3 : 0x3fe6a09e667f3bcd;
+    constexpr auto of_one = single ? 0x3f800000 : 0x3ff0000000000000;
+    constexpr auto mantissa = single ? 0x7fffff : 0xfffffffffffff;
+    constexpr T log2_hi = single ? T(0.693359375) : T(6.93147180369123816490e-01);
+    constexpr T log2_lo = single ? T(-2.12194440e-4) : T(1.90821492927058770002e-10);
+    using Lane = decltype(Mask{}[0] + 0);
+    const Mask above = Mask(x.v) - static_cast<Lane>(root_half) + static_cast<Lane>(of_one);
+    const Mask power = (above >> mantissa_bits) - static_cast<Lane>(of_one >> mantissa_bits);
+    const Vec n(__builtin_convertvector(power, Native));
+    const Vec m(Native((above & static_cast<Lane>(mantissa)) + static_cast<Lane>(root_half)));
+    const Vec s = (m - Vec(T(1))) / (m + Vec(T(1))), s2 = s * s;
+    constexpr int terms = single ? 5 : 11;
+    Vec sum = T(1) / T(2 * terms + 1);
+    for (int k = terms - 1; k >= 1; --k) sum = sum * s2 + Vec(T(1) / T(2 * k + 1));
+    const Vec two_s = s + s, nan = x - x;
+    return n * Vec(log2_hi) + (two_s + (two_s * s2 * sum + n * Vec(log2_lo))) + nan;
+  }
+
   // log(1 + x) for 0 <= x <= 1: 2 artanh(s) with s = x / (2 + x) <= 1/3
   friend GRANPINN_INLINE Vec log_one_plus(Vec x) {
     const Vec s = x / (Vec(T(2)) + x);

@@ -53,26 +53,36 @@ struct DeviceNetwork {
   }
 };
 
+// Most members of an ensemble whose laws differ: the names travel with the arguments of a launch.
+constexpr int kMaxOwnLaws = 256;
+
 // All arguments and results of residual_loss (granpinn/kernels/ops.py), for all members.
 template <class T>
 struct DeviceLoss {
   DeviceNetwork<T> net;
   Form form;
-  std::int64_t n, m;  // interior and surface points
-  LawName law;
-  Batched<T> theta;             // [parameters of the law]
-  Batched<T> points;            // [n, 3]
-  Batched<T> velocity;          // [n, 2]
-  Batched<T> point_weights;     // [n, 2]
-  Batched<T> surface_points;    // [m, 3]
-  Batched<T> surface_pressure;  // [m]
-  Batched<T> term_weights;      // [kTerms]
-  Batched<T> physics;           // [kPhysics]
-  T* loss;                      // [members]
-  T* terms;                     // [members, kTerms]
-  T* grad_params;               // [members, count]
-  T* grad_theta;                // [members, parameters of the law]
-  bool drawn;                   // draw_batch was the launch before; it does not change parameters
+  std::int64_t n, m;               // interior and surface points
+  LawName law;                     // of all members, unless
+  bool own_laws;                   // each has its own
+  std::uint8_t laws[kMaxOwnLaws];  // a LawName each
+  int parameters;                  // the most that a law of a member has
+  Batched<T> theta;                // [parameters]
+  Batched<T> points;               // [n, 3]
+  Batched<T> velocity;             // [n, 2]
+  Batched<T> point_weights;        // [n, 2]
+  Batched<T> surface_points;       // [m, 3]
+  Batched<T> surface_pressure;     // [m]
+  Batched<T> term_weights;         // [kTerms]
+  Batched<T> physics;              // [kPhysics]
+  T* loss;                         // [members]
+  T* terms;                        // [members, kTerms]
+  T* grad_params;                  // [members, count]
+  T* grad_theta;                   // [members, parameters]
+  bool drawn;  // draw_batch was the launch before; it does not change parameters
+
+  GRANPINN_HD LawName law_of(std::int64_t e) const {
+    return own_laws ? static_cast<LawName>(laws[e]) : law;
+  }
 };
 
 // network_jet and its adjoint, for all members.

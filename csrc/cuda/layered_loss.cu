@@ -28,7 +28,7 @@ __global__ void store_loss(const __grid_constant__ DeviceLoss<T> a, std::int64_t
     loss += static_cast<double>(a.term_weights.member(e)[k]) * term;
   }
   a.loss[e] = static_cast<T>(loss);
-  const int parameters = parameters_of(a.law);
+  const int parameters = a.parameters;
   for (int i = 0; i < parameters; ++i)
     a.grad_theta[e * parameters + i] = static_cast<T>(sums[kTerms + i]);
 }

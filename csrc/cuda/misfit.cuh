@@ -45,11 +45,11 @@ __global__ __launch_bounds__(kMisfitThreads) void interior_adjoint(
     for (int k = 0; k < K; ++k)
       for (int c = 0; c < C; ++c) z[k][c] = raw[at(k, c)];
     const T* term_weights = a.term_weights.member(e);
-    for (int k = 0; k < parameters_of(a.law); ++k) theta[k] = a.theta.member(e)[k];
+    for (int k = 0; k < a.parameters; ++k) theta[k] = a.theta.member(e)[k];
     const T weight = a.point_weights.member(e)[2 * i + 1];
     for (int r = 0; r < F::residuals; ++r)
       w[r] = term_weights[F::term_of(r)] / static_cast<T>(a.n) * weight;
-    visit_law(a.law, [&](auto law) {
+    visit_law(a.law_of(e), [&](auto law) {
       F::template gradient<decltype(law)>(z, theta, physics_from<T>(a.physics.member(e)), w,
                                           residual, z_a, theta_a);
     });
@@ -62,7 +62,7 @@ __global__ __launch_bounds__(kMisfitThreads) void interior_adjoint(
   }
   double* to = sums + (blockIdx.z * gridDim.x + blockIdx.x) * kSums;
   for (int s = 0; s < kSums; ++s) {
-    const double sum = block_sum<kMisfitThreads>(own[s]);
+    const double sum = s < kTerms + a.parameters ? block_sum<kMisfitThreads>(own[s]) : 0.0;
     if (threadIdx.x == 0) to[s] = sum;
   }
 }

@@ -21,7 +21,8 @@ struct LawValues {
   T theta[kMaxLawParameters];
 
   __device__ LawValues(LawName law, const T* from) {
-    for (int k = 0; k < kMaxLawParameters; ++k) theta[k] = k < parameters_of(law) ? from[k] : T(0);
+    const int parameters = parameters_of(law);
+    for (int k = 0; k < kMaxLawParameters; ++k) theta[k] = k < parameters ? from[k] : T(0);
   }
 };
 

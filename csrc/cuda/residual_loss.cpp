@@ -1,6 +1,8 @@
 // granpinn::residual_loss on the GPU: the fused kernels where they fit, else layer after layer.
 #include <ATen/cuda/CUDAContext.h>
 
+#include <algorithm>
+
 #include "backend.h"
 #include "fused/fused_loss.h"
 
@@ -15,7 +17,15 @@ DeviceLoss<T> device_loss(const LossTensors& in, const LossResult& out) {
   a.net.input.shift = batched<T>(in.input_shift);
   a.net.input.scale = batched<T>(in.input_scale);
   a.form = in.form;
-  a.law = in.law;
+  a.law = in.laws[0];
+  a.own_laws =
+      std::any_of(in.laws.begin(), in.laws.end(), [&](LawName name) { return name != in.laws[0]; });
+  GRANPINN_CHECK_VALUE(!a.own_laws || in.laws.size() <= kMaxOwnLaws, "on a GPU at most ",
+                       kMaxOwnLaws, " members can have different laws, got ", in.laws.size());
+  if (a.own_laws)
+    std::transform(in.laws.begin(), in.laws.end(), a.laws,
+                   [](LawName name) { return static_cast<std::uint8_t>(name); });
+  a.parameters = in.parameters;
   a.drawn = in.drawn;
   a.n = in.n;
   a.m = in.m;

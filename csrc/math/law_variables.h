@@ -6,6 +6,8 @@
 //   logistic         theta_k = 1 / (1 + exp(-q_k))
 #pragma once
 
+#include <cstdint>
+
 #include "laws/laws.h"
 
 namespace granpinn {
@@ -18,6 +20,21 @@ struct LawVariables {
   Variable kind[kMaxLawParameters];
   double low[kMaxLawParameters], high[kMaxLawParameters];  // bounds of q
 };
+
+// From a code of `Variable` and the bounds (low, high) for each parameter. Any other code is fixed.
+GRANPINN_HD LawVariables law_variables_from(int parameters, const std::int64_t* codes,
+                                            const double* bounds) {
+  LawVariables v{};
+  v.parameters = parameters;
+  for (int k = 0; k < kMaxLawParameters; ++k) {
+    if (k >= parameters) continue;
+    const std::int64_t code = codes[k];
+    v.kind[k] = code > 0 && code < kVariables ? static_cast<Variable>(code) : Variable::fixed;
+    v.low[k] = bounds[2 * k];
+    v.high[k] = bounds[2 * k + 1];
+  }
+  return v;
+}
 
 // theta at q; a fixed parameter keeps its value.
 template <class T>

@@ -35,6 +35,8 @@ GRANPINN_HD float exponential(float a) { return expf(a); }
 GRANPINN_HD double exponential(double a) { return ::exp(a); }
 GRANPINN_HD float square_root(float a) { return sqrtf(a); }
 GRANPINN_HD double square_root(double a) { return ::sqrt(a); }
+GRANPINN_HD float logarithm(float a) { return logf(a); }
+GRANPINN_HD double logarithm(double a) { return ::log(a); }
 GRANPINN_HD float log_one_plus(float a) { return log1pf(a); }
 GRANPINN_HD double log_one_plus(double a) { return ::log1p(a); }
 
@@ -42,6 +44,9 @@ GRANPINN_HD bool less(float a, float b) { return a < b; }
 GRANPINN_HD bool less(double a, double b) { return a < b; }
 GRANPINN_HD float select(bool which, float yes, float no) { return which ? yes : no; }
 GRANPINN_HD double select(bool which, double yes, double no) { return which ? yes : no; }
+
+// Added to an inertial number of which the logarithm is taken.
+constexpr double kLeastI = 1e-30;
 
 // 1 / (1 + exp(-a))
 template <class R>

@@ -6,6 +6,7 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -139,6 +140,17 @@ inline LawName law_of(c10::string_view name) {
   LawName found{};
   GRANPINN_CHECK_VALUE(law_named(std::string_view(name.data(), name.size()), &found),
                        "law must be one of ", known, ", got '", name, "'");
+  return found;
+}
+
+// The laws of a list of names with commas between them.
+inline std::vector<LawName> laws_of(c10::string_view names) {
+  std::vector<LawName> found;
+  for (std::size_t at = 0; at <= names.size();) {
+    const std::size_t end = std::min(names.find(',', at), names.size());
+    found.push_back(law_of(names.substr(at, end - at)));
+    at = end + 1;
+  }
   return found;
 }
 

@@ -15,7 +15,8 @@ using LossResult = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor>;
 // Everything contiguous, of one type and on one device.
 struct LossTensors {
   Form form;
-  LawName law;
+  std::vector<LawName> laws;  // of all members, or one for each
+  int parameters;             // of a row of theta: the most that a law has
   Ints widths;
   bool fast;              // precision
   bool drawn;             // draw_batch made the points just before, and no parameter has changed
@@ -26,6 +27,7 @@ struct LossTensors {
   Shared input_shift, input_scale, physics;
 
   std::int64_t members() const { return E ? E : 1; }
+  LawName law_of(std::int64_t e) const { return laws.size() == 1 ? laws[0] : laws[e]; }
 
   // The result, with its memory not yet filled in.
   LossResult results() const {
@@ -33,7 +35,7 @@ struct LossTensors {
       if (E) shape.insert(shape.begin(), E);
       return at::empty(shape, params.options());
     };
-    return {leading({}), leading({kTerms}), leading({count}), leading({parameters_of(law)})};
+    return {leading({}), leading({kTerms}), leading({count}), leading({parameters})};
   }
 };
 
@@ -64,7 +66,11 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   check_physics(physics.dim() > 0 ? physics.size(-1) : 1);
   in.E = ensemble_size(params, in.count);
   in.form = form_of(form);
-  in.law = law_of(law);
+  in.laws = laws_of(law);
+  GRANPINN_CHECK_VALUE(in.laws.size() == 1 || static_cast<std::int64_t>(in.laws.size()) == in.E,
+                       "law must be one name, or one for each of E = ", in.E,
+                       " members with commas between them, got '", law, "'");
+  for (const LawName name : in.laws) in.parameters = larger(in.parameters, parameters_of(name));
   check_outputs(in.form, form, widths);
   in.params = params.contiguous();
   const auto checked = [&](const char* name, const at::Tensor& a, std::vector<std::int64_t> shape) {
@@ -74,7 +80,7 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.surface_points = checked("surface_points", surface_points, {-1, 3});
   in.n = points.size(-2);
   in.m = surface_points.size(-2);
-  in.theta = checked("theta", theta, {parameters_of(in.law)});
+  in.theta = checked("theta", theta, {in.parameters});
   in.velocity = checked("velocity", velocity, {in.n, 2});
   in.point_weights = checked("point_weights", point_weights, {in.n, 2});
   in.surface_pressure = checked("surface_pressure", surface_pressure, {in.m});

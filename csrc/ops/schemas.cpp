@@ -48,7 +48,7 @@ TORCH_LIBRARY(granpinn, m) {
       "Tensor(f!) second, Tensor(g!) direction, Tensor(h!) average_params, int[] matrices, "
       "float[] adam, float momentum, Tensor grad_theta, Tensor(i!) q, Tensor(j!) first_q, "
       "Tensor(k!) second_q, Tensor(l!) theta, Tensor(m!) average_q, float[] law_adam, "
-      "int[] variables, float[] bounds, bool law_moves) -> ()");
+      "Tensor variables, Tensor bounds, bool law_moves) -> ()");
   m.def(
       "descend(Tensor counter, Tensor table, Tensor lr_scale, Tensor(a!) fault, Tensor counts, "
       "Tensor G, Tensor(b!) params, Tensor(c!) average_params, int offset, int apart, "

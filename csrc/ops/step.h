@@ -119,8 +119,8 @@ struct StepOps {
                      const at::Tensor& average_params, Ints matrices, Doubles adam, double momentum,
                      const at::Tensor& grad_theta, const at::Tensor& q, const at::Tensor& first_q,
                      const at::Tensor& second_q, const at::Tensor& theta,
-                     const at::Tensor& average_q, Doubles law_adam, Ints variables, Doubles bounds,
-                     bool law_moves) {
+                     const at::Tensor& average_q, Doubles law_adam, const at::Tensor& variables,
+                     const at::Tensor& bounds, bool law_moves) {
     const c10::DeviceGuard guard(params.device());
     const auto [E, P] = ensemble_of(params);
     const at::ScalarType type = params.scalar_type();
@@ -132,13 +132,15 @@ struct StepOps {
     tensors.changes("second", second, type, {E, P});
     tensors.changes("direction", direction, type, {E, P});
     tensors.changes("average_params", average_params, type, {E, P});
-    const LawVariables kinds = law_variables(variables, bounds);
-    tensors.reads("grad_theta", grad_theta, type, {E, kinds.parameters});
-    tensors.changes("q", q, type, {E, kinds.parameters});
-    tensors.changes("first_q", first_q, type, {E, kinds.parameters});
-    tensors.changes("second_q", second_q, type, {E, kinds.parameters});
-    tensors.changes("theta", theta, type, {E, kinds.parameters});
-    tensors.changes("average_q", average_q, type, {E, kinds.parameters});
+    const std::int64_t N = check_law_variables(variables, bounds);
+    tensors.reads("variables", variables, at::kLong, {E, N});
+    tensors.reads("bounds", bounds, at::kDouble, {E, N, 2});
+    tensors.reads("grad_theta", grad_theta, type, {E, N});
+    tensors.changes("q", q, type, {E, N});
+    tensors.changes("first_q", first_q, type, {E, N});
+    tensors.changes("second_q", second_q, type, {E, N});
+    tensors.changes("theta", theta, type, {E, N});
+    tensors.changes("average_q", average_q, type, {E, N});
     GRANPINN_CHECK_VALUE(finite(momentum), "momentum must be finite, got ", momentum);
     Region region[kMaxRegions] = {};
     const int regions = regions_of(matrices, P, region);
@@ -150,7 +152,9 @@ struct StepOps {
       using T = scalar_t;
       const auto at = [](const at::Tensor& a) { return a.mutable_data_ptr<T>(); };
       const LawArguments<T> law{adam_settings(law_adam),
-                                kinds,
+                                static_cast<int>(N),
+                                variables.const_data_ptr<std::int64_t>(),
+                                bounds.const_data_ptr<double>(),
                                 law_moves,
                                 grad_theta.const_data_ptr<T>(),
                                 at(q),

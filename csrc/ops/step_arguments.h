@@ -122,26 +122,29 @@ inline AdamSettings adam_settings(Doubles values) {
   return s;
 }
 
-// A code of `Variable` for every parameter of a law, and the bounds (low, high) of its q.
-inline LawVariables law_variables(Ints codes, Doubles bounds) {
-  const std::size_t N = codes.size();
-  GRANPINN_CHECK_VALUE(N >= 1 && N <= kMaxLawParameters && bounds.size() == 2 * N,
-                       "variables must be 1 to ", kMaxLawParameters,
-                       " codes with two bounds each, got ", N, " and ", bounds.size(), " bounds");
-  LawVariables v{};
-  v.parameters = static_cast<int>(N);
-  for (std::size_t k = 0; k < N; ++k) {
-    GRANPINN_CHECK_VALUE(codes[k] >= 0 && codes[k] < kVariables, "variables must be in 0..",
-                         kVariables - 1, ", got ", codes);
-    v.kind[k] = static_cast<Variable>(codes[k]);
-    v.low[k] = bounds[2 * k];
-    v.high[k] = bounds[2 * k + 1];
-    GRANPINN_CHECK_VALUE(v.low[k] <= v.high[k], "bounds must be (low, high) with low <= high, got ",
-                         v.low[k], " and ", v.high[k]);
+// Checks the codes of `Variable` [E, N] and the bounds of q [E, N, 2] of the laws; their N. The
+// values are checked on a CPU. On a GPU the check would wait for it, and a wrong code is `fixed`.
+inline std::int64_t check_law_variables(const at::Tensor& variables, const at::Tensor& bounds) {
+  GRANPINN_CHECK_VALUE(
+      variables.dim() == 2 && variables.size(1) >= 1 && variables.size(1) <= kMaxLawParameters,
+      "variables must be [E, 1 to ", kMaxLawParameters, "], got ", shape_of(variables));
+  if (!variables.is_cpu() || !bounds.is_cpu() || variables.scalar_type() != at::kLong ||
+      bounds.scalar_type() != at::kDouble || bounds.numel() != 2 * variables.numel())
+    return variables.size(1);  // other checks refuse these
+  const at::Tensor codes = variables.contiguous(), limits = bounds.contiguous();
+  const auto* code = codes.const_data_ptr<std::int64_t>();
+  const auto* limit = limits.const_data_ptr<double>();
+  for (std::int64_t i = 0; i < codes.numel(); ++i) {
+    GRANPINN_CHECK_VALUE(code[i] >= 0 && code[i] < kVariables, "variables must be in 0..",
+                         kVariables - 1, ", got ", code[i]);
+    GRANPINN_CHECK_VALUE(limit[2 * i] <= limit[2 * i + 1],
+                         "bounds must be (low, high) with low <= high, got ", limit[2 * i], " and ",
+                         limit[2 * i + 1]);
+    GRANPINN_CHECK_VALUE(
+        i % codes.size(1) != 0 || code[i] != static_cast<int>(Variable::logarithm_above),
+        "the first parameter of a law has no parameter below it, got ", code[i]);
   }
-  GRANPINN_CHECK_VALUE(v.kind[0] != Variable::logarithm_above,
-                       "the first parameter of a law has no parameter below it, got ", codes);
-  return v;
+  return codes.size(1);
 }
 
 // The matrices (begin, size) among P parameters, ascending and apart, to `region`; their number.

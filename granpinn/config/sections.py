@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, make_dataclass
 from typing import Any, Literal
 
-from granpinn.config.fields import setting
+from granpinn.config.fields import ConfigError, setting
 from granpinn.physics.terms import TERMS
 
 
@@ -50,7 +50,26 @@ class Rheology:
     random_start: bool = setting(
         False, "draw the start values at random where rheology.start gives none"
     )
+    fix: tuple[str, ...] | None = setting(
+        None,
+        "values of parameters that the law holds fixed, such as mu_inf=0.04,alpha=1.8; none: those "
+        "of the law, or of the flow; I0 has the flag --I0",
+    )
     p_floor: float = setting(1e-6, "smallest pressure in I = d gamma_dot / sqrt(p)", positive=True)
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """The values of `fix` by name; ConfigError where one is no NAME=NUMBER."""
+        values = {}
+        for text in self.fix or ():
+            name, _, number = text.partition("=")
+            try:
+                values[name.strip()] = float(number)
+            except ValueError:
+                raise ConfigError(
+                    f"--rheology.fix must be NAME=NUMBER,..., such as mu_inf=0.04, got {text!r}"
+                ) from None
+        return values
 
 
 _Sigmas: Any = make_dataclass(

@@ -198,6 +198,7 @@ def _check_together(config: Config) -> None:
         )
     if config.rheology.start is not None:
         _check_start(config.law, config.rheology.start, config.rheology.variables)
+    _check_fixed(config.law, config.rheology.fixed)
     if config.free_I0 and "I0" not in LAWS[config.law].names:
         raise ConfigError(f"--free-I0 needs a friction law with I0, got the law {config.law}")
     if config.optimizer.decay == "exponential" and config.optimizer.final_fraction == 0:
@@ -223,6 +224,24 @@ def _check_start(name: str, start: tuple[float, ...], variables: str) -> None:
             raise ConfigError(
                 f"--rheology.start: {parameter} must be below 1 for a sigmoid, got {got}"
             )
+
+
+def _check_fixed(name: str, values: Mapping[str, float]) -> None:
+    """Refuses values of parameters that the law of that name does not have fixed."""
+    law = LAWS[name]
+    settable = [p.name for p in law.parameters if p.fixed and p.name != "I0"]
+    for parameter, value in values.items():
+        if parameter == "I0":
+            raise ConfigError(f"--rheology.fix: give I0 by the flag --I0 {value:g}")
+        if parameter not in settable:
+            known = ", ".join(settable) or "no other parameter"
+            raise ConfigError(
+                f"--rheology.fix: the law {name} holds {known} fixed, got {parameter}: leave it out"
+            )
+        may_vanish = law.parameter(parameter).may_vanish
+        if not math.isfinite(value) or value < 0 or not (value or may_vanish):
+            wanted = "not be negative" if may_vanish else "be a positive number"
+            raise ConfigError(f"--rheology.fix: {parameter} must {wanted}, got {value:g}")
 
 
 def identity(config: Config) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
+from granpinn.estimates.facts import Facts
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.finish import (
     Concluded,
@@ -22,6 +23,7 @@ from granpinn.identification.finish import (
     with_simulated_pressure,
 )
 from granpinn.identification.single import histories, prepare, start
+from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
 from granpinn.training.parallel import gather_texts, processes
@@ -36,6 +38,7 @@ def identify_many(
     seeds: Sequence[int] | None = None,
     *,
     I0: Sequence[float] | None = None,
+    laws: Sequence[str] | None = None,
     noise: Sequence[float] | None = None,
     run_dir: str | os.PathLike[str] | None = None,
     keep_fields: bool = True,
@@ -44,15 +47,15 @@ def identify_many(
     """Identify many flows side by side, each as `identify` would, in one batch.
 
     The members share the settings, hence the shape of the network and the schedule. Each has its
-    own data, I0 and seed (of the network, of the batches and of the noise). Members with the same
-    flow and without noise share its data on the device. With `config.members` = K, each member is
-    an ensemble of K networks. In a group of processes (granpinn/training/parallel.py) each process
-    trains its own members, and all return all results.
+    own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members
+    with the same flow and without noise share its data on the device. With `config.members` = K,
+    each member is an ensemble of K networks. In a group of processes
+    (granpinn/training/parallel.py) each process trains its own members, and all return all results.
 
     Args:
         flows: a flow or the path of a flow file for every member.
         config: settings of all, by default the default recipe.
-        seeds, I0, noise: one value for every member, by default the value in the settings.
+        seeds, I0, laws, noise: one value for every member, by default the value in the settings.
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
         keep_fields: whether to write fields.h5, tens of megabytes for each member.
@@ -70,10 +73,11 @@ def identify_many(
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
     configs = [
-        dataclasses.replace(config, seed=seed, I0=value, noise=sd)
-        for seed, value, sd in zip(
+        dataclasses.replace(config, seed=seed, I0=value, law=law, noise=sd)
+        for seed, value, law, sd in zip(
             _one_each("seeds", seeds, config.seed, len(flows)),
             _one_each("I0", I0, config.I0, len(flows)),
+            _one_each("laws", laws, config.law, len(flows)),
             _one_each("noise", noise, config.noise, len(flows)),
             strict=True,
         )
@@ -167,8 +171,9 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         if config.noise:
             return posed(read[key], config)
         first = clean[key]
-        fixed = fixed_values(config)
-        member = dataclasses.replace(first.member, seed=config.seed, fixed=fixed)
+        fixed = fixed_values(config, Facts(first.seen, first.scales))
+        law = LAWS[config.law]
+        member = dataclasses.replace(first.member, seed=config.seed, law=law, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)
 
     pairs = zip(keys, configs, strict=True)

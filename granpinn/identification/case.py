@@ -27,7 +27,9 @@ from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer
 from granpinn.data.variants import training_sets
+from granpinn.estimates.facts import Facts
 from granpinn.identification.balance import Balance
+from granpinn.inspection.inertia import inertial_numbers
 from granpinn.inspection.slips import refuse_slips
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
@@ -123,14 +125,29 @@ def posed(flow: Flow, config: Config) -> Case:
             f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
             "mixed form"
         )
-    member = Member(built, data, config.seed, law, fixed_values(config), flow)
+    member = Member(built, data, config.seed, law, fixed_values(config, Facts(seen, scales)), flow)
     balance = Balance(seen, config.side_walls)
     return Case(flow, config, scales, member, seen, known_sd(seen), balance)
 
 
-def fixed_values(config: Config) -> dict[str, float]:
-    """Values of the fixed parameters of the friction law, by name."""
-    return {"I0": config.I0} if "I0" in LAWS[config.law].names else {}
+def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
+    """Values of the fixed parameters of the friction law, by name: given, of the flow, or usual.
+
+    Raises:
+        ConfigError: the range of I of the flow contradicts a given value.
+    """
+    law = LAWS[config.law]
+    usual = {p.name: p.start for p in law.parameters if p.fixed}
+    given = config.rheology.fixed | ({"I0": config.I0} if "I0" in usual else {})
+    levels = {name: level for name, level in law.quantiles.items() if name not in given}
+    found = inertial_numbers(facts).quantiles(*levels.values()) if levels else None
+    own = dict(zip(levels, found, strict=True)) if found else {}
+    values = usual | own | given
+    try:
+        law.check_range(values)
+    except ValueError as error:
+        raise ConfigError(f"--rheology.fix: {error}") from None
+    return values
 
 
 def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:

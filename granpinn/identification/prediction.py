@@ -137,7 +137,7 @@ def evaluate(
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
     d, floor = physics.grain_diameter, physics.pressure_floor
     limits = physics.eta_min, physics.eta_max
-    operators = operators_of(law)
+    operators = operators_of([law])
     eta = operators.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
     if spec.form == "mixed":
         tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]

@@ -23,16 +23,12 @@ from granpinn.estimates.view import View
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
+from granpinn.inspection.inertia import Inertia, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
-from granpinn.inspection.pressure import estimated_pressure, inertial_number
 from granpinn.inspection.slips import Slip, slips
 from granpinn.physics.scales import Scales
 from granpinn.results.baseline import Baseline
 
-# A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
-# granpinn/identification/scoring.py), and this many times the shear rate that noise simulates.
-RATE_AT_REST = 0.05 * np.sqrt(2)
-RATE_OVER_NOISE = 2.5
 # With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING = 0.01
 FEWEST_FLOWING = 200
@@ -55,24 +51,6 @@ class Kinematics:
     shear_rate: float | None
     shear_rate_error: float
     divergence: float | None
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Inertial numbers of the flowing vectors, with the pressure of granpinn/inspection/pressure.
-
-    Attributes:
-        q05, q50, q95, q99: quantiles.
-        reach: q95 / I0 with the inertial scale I0 of the law; None for a law without one.
-        above: share with I > I0 / 3, where mu(I) bends enough to show mu_2; or None.
-    """
-
-    q05: float
-    q50: float
-    q95: float
-    q99: float
-    reach: float | None
-    above: float | None
 
 
 @dataclass(frozen=True)
@@ -176,8 +154,9 @@ def inspect(
     view, noise, found = facts.view, facts.noise, facts.slopes
     speed = _largest_speed(flow, scales, found)
     gamma_dot = found.gamma_dot
-    flows = gamma_dot > np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
-    I = inertial_number(view, found, estimated_pressure(view, found))  # noqa: E741
+    numbers = inertial_numbers(facts)
+    I, flows = numbers.I, numbers.flows  # noqa: E741
+    law = law.at_quantiles(numbers.quantiles)
     precision, reason = _precision(found, I, flows, noise, law)
     walls = walls_of(with_partial_cells(flow))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
@@ -194,7 +173,7 @@ def inspect(
         stated_sigma=_stated(flow, scales),
         motion=motion(flow, view, found, speed),
         kinematics=_kinematics(found, gamma_dot, flows),
-        inertia=_inertia(I[flows], found.vectors[flows], law),
+        inertia=numbers.summary(law),
         surface=_surface(flow),
         precision=precision,
         reason=reason,
@@ -248,21 +227,6 @@ def _kinematics(found: Gradients, gamma_dot: Float64, flows: Bool) -> Kinematics
         shear_rate_error=float(np.sqrt(np.median(found.bias) / 2)) if found.u.size else 0.0,
         divergence=divergence,
     )
-
-
-def _inertia(I: Float64, vectors: Float64, law: AssumedLaw) -> Inertia | None:  # noqa: E741
-    if I.size == 0:
-        return None
-    order = np.argsort(I)
-    share = np.cumsum(vectors[order]) / vectors.sum()
-    q05, q50, q95, q99 = (
-        float(I[order][np.searchsorted(share, level)]) for level in (0.05, 0.5, 0.95, 0.99)
-    )
-    scale = law.inertial_scale
-    if scale is None:
-        return Inertia(q05, q50, q95, q99, reach=None, above=None)
-    above = float(vectors[scale / 3 < I].sum() / vectors.sum())
-    return Inertia(q05, q50, q95, q99, reach=q95 / scale, above=above)
 
 
 def _surface(flow: Flow) -> SurfaceFacts | None:

@@ -67,9 +67,9 @@ class Precision(SimpleNamespace):
     Attributes:
         mu_s, ...: bound from noise, with the parameters known that the law has fixed.
         mu_s_trained, ...: the precision of the default training.
-        mu_s_free, ..., I0_free: bounds with all parameters unknown.
+        mu_s_free, ..., I0_free: bounds with all parameters unknown, if the data fix all.
         correlation: of the last free and the first fixed parameter (mu_2 and I0) when all are
-            unknown; None if the law fixes none.
+            unknown; None if the law fixes none, or the data do not fix all.
         independent_vectors: that flow.
     """
 
@@ -100,23 +100,26 @@ def expected_precision(
     weight = vectors * (KAPPA * np.minimum(gamma_dot, LARGEST_RATE)) ** 2
     information = np.einsum("k,ki,kj->ij", weight, J, J)
     relative = information * np.outer(law.theta, law.theta)  # for logarithms of the parameters
-    if not np.linalg.cond(relative) < LARGEST_CONDITION:
-        return None
     parameters = law.friction_law.parameters
     fixed = [k for k, p in enumerate(parameters) if p.fixed]
     free = [k for k, p in enumerate(parameters) if not p.fixed]
-    covariance = np.linalg.inv(relative)
-    known = np.linalg.inv(relative[np.ix_(free, free)])
-    sd = sigma * np.sqrt(np.diag(covariance))
-    bounds = dict(zip(law.friction_law.free, sigma * np.sqrt(np.diag(known)), strict=True))
-    correlation = None
-    if fixed:
-        i, j = free[-1], fixed[0]
-        correlation = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
+    of_free = relative[np.ix_(free, free)]
+    if not np.linalg.cond(of_free) < LARGEST_CONDITION:
+        return None
+    sd = sigma * np.sqrt(np.diag(np.linalg.inv(of_free)))
+    bounds = dict(zip(law.friction_law.free, map(float, sd), strict=True))
+    unknown, correlation = {}, None
+    if np.linalg.cond(relative) < LARGEST_CONDITION:
+        covariance = np.linalg.inv(relative)
+        sd = sigma * np.sqrt(np.diag(covariance))
+        unknown = {f"{p.name}_free": float(s) for p, s in zip(parameters, sd, strict=True)}
+        if fixed:
+            i, j = free[-1], fixed[0]
+            correlation = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
     return Precision(
-        **{name: float(bound) for name, bound in bounds.items()},
+        **bounds,
         **{f"{name}_trained": trained_sd(name, bound) for name, bound in bounds.items()},
-        **{f"{p.name}_free": float(s) for p, s in zip(parameters, sd, strict=True)},
+        **unknown,
         correlation=correlation,
         independent_vectors=float(vectors.sum()),
     )

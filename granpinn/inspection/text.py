@@ -114,7 +114,7 @@ def _precision(found: Inspection) -> str:
     law = found.law.friction_law
     text = "noise alone: " + ", ".join(f"{name} {getattr(p, name):.2%}" for name in law.free)
     fixed = [name for name in law.names if name not in law.free]
-    if fixed:
+    if fixed and hasattr(p, f"{fixed[0]}_free"):
         free = [f"{getattr(p, f'{name}_free'):.2%}" for name in law.free]
         free += [f"{name} {getattr(p, f'{name}_free'):.2%}" for name in fixed]
         text += f"; {' and '.join(fixed)} free: {', '.join(free)}"

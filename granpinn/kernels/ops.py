@@ -109,7 +109,9 @@ def residual_loss(
         input_shift, input_scale: the input map, three numbers each.
         physics: the fields of granpinn.physics.constants.Physics.
         form: "mixed" (K = 5), "strong" (K = 3), or "data", which has no equations (K = 3 or 5).
-        law: a name in granpinn.physics.laws.LAWS.
+        law: a name in granpinn.physics.laws.LAWS; or one for each of E members, with commas
+            between them. A row of theta then has the length of the longest law, and the values
+            behind a shorter one have no effect.
         precision: "fp32", or "fast" for tensor cores, compensated to float32 in the forward
             products and halves in the backward ones; without effect on a CPU and in float64.
 

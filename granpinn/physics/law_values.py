@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from granpinn.physics.laws import DEFAULT, LAWS, Law
 
@@ -78,6 +79,23 @@ class CompleteLaw(LawValues):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        missing = [n for n, v in zip(self.friction_law.names, self.theta, strict=True) if v is None]
+        object.__setattr__(self, "_missing", frozenset(missing))
         theta = self.friction_law.complete(self.theta)
         for name, value in zip(self.friction_law.names, theta, strict=True):
             object.__setattr__(self, name, value)
+
+    def at_quantiles(self, quantiles: Callable[..., list[float] | None]) -> Self:
+        """The law with the range of I of a flow, where a parameter is a quantile and not given.
+
+        Args:
+            quantiles: of I in the flow at given levels; None if nothing flows.
+        """
+        law = self.friction_law
+        levels = {name: level for name, level in law.quantiles.items() if name in self._missing}
+        found = quantiles(*levels.values()) if levels else None
+        if found is None:
+            return self
+        values = dict(zip(law.names, self.theta, strict=True))
+        values |= dict(zip(levels, found, strict=True))
+        return type(self)(law=self.law, **values)

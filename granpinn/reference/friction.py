@@ -12,6 +12,8 @@ eta_max, so the clamp here is eta_min <= eta <= eta_max.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor
 
@@ -26,10 +28,49 @@ def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
         mu_s, mu_2, I_0 = theta.unbind(-1)
         # multiplied out by I, so that I = 0 gives mu_s instead of a division by zero
         return mu_s + (mu_2 - mu_s) * I / (I_0 + I)
+    if law == "power":
+        mu_s, b, n = theta.unbind(-1)
+        return mu_s + b * (I + 1e-30) ** n
+    if law == "regularised":
+        return _regularised(I, theta)
+    if law == "free":
+        return _free(I, theta)
     if law in LAWS and not LAWS[law].compiled:  # a user's own law, which has one formula only
         value: Tensor = LAWS[law].friction(I, *theta.unbind(-1))
         return value
-    raise ValueError(f"law must be mu_of_i or coulomb, got {law!r}")
+    known = "mu_of_i, coulomb, regularised, power or free"
+    raise ValueError(f"law must be {known}, got {law!r}")
+
+
+def _regularised(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+    """Barker and Gray (2017), with A of equation (6.4); I + 1e-30 in the place of I below I_1."""
+    mu_s, mu_2, I_0, mu_inf, alpha, I_1 = theta.unbind(-1)
+
+    def inertial(at: Tensor) -> Tensor:
+        return (mu_s * I_0 + mu_2 * at + mu_inf * at**2) / (I_0 + at)
+
+    log_A = torch.log(I_1) + alpha / inertial(I_1) ** 2
+    # each branch sees its own I only, so that neither spoils the gradient of the other
+    slow = I_1 > I
+    creep = torch.sqrt(alpha / (log_A - torch.log(torch.where(slow, I + 1e-30, I_1))))
+    return torch.where(slow, creep, inertial(torch.where(slow, I_1, I)))
+
+
+def _free(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+    """The B-spline by the recursion of Cox and de Boor on its knots, in powers of I_high/I_low."""
+    *c, I_low, I_high = theta.unbind(-1)
+    intervals = len(c) - 3
+    place = torch.log(I / I_low + 1e-30) / torch.log(I_high / I_low) * intervals
+    place = place.clamp(0, intervals)
+    # half-open intervals; the right end belongs to the last one
+    interval = place.detach().floor().clamp(max=intervals - 1)
+    basis = [(interval == j).to(place) for j in range(-3, intervals + 3)]
+    for degree in (1, 2, 3):
+        basis = [
+            ((place - j) * left + (j + degree + 1 - place) * right) / degree
+            for j, (left, right) in enumerate(pairwise(basis), -3)
+        ]
+    return torch.stack([ck * B for ck, B in zip(c, basis, strict=True)]).sum(0)
 
 
 def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> Tensor:

@@ -40,7 +40,8 @@ def continued(
     copy = Trainer(objective, schedule, config)
     for name, tensor in copy.tensors().items():
         for i, (e, _) in enumerate(copies):
-            tensor[i].copy_(trainer.tensors()[name][e])
+            state = trainer.tensors()[name][e]
+            tensor[i].copy_(state[: len(tensor[i])])  # N of the laws of the copies may be less
     copy.misfit = [trainer.misfit[e] for e, _ in copies]
     copy.remember()
     while not copy.finished:

@@ -62,10 +62,11 @@ class Row:
 
 
 def median(rows: Sequence[Row]) -> Row:
-    """The medians, column by column, of one row of every member."""
+    """The medians, column by column, of one row of every member with the law of the first one."""
     if len(rows) == 1:
         return rows[0]
-    table = zip(*(row.values().values() for row in rows), strict=True)
+    alike = [row for row in rows if row.law is rows[0].law]
+    table = zip(*(row.values().values() for row in alike), strict=True)
     return Row.of(rows[0].law, (float(np.median(column)) for column in table))
 
 

@@ -29,8 +29,10 @@ from torch import Tensor
 from granpinn.data import TrainingSet
 from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES, RESIDUALS
+from granpinn.training import curve_prior
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
+from granpinn.training.law_variables import relative_change
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
 from granpinn.training.sampling import LAST_LAYER, draw
@@ -39,7 +41,7 @@ POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations,
 CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
-LONGEST = 0.1  # step of a free parameter, relative: a longer one is not a correction
+LONGEST = 0.1  # step of a free parameter or curve, relative: a longer one is not a correction
 
 
 class Unknowns(NamedTuple):
@@ -57,6 +59,7 @@ class Data:
         points, weights: of the equations, [N, 3] and [N].
         surface_points, surface_pressure: [M, 3] and [M].
         moments: of the velocity, see `velocity_moments`.
+        measured: points, velocity and weights of the moments, [K, 3], [K, 2] and [K].
         floor: y of the lowest points of all.
     """
 
@@ -65,6 +68,7 @@ class Data:
     surface_points: Tensor
     surface_pressure: Tensor
     moments: tuple[Tensor, Tensor, Tensor]
+    measured: tuple[Tensor, Tensor, Tensor]
     floor: Tensor
 
 
@@ -76,15 +80,14 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
     k = torch.arange(len(data.points), device=data.points.device)
     if len(k) > DATA_POINTS:
         k = draw(seed, step, LAST_LAYER + 2, DATA_POINTS, data.points)
-    moments = velocity_moments(
-        features, data.points[k], data.velocity[k].double(), data.point_weights[k, 0].double()
-    )
+    measured = (data.points[k], data.velocity[k].double(), data.point_weights[k, 0].double())
     return Data(
         data.points[i],
         data.point_weights[i, 1].double(),
         surface[j],
         data.surface_pressure[j].double(),
-        moments,
+        velocity_moments(features, *measured),
+        measured,
         data.lower[1],
     )
 
@@ -102,9 +105,9 @@ def velocity_moments(
     return tuple(torch.stack(part).sum(0) / len(points) for part in zip(*parts, strict=True))  # type: ignore[return-value]
 
 
-# Weighted residuals [n, R], h [6 or 1, n, F], leaves z and theta, and the fields of z in each
-# residual.
-Rows = tuple[Tensor, Tensor, Tensor, Tensor, list[list[int]]]
+# Weighted residuals [n, R], h [6 or 1, n, F], leaves z and theta, the fields of z in each residual,
+# and which points: first those of the equations, then those of the surface.
+Rows = tuple[Tensor, Tensor, Tensor, Tensor, list[list[int]], slice]
 
 
 class Sums:
@@ -115,7 +118,7 @@ class Sums:
     """
 
     def __init__(self, features: Features, problem: Problem, law: Law, data: Data) -> None:
-        self.physics, self.law, self.data = problem.physics, law, data
+        self.physics, self.law, self.data, self.features = problem.physics, law, data, features
         self.free = [k for k, p in enumerate(law.parameters) if not p.fixed]
         length = problem.mean_length
         self.h = [features.with_means(data.points[rows], length) for rows in _chunks(data.points)]
@@ -129,12 +132,28 @@ class Sums:
         self._velocity = weights["velocity"] * self.physics.velocity_scale**2
         self._surface = (weights["surface"] / M) ** 0.5
         self._law_weights: Tensor | None = None  # kept from the first evaluation
+        self.differences = curve_prior.differences(law, like)
+        self.roughness = 0.0  # weight of |differences theta|^2 / 2, see curve_prior.py
 
     def loss(self, at: Unknowns) -> float:
         """The loss, with the weights of the law from the first evaluation."""
         with torch.no_grad():
             rows = [r.square().sum() for r, *_ in self._rows(at)]
-        return (float(torch.stack(rows).sum()) + self._misfit(at)[0]) / 2
+        return (float(torch.stack(rows).sum()) + self._misfit(at)[0]) / 2 + self._rough(at)
+
+    def scores(self, at: Unknowns) -> Tensor:
+        """The parts of J^T r from each block of points [B, K], see curve_prior.py."""
+        F, (points, velocity, weights) = at.C.shape[1], self.data.measured
+        every = torch.cat([self.data.points, self.data.surface_points, points])
+        rest, measured = curve_prior.blocks(every).tensor_split([len(every) - len(points)])
+        found = at.C.new_zeros(curve_prior.BLOCKS, 5 * F + len(self.free))
+        for rows in _chunks(points):
+            h = self.features.jet(points[rows], 0)[0]
+            e = h @ at.C[:2].T - velocity[rows] / self.physics.velocity_scale
+            e = e * (self._velocity * weights[rows] / len(points))[:, None]
+            by_C = (e[:, :, None] * h[:, None]).flatten(1)
+            found[:, : 2 * F].index_add_(0, measured[rows], by_C)
+        return curve_prior.block_scores(self.jacobians(at), found, rest)
 
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
         """J^T J [K, K] and J^T r [K]; K = 5 F + L: C row by row, then the free parameters."""
@@ -146,18 +165,38 @@ class Sums:
             own = slice(k * F, (k + 1) * F)
             A[own, own] += self._velocity * h_h
             b[own] += slope[k]
-        for r, h, z, theta, fields in self._rows(at):
+        for J, r, i, _ in self.jacobians(at):
+            A[i[:, None], i] += J.T @ J
+            b[i] += J.T @ r
+        return A, b
+
+    def jacobians(self, at: Unknowns) -> Iterator[tuple[Tensor, Tensor, Tensor, slice]]:
+        """J [n, k] and r [n] of some residuals but those of the velocity, the numbers of the k
+        unknowns, and which points they are: of the equations, then of the surface."""
+        F = at.C.shape[1]
+        every = torch.arange(5 * F + len(self.free), device=at.C.device)
+        for r, h, z, theta, fields, rows in self._rows(at):
             for column, used in zip(r.unbind(1), fields, strict=True):
                 by_z, by_theta = torch.autograd.grad(
                     column.sum(), (z, theta), retain_graph=True, materialize_grads=True
                 )
                 by_C = torch.einsum("cnk,cnf->nkf", by_z[..., used], h).flatten(1)
                 J = torch.cat([by_C, by_theta[:, self.free]], 1)
-                every = torch.arange(K, device=A.device)
                 i = torch.cat([every[: 5 * F].view(5, F)[used].flatten(), every[5 * F :]])
-                A[i[:, None], i] += J.T @ J
-                b[i] += J.T @ column.detach()
-        return A, b
+                yield J, column.detach(), i, rows
+
+    def expect_smooth(self, A: Tensor, b: Tensor, at: Unknowns) -> float:
+        """Add the prior of a curve to the normal equations and to the loss; its loss at `at`."""
+        theta, D = at.theta[self.free], self.differences
+        self.roughness = curve_prior.strength(A, b, self.scores(at), theta, D, RIDGE)
+        own = slice(len(b) - len(theta), len(b))
+        A[own, own] += self.roughness * D.T @ D
+        b[own] += self.roughness * D.T @ (D @ theta)
+        return self._rough(at)
+
+    def _rough(self, at: Unknowns) -> float:
+        """The loss of the prior of a curve, 0 for other laws."""
+        return self.roughness * float((self.differences @ at.theta[self.free]).square().sum()) / 2
 
     def _misfit(self, at: Unknowns) -> tuple[float, Tensor, Tensor]:
         """Twice the velocity part of the loss, its gradient [2, F], and the mean of h h^T."""
@@ -178,14 +217,14 @@ class Sums:
             kept = weight if self._law_weights is None else self._law_weights[rows]
             one = torch.ones_like(kept)
             w = torch.stack([one, one, one, kept, kept], 1) * self._weights[rows]
-            yield e * w, h, z, theta, DEPENDS
+            yield e * w, h, z, theta, DEPENDS, rows
         if self._law_weights is None:
             self._law_weights = torch.cat(weights)
         if len(self.h_surface):
             z, theta = self._leaves(at, self.h_surface[None])
             p = self.physics.pressure_scale * torch.nn.functional.softplus(z[0, :, 2])
             r = (p - self.data.surface_pressure) * self._surface
-            yield r[:, None], self.h_surface[None], z, theta, [[2]]
+            yield r[:, None], self.h_surface[None], z, theta, [[2]], slice(first, first + len(r))
 
     @staticmethod
     def _leaves(at: Unknowns, h: Tensor) -> tuple[Tensor, Tensor]:
@@ -219,7 +258,10 @@ def improve(sums: Sums, at: Unknowns) -> Unknowns:
     free, law = sums.free, sums.law
     before = sums.loss(at)
     with torch.enable_grad():
-        x = solve(*sums.normal_equations(at), len(free))
+        A, b = sums.normal_equations(at)
+        if len(sums.differences):
+            before += sums.expect_smooth(A, b, at)
+        x = solve(A, b, len(free))
     if x is None:
         return at
     for part in (x * 0.5**halving for halving in range(HALVINGS + 1)):
@@ -227,7 +269,7 @@ def improve(sums: Sums, at: Unknowns) -> Unknowns:
         theta = at.theta.clone()
         theta[free] += by_law
         found = Unknowns(at.C + by_C.view_as(at.C), theta)
-        short = bool((by_law.abs() <= LONGEST * at.theta[free]).all())
+        short = relative_change(law, at.theta, theta) <= LONGEST
         if short and law.admits(theta.tolist()) and sums.loss(found) < before:  # not for a NaN
             return found
     return at

@@ -69,8 +69,8 @@ class TrainingLoop:
         parts = [folder] if members is None else members
         writes = self.processes.rank == 0
         self.histories = [
-            History(part / "history.csv" if part and writes else None, objective.law)
-            for part in parts
+            History(part / "history.csv" if part and writes else None, law)
+            for part, law in zip(parts, objective.laws, strict=False)
         ]
         self.objective = objective
         self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))

@@ -59,7 +59,8 @@ class Objective:
     """The data on their device, and the two losses that a run minimizes in turn.
 
     Attributes:
-        law, operators: the friction law of all members, and the operators for it.
+        laws: the friction law of each member.
+        operators: the operators for these laws.
         distinct: training sets of the members, each once.
         share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
@@ -75,8 +76,10 @@ class Objective:
     ) -> None:
         self.members = list(members)
         self.precision = precision
-        self.spec, self.law = members[0].problem.spec, members[0].law
-        self.operators = operators_of(self.law)
+        self.spec, self.laws = members[0].problem.spec, [m.law for m in members]
+        names = [law.name for law in self.laws]
+        self._law_names = ",".join(names if len(set(names)) > 1 else names[:1])
+        self.operators = operators_of(self.laws)
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
         self.distinct, self.set_of = _distinct(members)
@@ -152,7 +155,7 @@ class Objective:
 
         Args:
             params: [E, P].
-            theta: parameters of the friction law [E, N].
+            theta: parameters of the friction laws [E, N], N those of the longest law.
             prefit: the loss of the velocity alone, without equations and surface; it needs no
                 derivatives of the network.
         """
@@ -178,7 +181,7 @@ class Objective:
                 self.input_scale,
                 self.physics,
                 "data" if prefit else self.spec.form,
-                self.law.name,
+                self._law_names,
                 self.precision,
             )
         )
@@ -212,7 +215,7 @@ class Objective:
         """
         found: tuple[Tensor, ...] = self.operators.residual_loss(
             params,
-            theta,
+            theta[: len(self.laws[member].parameters)],
             data.points[inside],
             data.velocity[inside],
             data.point_weights[inside],
@@ -224,7 +227,7 @@ class Objective:
             self.input_scale[member],
             self.physics[member],
             form,
-            self.law.name,
+            self.laws[member].name,
         )
         return found[1]
 

@@ -43,9 +43,17 @@ class Operators(NamedTuple):
     captured: bool
 
 
-def operators_of(law: Law) -> Operators:
-    """The operators for a law."""
-    return COMPILED if law.compiled else IN_TORCH
+def operators_of(laws: Sequence[Law]) -> Operators:
+    """The operators for the laws of the members of one run.
+
+    Raises:
+        ValueError: a law in torch beside another law.
+    """
+    if all(law.compiled for law in laws):
+        return COMPILED
+    if len({law.name for law in laws}) > 1:
+        raise ValueError("members of one run must all have the same law if it is one in torch")
+    return IN_TORCH
 
 
 def batch_loss(

@@ -14,7 +14,6 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Optimizer
-from granpinn.kernels import step_ops
 from granpinn.kernels.network import layer_offsets
 from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
@@ -115,7 +114,7 @@ class BatchOptimizer:
             law.theta,
             self.average_q,
             [s.scalars_learning_rate, *rest],
-            [step_ops.VARIABLES[kind] for kind in law.kinds],
+            law.codes,
             law.bounds,
             law_moves,
         )

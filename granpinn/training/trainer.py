@@ -60,7 +60,7 @@ class Trainer:
         self.processes = processes or Processes()
         self.params = torch.stack(starts).to(objective.points)
         self.law_variables = LawVariables(
-            objective.law,
+            [m.law for m in members],
             config.rheology,
             [m.fixed for m in members],
             [m.seed for m in members],
@@ -261,8 +261,10 @@ class Trainer:
         """params [P] and theta [N] after the steps: their averages, once there are any."""
         if self.averaged:
             theta = self.law_variables.theta_of(self.optimizer.average_q)
-            return self.optimizer.average_params[member], theta[member]
-        return self.params[member], self.law_variables.theta[member]
+            params = self.optimizer.average_params
+        else:
+            params, theta = self.params, self.law_variables.theta
+        return params[member], theta[member, : len(self.objective.laws[member].parameters)]
 
     def rows(self, wall_s: float) -> list[Row]:
         """The history row of every member for the step that was just made."""
@@ -272,8 +274,12 @@ class Trainer:
         terms = self.last.terms
         if self.schedule.in_prefit(step):
             terms = torch.cat([terms[:, :1], torch.full_like(terms[:, 1:], math.nan)], 1)
-        values = torch.cat([self.last.loss[:, None], terms, self.law_variables.theta], 1)
+        values = torch.cat([self.last.loss[:, None], terms], 1).tolist()
+        theta = self.law_variables.theta.tolist()
         return [
-            Row.of(self.objective.law, [self.step, wall_s, *row, rate * scale])
-            for row, scale in zip(values.tolist(), self.lr_scale, strict=True)
+            Row.of(
+                law,
+                [self.step, wall_s, *values[e], *theta[e][: len(law.parameters)], rate * scale],
+            )
+            for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True))
         ]

@@ -70,10 +70,10 @@ def effects(
         most = min(most, int(share * trainer.step * len(trainer.params) / len(copies)))
     theta = continued(trainer, copies, most)
     found: dict[int, tuple[Assumed, ...]] = {}
-    law = trainer.objective.law
     for k, (e, assumption) in enumerate(asked):
         pair = [None if t is None else np.array(t.tolist()) for t in theta[2 * k : 2 * k + 2]]
         value = np.array(trainer.solution(e)[1].tolist())
+        law = trainer.objective.laws[e]
         found[e] = (*found.get(e, ()), _assumed(assumption, law, value, pair[0], pair[1]))
     return found
 

@@ -171,7 +171,7 @@ def _physics(found: Inspection) -> list[str]:
                 "separated from I0; only the slope (mu_2 - mu_s) / I0 is measured. Larger grains, "
                 "a taller column or a steeper slope reach higher I."
             )
-        elif found.precision.correlation > 0.9:
+        elif (found.precision.correlation or 0.0) > 0.9:
             lines.append(
                 "mu_2 and I0 cannot both be found (correlation "
                 f"{found.precision.correlation:.2f}): give I0, or trust the law over the covered "

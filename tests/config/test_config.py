@@ -106,7 +106,10 @@ BAD = {
     "choice": ({"form": "weak"}, "--form must be one of mixed, strong, got 'weak'"),
     "recipe": ({"recipe": "best"}, "--recipe must be one of default, paper, got 'best'"),
     "no recipe": ({"recipe": ["paper"]}, "--recipe must be one of"),
-    "law": ({"law": "tresca"}, "--law must be one of mu_of_i, coulomb, got 'tresca'"),
+    "law": (
+        {"law": "tresca"},
+        "--law must be one of mu_of_i, coulomb, regularised, power, free, got 'tresca'",
+    ),
     "unknown": ({"stepz": 3}, "unknown setting stepz"),
     "unknown in a section": ({"network__depth": 3}, "unknown setting network.depth"),
     "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch, got 512"),

@@ -118,7 +118,10 @@ BAD = {
     "nan": ([*REQUIRED, "--I0", "nan"], "--I0 must be a number"),
     "no steps": ([*REQUIRED, "--steps", "0"], "--steps must be at least 1, got 0"),
     "choice": ([*REQUIRED, "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
-    "law": ([*REQUIRED, "--law", "mu"], "--law must be one of mu_of_i, coulomb, got 'mu'"),
+    "law": (
+        [*REQUIRED, "--law", "mu"],
+        "--law must be one of mu_of_i, coulomb, regularised, power, free, got 'mu'",
+    ),
     "negative sigma": ([*REQUIRED, "--weights.sigma_velocity", "-1"], "sigma_velocity must be"),
     "noise": ([*REQUIRED, "--noise", "-0.1"], "--noise must be in"),
     "part": ([*REQUIRED, "--optimizer.prefit", "2"], "--optimizer.prefit must be in [0, 1]"),

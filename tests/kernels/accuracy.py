@@ -31,7 +31,7 @@ from torch import Tensor
 from granpinn import reference
 from granpinn.reference.equations import SMOOTHING, pressure
 
-from .configurations import Configuration, Problem, problem
+from .configurations import SWITCHES, Configuration, Problem, problem
 
 # By number of points in a call: networks, and calls for each network.
 NETWORKS = {1: 4, 31: 4, 33: 4, 65_537: 3}
@@ -181,7 +181,8 @@ def pooled(row: Configuration, network: int, module: Any = reference) -> Problem
 
 
 def near_a_switch(case: Problem, module: Any) -> Tensor:
-    """Points [N] (or [E, N]) within `NEAR` of a limit of the viscosity or of p_floor."""
+    """Points [N] (or [E, N]) within `NEAR` of a limit of the viscosity, of p_floor, or of an I at
+    which the slope of the law jumps."""
     d, _, _, eta_min, eta_max, U, P, p_floor, *_ = case.physics
     jet = module.network_jet(*case.network, 1).movedim(-3, 0)
     p = pressure(jet[0], P)
@@ -193,6 +194,8 @@ def near_a_switch(case: Problem, module: Any) -> Tensor:
     near = (p.abs() / p_floor - 1).abs() < NEAR
     for eta in (eta_min, eta_max):
         near |= (strength / (eta * gamma_dot) - 1).abs() < NEAR
+    for k in SWITCHES.get(case.law, ()):
+        near |= (inertia / case.theta[..., k : k + 1] - 1).abs() < NEAR
     return near
 
 

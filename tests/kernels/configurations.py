@@ -14,8 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn.physics.laws import LAWS
-
 Form = Literal["strong", "mixed"]
 Regime = Literal["flowing", "low pressure", "slow"]
 
@@ -24,6 +22,19 @@ POINTS = (1, 31, 33, 65_537)
 SHARED = 1000
 # Points times parameters of one oracle evaluation; keeps a configuration near a second.
 BUDGET = 1e7
+
+
+# Least and largest values of the parameters of each law in the table. The switches of a law, where
+# its slope jumps in I, are within the I of the table.
+THETA = {
+    "mu_of_i": ((0.2, 0.5), (0.5, 0.9), (0.2, 0.4)),
+    "coulomb": ((0.2, 0.5),),
+    "regularised": ((0.2, 0.5), (0.5, 0.9), (0.2, 0.4), (0.02, 0.1), (1.5, 2.0), (0.01, 0.05)),
+    "power": ((0.2, 0.5), (0.3, 0.9), (0.4, 1.5)),
+    "free": (*[(0.2, 0.9)] * 8, (0.005, 0.02), (0.1, 1.0)),
+}
+SWITCHES = {"regularised": [5], "free": [8, 9]}  # parameters that are an I where the slope jumps
+OTHERS = ("regularised", "power", "free")  # of the rows 3, 8, 13, ...
 
 
 # Layers below this width are all alike. A bottleneck of one or two units makes all derivatives of
@@ -79,7 +90,7 @@ def configuration(index: int) -> Configuration:
         regime=("flowing", "low pressure", "slow")[index % 3],
         members=members,
         threads=int(rng.integers(1, 3)),
-        law="coulomb" if index % 5 == 2 else "mu_of_i",
+        law={2: "coulomb", 3: OTHERS[(index // 5 + index // 15) % 3]}.get(index % 5, "mu_of_i"),
         side_wall=0.5 if index % 7 < 4 else 0.0,
     )
     while True:
@@ -218,9 +229,8 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
 
 
 def _theta(row: Configuration, rng: np.random.Generator, E: tuple[int, ...]) -> Tensor:
-    """Parameters of the law; that many of those of mu(I), whose names every law shares."""
-    values = rng.uniform((0.2, 0.5, 0.2), (0.5, 0.9, 0.4), (*E, 3))
-    return _tensor(values[..., : len(LAWS[row.law].parameters)])
+    low, high = zip(*THETA[row.law], strict=True)
+    return _tensor(rng.uniform(low, high, (*E, len(low))))
 
 
 def _params(

@@ -14,6 +14,10 @@ import numpy as np
 import sympy as sp
 import torch
 
+from granpinn.physics.laws import LAWS
+
+from .manufactured_laws import THETA, branches
+
 x, y, t = sp.symbols("x y t", real=True)
 
 # Values that every field takes to both limits of the viscosity and to both sides of p_floor;
@@ -23,10 +27,8 @@ ETA_MIN, ETA_MAX = sp.Rational(1, 8), sp.Rational(1, 2)
 U, P, P_FLOOR = sp.Rational(7, 4), sp.Rational(3, 4), sp.Rational(1, 2)
 LAW_RATE = sp.Rational(5, 4)
 WALL, WALL_SPEED = sp.Rational(5, 8), sp.Rational(1, 4)
-MU_S, MU_2, I_0 = sp.Rational(3, 8), sp.Rational(11, 16), sp.Rational(9, 32)
 CONSTANTS = (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE, WALL, WALL_SPEED)
 PHYSICS = [float(value) for value in CONSTANTS]
-THETA = [float(value) for value in (MU_S, MU_2, I_0)]
 SMOOTHING = 1e-12
 
 FIELDS = {
@@ -54,20 +56,32 @@ FIELDS = {
     ),
 }
 
+# Every field with mu(I), and the other laws with one field.
+CASES = [(name, "mu_of_i") for name in FIELDS] + [
+    ("shear layer", law) for law in LAWS if law != "mu_of_i"
+]
+
 
 @dataclass(frozen=True)
 class Manufactured:
     """A field in the variables of one residual form.
 
     raw: the network's raw outputs z as expressions.
-    variants: the residuals under each assumption about floor and limits.
+    variants: the residuals under each assumption about floor and limits, for each branch of the
+        law.
     """
 
     form: str
+    law: str
     raw: list[sp.Expr]
     p: sp.Expr
     gamma_dot: sp.Expr
-    variants: dict[str, list[sp.Expr]]
+    variants: dict[tuple[str, int], list[sp.Expr]]
+
+    @property
+    def theta(self) -> torch.Tensor:
+        """Parameters of the law."""
+        return torch.tensor([float(value) for value in THETA[self.law]], dtype=torch.float64)
 
     def points(self, n: int) -> np.ndarray:
         return np.random.default_rng(7).uniform(-1, 1, (n, 3)).astype(np.float64)
@@ -88,27 +102,38 @@ class Manufactured:
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """The residuals [N, R] in extended precision, each point with its own variant."""
-        d, mu_s, mu_2, i_0, eta_min, eta_max, p_floor = (
-            float(value) for value in (D, MU_S, MU_2, I_0, ETA_MIN, ETA_MAX, P_FLOOR)
-        )
+        d, eta_min, eta_max, p_floor = (float(v) for v in (D, ETA_MIN, ETA_MAX, P_FLOOR))
         p, gamma_dot = _evaluate([self.p, self.gamma_dot], points).T
         inertia = d * gamma_dot / np.sqrt(np.maximum(np.abs(p), p_floor))
-        eta = (mu_s + (mu_2 - mu_s) * inertia / (i_0 + inertia)) * p / gamma_dot
+        edges, curves = branches(self.law)
+        branch = np.searchsorted(edges, inertia)
+        I = sp.Symbol("I")  # noqa: E741
+        mu = np.empty_like(inertia)
+        for k, curve in enumerate(curves):
+            value = sp.lambdify(I, curve(I), modules="numpy")(inertia[branch == k])
+            mu[branch == k] = value
+        eta = mu * p / gamma_dot
         holds = {"floored": np.abs(p) < p_floor, "eta_min": eta < eta_min, "eta_max": eta > eta_max}
         chosen = np.full(len(points), "flowing", dtype=object)
         for name in ("floored", "eta_min", "eta_max"):
-            if name in self.variants:
+            if (name, 0) in self.variants:
                 chosen[holds[name]] = name
-        missing = set(self.variants) - set(chosen)
+        missing = {name for name, _ in self.variants} - set(chosen)
         assert not missing, f"no point exercises {missing}"
-        out = np.empty((len(points), len(self.variants["flowing"])), dtype=np.longdouble)
-        for name, expressions in self.variants.items():
-            out[chosen == name] = _evaluate(expressions, points[chosen == name])
+        missing = set(range(len(curves))) - set(branch[np.isin(chosen, ("flowing", "floored"))])
+        assert not missing, f"no point exercises the branches {missing}"
+        out = np.empty((len(points), len(self.variants["flowing", 0])), dtype=np.longdouble)
+        for (name, k), expressions in self.variants.items():
+            here = chosen == name
+            if name in ("flowing", "floored"):
+                here &= branch == k
+            if here.any():
+                out[here] = _evaluate(expressions, points[here])
         return out
 
 
 @cache
-def manufactured(name: str, form: str) -> Manufactured:
+def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
     u, v, p, s_1, s_2 = FIELDS[name]
     if form == "mixed" and name == "falling column":
         p = p + 1
@@ -120,11 +145,11 @@ def manufactured(name: str, form: str) -> Manufactured:
         rate = sp.Matrix([[u_x, (u_y + v_x) / 2], [(u_y + v_x) / 2, v_y]])
         gamma_dot = sp.sqrt(2 * sum(entry**2 for entry in rate) + SMOOTHING)
         eta = {
-            "flowing": _mu(gamma_dot, p) * p / gamma_dot,
-            "floored": _mu(gamma_dot, P_FLOOR) * p / gamma_dot,
-            "eta_min": ETA_MIN,
-            "eta_max": ETA_MAX,
+            (kind, k): mu(D * gamma_dot / sp.sqrt(floored_p)) * p / gamma_dot
+            for kind, floored_p in (("flowing", p), ("floored", P_FLOOR))
+            for k, mu in enumerate(branches(law)[1])
         }
+        eta |= {("eta_min", 0): ETA_MIN, ("eta_max", 0): ETA_MAX}
         variants = {}
         for variant, viscosity in eta.items():
             tau = 2 * viscosity * rate
@@ -139,22 +164,18 @@ def manufactured(name: str, form: str) -> Manufactured:
         gamma_dot = sp.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
         limit = 1 / sp.sqrt(1 + (gamma_dot / LAW_RATE) ** 2)
         variants = {}
-        for variant, floored_p in (("flowing", p), ("floored", P_FLOOR)):
-            mu = _mu(gamma_dot, floored_p)
-            variants[variant] = [
-                inertial_u - (p * s_1).diff(x) - (p * s_2).diff(y),
-                inertial_v - (p * s_2).diff(x) + (p * s_1).diff(y),
-                u_x + v_y,
-                limit * (gamma_dot * s_1 / mu - 2 * D_1),
-                limit * (gamma_dot * s_2 / mu - 2 * D_2),
-            ]
+        for kind, floored_p in (("flowing", p), ("floored", P_FLOOR)):
+            for k, curve in enumerate(branches(law)[1]):
+                mu = curve(D * gamma_dot / sp.sqrt(floored_p))
+                variants[kind, k] = [
+                    inertial_u - (p * s_1).diff(x) - (p * s_2).diff(y),
+                    inertial_v - (p * s_2).diff(x) + (p * s_1).diff(y),
+                    u_x + v_y,
+                    limit * (gamma_dot * s_1 / mu - 2 * D_1),
+                    limit * (gamma_dot * s_2 / mu - 2 * D_2),
+                ]
         raw = [u / U, v / U, sp.log(sp.exp(p / P) - 1), s_1, s_2]
-    return Manufactured(form, raw, p, gamma_dot, variants)
-
-
-def _mu(gamma_dot: sp.Expr, p: sp.Expr) -> sp.Expr:
-    inertia = D * gamma_dot / sp.sqrt(p)
-    return MU_S + (MU_2 - MU_S) / (1 + I_0 / inertia)
+    return Manufactured(form, law, raw, p, gamma_dot, variants)
 
 
 def _evaluate(expressions: list[sp.Expr], points: np.ndarray) -> np.ndarray:

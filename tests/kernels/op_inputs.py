@@ -14,11 +14,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from granpinn.physics.laws import LAWS
+
 from . import step_inputs
 from .configurations import SHARED, Form, Problem, problem, small
 
 LAW = (0.02, 1e-3, 1e3, 1e-4)
-OWN = {"mu_of_i": [0.4, 0.65, 0.3], "coulomb": [0.5]}
+OWN = {name: [p.typical for p in law.parameters] for name, law in LAWS.items()}
 CHANNELS = {0: 1, 1: 4, 2: 7}
 
 Arguments = tuple[Any, ...]
@@ -56,6 +58,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "ensemble": {"members": 3},
     "shared points": {"members": 2, "index": SHARED},
 }
+LAW_KINDS = {f"the law {name}": {"law": name} for name in LAWS}
 
 
 def jets(kind: str, order: int) -> Arguments:
@@ -87,7 +90,7 @@ def as_tensors(loss: Arguments, precision: str = "fp32") -> Arguments:
 
 
 def losses(kind: str, form: str) -> Arguments:
-    case = tiny("strong" if form == "strong" else "mixed", **KINDS[kind])
+    case = tiny("strong" if form == "strong" else "mixed", **(KINDS | LAW_KINDS)[kind])
     case = case.to(torch.float32) if kind == "one point" else learning(case)
     if kind == "plain" and form == "mixed":
         case = with_gaps(tiny())
@@ -141,7 +144,8 @@ STEPS = [torch.tensor(3), torch.tensor([2**63 - 1]), torch.tensor([[-(2**63)]])]
 INPUTS: dict[str, dict[str, Make]] = {
     "network_jet": rows(jets, KINDS, CHANNELS),
     "network_jet_backward": rows(jet_adjoints, KINDS, CHANNELS),
-    "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data")),
+    "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data"))
+    | rows(losses, LAW_KINDS, ("mixed", "strong")),
     "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True)),
     "viscosity_backward": {
         name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))

@@ -66,8 +66,10 @@ def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
     adam = [1e-3, 0.9, 0.99, 1e-8]
     network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(7)]
     law = [torch.rand(E, 3, dtype=dtype) for _ in range(6)]
-    variables = [step_ops.VARIABLES[kind] for kind in ("log", "log_above", "fixed")]
-    bounds = [-4.0, 1.0, -4.0, 1.0, 0.0, 0.0]
+    codes = [step_ops.VARIABLES[kind] for kind in ("log", "log_above", "fixed")]
+    variables = torch.tensor(codes).repeat(E, 1)
+    limits = torch.tensor([[-4.0, 1.0], [-4.0, 1.0], [0.0, 0.0]], dtype=torch.float64)
+    bounds = limits.repeat(E, 1, 1)
     return [*state(E), *network, [2, 4, 7, 3], adam, 0.95, *law, adam, variables, bounds, True]
 
 

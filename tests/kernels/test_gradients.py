@@ -13,24 +13,26 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
+from granpinn.physics.laws import LAWS
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Form, Problem, Regime, problem, small
+from .op_inputs import OWN
 
 LAW = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
 FORMS = ("strong", "mixed")
 REGIMES = ("flowing", "low pressure", "slow")
 
 
-def tiny(form: Form, members: int | None = None) -> Problem:
-    return problem(small(form, points=5, hidden=(6, 4), members=members))
+def tiny(form: Form, members: int | None = None, law: str = "mu_of_i") -> Problem:
+    return problem(small(form, points=5, hidden=(6, 4), members=members, law=law))
 
 
-def flow(n: int) -> list[Tensor]:
-    """gamma_dot, p [n] and theta [3] in flowing material."""
+def flow(n: int, law: str = "mu_of_i") -> list[Tensor]:
+    """gamma_dot, p [n] and theta in flowing material."""
     rng = torch.Generator().manual_seed(0)
     gamma_dot, p = (0.5 + torch.rand(2, n, generator=rng, dtype=torch.float64)).unbind(0)
-    return [gamma_dot, p, torch.tensor([0.4, 0.65, 0.3], dtype=torch.float64)]
+    return [gamma_dot, p, torch.tensor(OWN[law], dtype=torch.float64)]
 
 
 def differentiable(*tensors: Tensor) -> tuple[Tensor, ...]:
@@ -68,10 +70,11 @@ def test_gradient_where_the_pressure_underflows(z: float, precision: str, ops: M
         assert result.isfinite().all()
 
 
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("form", [*FORMS, "data"])
 @pytest.mark.parametrize("members", [None, 2])
-def test_gradcheck_of_the_loss(form: str, members: int | None, ops: ModuleType) -> None:
-    case = tiny("strong" if form == "strong" else "mixed", members)
+def test_gradcheck_of_the_loss(form: str, members: int | None, law: str, ops: ModuleType) -> None:
+    case = tiny("strong" if form == "strong" else "mixed", members, law)
 
     def loss(params: Tensor, theta: Tensor) -> Any:
         return ops.residual_loss(params, theta, *case.loss[2:-2], form, case.law)[0]
@@ -104,8 +107,12 @@ def test_gradient_on_both_sides_of_every_switch(
         assert (got - exact).norm() <= 1e-10 * exact.norm()
 
 
-def test_gradcheck_of_the_viscosity(ops: ModuleType) -> None:
-    gradcheck(lambda *inputs: ops.viscosity(*inputs, *LAW), *flow(20))
+@pytest.mark.parametrize("law", LAWS)
+def test_gradcheck_of_the_viscosity(law: str, ops: ModuleType) -> None:
+    """Also far below and above the I of a typical flow, where laws have other branches."""
+    gamma_dot, p, theta = flow(20, law)
+    for scale in (1e-2, 1.0, 100.0):
+        gradcheck(lambda *inputs: ops.viscosity(*inputs, *LAW, law), scale * gamma_dot, p, theta)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -45,8 +45,8 @@ def test_the_law_moves_as_adam_moves_its_variables(
     theta = theta_of(q, kinds, torch.rand(3, N, dtype=torch.float64))
     empty = [torch.zeros(3, N, dtype=torch.float64) for _ in range(3)]
     arguments[15:21] = [grad_theta, q.clone(), *empty[:2], theta.clone(), empty[2]]
-    arguments[22] = [step_ops.VARIABLES[kind] for kind in kinds]
-    arguments[23] = [-8.0, 8.0] * N
+    arguments[22] = torch.tensor([[step_ops.VARIABLES[kind] for kind in kinds]] * 3)
+    arguments[23] = torch.tensor([-8.0, 8.0], dtype=torch.float64).repeat(3, N, 1)
     arguments[1][:, 1] = 0.25
     moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
     leaf = q.clone().requires_grad_()
@@ -66,7 +66,8 @@ def test_the_law_moves_as_adam_moves_its_variables(
 def test_a_variable_stays_within_its_bounds(device: torch.device) -> None:
     arguments = update_arguments(3, 10, torch.float64)
     arguments[16][:, 0], arguments[16][:, 1] = 0.5, 0.5
-    arguments[23] = [1.0, 2.0, -2.0, -1.0, 0.0, 0.0]
+    bounds = torch.tensor([[1.0, 2.0], [-2.0, -1.0], [0.0, 0.0]], dtype=torch.float64)
+    arguments[23] = bounds.repeat(3, 1, 1)
     moved = [a.to(device) if isinstance(a, Tensor) else a for a in arguments]
     torch.ops.granpinn.update(*moved)
     assert moved[16][:, :2].tolist() == [[1.0, -1.0]] * 3

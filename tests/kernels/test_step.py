@@ -86,6 +86,10 @@ CALLS = {
 }
 
 
+def codes(of_a_member: list[int]) -> torch.Tensor:
+    return torch.tensor([of_a_member] * 3)
+
+
 REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "loss": ("update", 5, torch.rand(3, 1), r"loss must be \[3\] and contiguous, got"),
     "type": ("update", 6, torch.rand(3, 10).double(), "gradient must be Float on cpu, got"),
@@ -99,10 +103,16 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "beyond": ("update", 12, [2, 4, 7, 4], "matrices must end within 10 parameters"),
     "odd": ("update", 12, [2], r"matrices must be \(begin, size\)"),
     "rates": ("update", 21, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("update", 22, [1, 2, 4], r"variables must be in 0..3, got \[1, 2, 4\]"),
-    "nothing below": ("update", 22, [2, 1, 0], "the first parameter of a law has no parameter"),
-    "too many": ("update", 22, [1] * 9, "variables must be 1 to 3 codes with two bounds each"),
-    "bounds": ("update", 23, [0.0], "with two bounds each, got 3 and 1 bounds"),
+    "variables": ("update", 22, codes([1, 2, 4]), "variables must be in 0..3, got 4"),
+    "nothing below": (
+        "update",
+        22,
+        codes([2, 1, 0]),
+        "the first parameter of a law has no",
+    ),
+    "too many": ("update", 22, codes([1] * 11), r"variables must be \[E, 1 to 10\], got \[3, 11\]"),
+    "bounds": ("update", 23, torch.zeros(3, 3).double(), r"bounds must be \[3, 3, 2\]"),
+    "low bound": ("update", 23, -torch.arange(18.0).double().view(3, 3, 2), "low <= high, got"),
     "theta": ("update", 19, torch.rand(3, 2), r"theta must be \[3, 3\]"),
     "apart": ("descend", 9, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),

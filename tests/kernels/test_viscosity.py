@@ -11,6 +11,9 @@ from torch import Tensor
 from granpinn import reference
 from granpinn.physics.laws import LAWS
 
+from .configurations import SWITCHES
+from .op_inputs import OWN
+
 D, ETA_MIN, ETA_MAX, P_FLOOR = LAW = (0.02, 1e-3, 1e3, 1e-4)
 THETA = (0.4, 0.65, 0.3)
 
@@ -54,34 +57,33 @@ def test_limits(
         assert not derivative.any()
 
 
-def _samples(seed: int, dtype: torch.dtype) -> list[Tensor]:
-    """gamma_dot and p over twelve decades, both signs of p, away from where a limit switches."""
+def _samples(seed: int, law: str, dtype: torch.dtype) -> list[Tensor]:
+    """gamma_dot and p over twelve decades, both signs of p, away from where a limit or the law
+    switches."""
     rng = torch.Generator().manual_seed(seed)
     gamma_dot = 10 ** (12 * torch.rand(4000, generator=rng) - 9)
     p = 10 ** (8 * torch.rand(4000, generator=rng) - 7)
     p = torch.where(torch.rand(4000, generator=rng) < 0.1, -p, p)
-    theta = torch.tensor(THETA)
+    theta = torch.tensor(OWN[law])
     inertia = reference.inertial_number(gamma_dot, p, D, P_FLOOR)
-    eta = (
-        reference.friction("mu_of_i", inertia, torch.tensor(THETA, dtype=inertia.dtype))
-        * p
-        / gamma_dot
-    )
-    switches = ((eta, ETA_MIN), (eta, ETA_MAX), (p.abs(), P_FLOOR))
+    eta = reference.friction(law, inertia, theta) * p / gamma_dot
+    switches = [(eta, ETA_MIN), (eta, ETA_MAX), (p.abs(), P_FLOOR)]
+    switches += [(inertia, theta[k]) for k in SWITCHES.get(law, ())]
     away = torch.stack([(x / limit - 1).abs() > 1e-3 for x, limit in switches]).all(0)
     return [x.to(dtype).requires_grad_() for x in (gamma_dot[away], p[away], theta)]
 
 
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("seed", range(5))
-def test_no_worse_than_float32_autograd(seed: int, ops: ModuleType) -> None:
+def test_no_worse_than_float32_autograd(seed: int, law: str, ops: ModuleType) -> None:
     """K-1 for the viscosity and its derivatives: at most 2 and 3 times autograd's error.
 
     Values span twenty decades: each is taken relative to itself, those by theta as sums.
     """
 
     def evaluate(module: ModuleType, dtype: torch.dtype) -> list[Tensor]:
-        inputs = _samples(seed, dtype)
-        eta = module.viscosity(*inputs, *LAW)
+        inputs = _samples(seed, law, dtype)
+        eta = module.viscosity(*inputs, *LAW, law)
         weights = 1 / eta.detach()
         by_gamma_dot, by_p, by_theta = torch.autograd.grad((eta * weights).sum(), inputs)
         return [x.detach().double() for x in (eta, by_gamma_dot, by_p, by_theta)]

@@ -68,5 +68,8 @@ def test_settings_of_a_law() -> None:
         assert Collapse(law=law.name).theta == theta
     with pytest.raises(ConfigError, match="the law coulomb has the parameters mu_s, got mu_2"):
         Collapse(0.4, 0.64, law="coulomb")
-    with pytest.raises(ConfigError, match="law must be one of mu_of_i, coulomb, got 'sand'"):
+    with pytest.raises(
+        ConfigError,
+        match="law must be one of mu_of_i, coulomb, regularised, power, free, got 'sand'",
+    ):
         Collapse(law="sand")

@@ -50,12 +50,10 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
 
 def every_point(data: TrainingSet, features: Features) -> module.Data:
     """All points once, in their order."""
-    moments = module.velocity_moments(
-        features, data.points, data.velocity, data.point_weights[:, 0]
-    )
-    weights = data.point_weights[:, 1]
+    measured = (data.points, data.velocity, data.point_weights[:, 0])
+    moments, weights = module.velocity_moments(features, *measured), data.point_weights[:, 1]
     of_surface = (data.surface_points, data.surface_pressure)
-    return module.Data(data.points, weights, *of_surface, moments, data.lower[1])
+    return module.Data(data.points, weights, *of_surface, moments, measured, data.lower[1])
 
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:

@@ -33,7 +33,7 @@ def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
 
 def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
     settings = Rheology(variables=variables, **start)
-    return LawVariables(DEFAULT, settings, [{"I0": 0.25}] * E, range(E), LIKE)
+    return LawVariables([DEFAULT] * E, settings, [{"I0": 0.25}] * E, range(E), LIKE)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
@@ -78,7 +78,7 @@ def test_the_logarithms_stay_where_a_friction_law_can_be() -> None:
 
 def test_a_random_start_is_a_function_of_the_seed() -> None:
     start = Rheology(variables="sigmoid", random_start=True)
-    draws = LawVariables(DEFAULT, start, [{}] * 3, (1, 1, 2), LIKE).theta[:, :2]
+    draws = LawVariables([DEFAULT] * 3, start, [{}] * 3, (1, 1, 2), LIKE).theta[:, :2]
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])
     assert all(0.05 <= d[0] <= d[1] <= 0.95 for d in draws)
@@ -86,14 +86,14 @@ def test_a_random_start_is_a_function_of_the_seed() -> None:
 
 @pytest.mark.parametrize(("variables", "q"), [("log", math.log(0.3)), ("sigmoid", -0.8473)])
 def test_a_law_with_one_parameter_has_one_variable(variables: Any, q: float) -> None:
-    law = LawVariables(LAWS["coulomb"], Rheology(variables=variables), [{}] * 2, (0, 1), LIKE)
+    law = LawVariables([LAWS["coulomb"]] * 2, Rheology(variables=variables), [{}] * 2, (0, 1), LIKE)
     expected = torch.full((2, 1), 0.3, dtype=torch.float64)
     torch.testing.assert_close(law.theta, expected)
     torch.testing.assert_close(law.q, torch.full_like(expected, q), rtol=1e-4, atol=0)
 
 
 def test_a_fixed_parameter_without_a_value_is_at_its_start() -> None:
-    law = LawVariables(DEFAULT, Rheology(), [{"I0": 0.5}, {}], (0, 0), LIKE)
+    law = LawVariables([DEFAULT] * 2, Rheology(), [{"I0": 0.5}, {}], (0, 0), LIKE)
     assert law.theta[:, 2].tolist() == [0.5, DEFAULT.parameter("I0").start]
 
 

@@ -131,6 +131,6 @@ def trained(trainer: Trainer) -> tuple[Tensor, Tensor]:
 
 
 def test_the_law_chooses_its_operators(flow: Flow, twin: laws.Law) -> None:
-    assert operators_of(LAWS["coulomb"]) is COMPILED
+    assert operators_of([LAWS["coulomb"]]) is COMPILED
     assert make_objective(tiny(law="twin"), flow).operators is IN_TORCH
-    assert operators_of(twin).captured is False
+    assert operators_of([twin]).captured is False

@@ -49,7 +49,7 @@ def study(flow: Flow, config: Config, seeds: list[int]) -> list[dict[str, Any]]:
     found = effects(run.trainer, {e: assumptions.assumptions_of(case) for e, case in base.items()})
     seconds = {"train": trained - begin, "copies": time.monotonic() - trained}
     print(f"{len(cases)} trainings, {2 * len(base)} copies: {seconds} s", flush=True)
-    names = run.objective.law.names
+    names = run.objective.laws[0].names
     rows = []
     for k, seed in enumerate(seeds):
         theta = [run.trainer.solution(3 * k + i)[1].tolist() for i in range(3)]

@@ -54,7 +54,7 @@ __device__ inline void collect_loss(const DeviceLoss<float>& a, const LaunchPlan
   if (i < kSums) sum = sum_of_share(scratch.sums + e * plan.slots * kSums + i, plan.slots, kSums);
   sum = sum_shares(sum);
   if (threadIdx.y != 0) return;
-  const int parameters = parameters_of(a.law);
+  const int parameters = a.parameters;
   if (i >= kTerms && i < kTerms + parameters)
     a.grad_theta[e * parameters + i - kTerms] = static_cast<float>(sum);
   const std::int64_t points = i == kSurface ? a.m : a.n;

@@ -69,7 +69,7 @@ cudaError_t weights(const DeviceLoss<float>& a, const LaunchPlan& plan, const Sc
 cudaError_t tiles(const DeviceLoss<float>& a, const LaunchPlan& plan, const Scratch& s, Chunk chunk,
                   cudaStream_t stream) {
   if (a.form == Form::data) return launch_data_tiles(a, plan, s, chunk, stream);
-  const bool own = a.law == LawName::mu_of_i, mixed = a.form == Form::mixed;
+  const bool own = !a.own_laws && a.law == LawName::mu_of_i, mixed = a.form == Form::mixed;
   const auto launch = mixed ? (own ? launch_mixed_mu_of_i_tiles : launch_mixed_any_law_tiles)
                             : (own ? launch_strong_mu_of_i_tiles : launch_strong_any_law_tiles);
   return launch(a, plan, s, chunk, stream);

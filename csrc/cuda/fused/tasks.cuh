@@ -14,12 +14,14 @@ struct TaskConstants {
   float term_weights[kTerms];
   float theta[kMaxLawParameters];
   Physics<float> physics;
+  LawName law;
 };
 
 // The first `parameters` values of theta are read; the others are 0.
 __device__ inline TaskConstants constants_from(const float* term_weights, const float* theta,
-                                               int parameters, const float* physics) {
+                                               int parameters, const float* physics, LawName law) {
   TaskConstants c;
+  c.law = law;
 #pragma unroll
   for (int i = 0; i < kTerms; ++i) c.term_weights[i] = term_weights[i];
 #pragma unroll
@@ -32,7 +34,7 @@ __device__ inline TaskConstants constants_from(const float* term_weights, const 
 __device__ inline float constant_of(const DeviceLoss<float>& a, std::int64_t e, int i) {
   if (i < kTerms) return a.term_weights.member(e)[i];
   if (i >= kSums) return a.physics.member(e)[i - kSums];
-  return i - kTerms < parameters_of(a.law) ? a.theta.member(e)[i - kTerms] : 0;
+  return i - kTerms < a.parameters ? a.theta.member(e)[i - kTerms] : 0;
 }
 
 // Mapped coordinate `axis` of a tile's point p; the last point fills the tile.
@@ -79,7 +81,7 @@ struct Interior {
       for (int r = 0; r < F::residuals; ++r)
         w[r] = c.term_weights[F::term_of(r)] / static_cast<float>(a.n) * seen[3];
       if constexpr (std::is_same_v<Law, AnyLaw>)
-        visit_law(a.law, [&](auto law) {
+        visit_law(c.law, [&](auto law) {
           F::template gradient<decltype(law)>(z, c.theta, c.physics, w, e, z_a, theta_a);
         });
       else

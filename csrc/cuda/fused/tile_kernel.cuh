@@ -90,10 +90,10 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
   Tile<E, Outputs, Memory> tile(net, m, weights, first_row);
   tile.forward();
   if constexpr (kFewValues<E>)
-    Task::template evaluate<E>(
-        a,
-        constants_from(m.constants, m.constants + kTerms, kMaxLawParameters, m.constants + kSums),
-        m);
+    Task::template evaluate<E>(a,
+                               constants_from(m.constants, m.constants + kTerms, kMaxLawParameters,
+                                              m.constants + kSums, a.law_of(e)),
+                               m);
   else
     Task::template evaluate<E>(a, constants, m);
   __syncthreads();
@@ -130,8 +130,8 @@ __global__ void __launch_bounds__(I::threads, Blocks)
   const int L = plan.hidden, narrow = plan.narrow();
   TaskConstants constants;
   if constexpr (!few)
-    constants = constants_from(a.term_weights.member(e), a.theta.member(e), parameters_of(a.law),
-                               a.physics.member(e));
+    constants = constants_from(a.term_weights.member(e), a.theta.member(e), a.parameters,
+                               a.physics.member(e), a.law_of(e));
   const TileNetwork net{plan,
                         scratch.narrow + e * narrow,
                         scratch.stash + block * plan.stash(),

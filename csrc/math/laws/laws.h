@@ -5,11 +5,17 @@
 #include <string_view>
 
 #include "coulomb.h"
+#include "free.h"
 #include "mu_of_i.h"
+#include "power.h"
+#include "regularised.h"
 
-#define GRANPINN_LAWS(ROW) \
-  ROW(mu_of_i, MuOfI)      \
-  ROW(coulomb, Coulomb)
+#define GRANPINN_LAWS(ROW)      \
+  ROW(mu_of_i, MuOfI)           \
+  ROW(coulomb, Coulomb)         \
+  ROW(regularised, Regularised) \
+  ROW(power, Power)             \
+  ROW(free, Free)
 
 namespace granpinn {
 

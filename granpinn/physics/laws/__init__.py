@@ -3,10 +3,12 @@
 A user's own law is registered in `LAWS` while Python runs (granpinn/laws.py).
 """
 
-from granpinn.physics.laws import coulomb, mu_of_i
+from granpinn.physics.laws import coulomb, free, mu_of_i, power, regularised
 from granpinn.physics.laws.law import Law, LawParameter
 
-LAWS: dict[str, Law] = {law.name: law for law in (mu_of_i.LAW, coulomb.LAW)}
+LAWS: dict[str, Law] = {
+    module.LAW.name: module.LAW for module in (mu_of_i, coulomb, regularised, power, free)
+}
 """Every law by its name; the first one is the default."""
 
 DEFAULT = mu_of_i.LAW

@@ -7,8 +7,9 @@ names, the bounds, the start and the number of its parameters, and for its curve
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 Values = Any  # a number, a NumPy array or a torch tensor
@@ -32,6 +33,7 @@ class LawParameter:
         fixed: held at a given value unless the user asks for more.
         typical: of the paper's collapse; simulations and inspections use it by default.
         may_vanish: whether a material can have the value 0.
+        quantile: a fixed parameter is this quantile of I in the flow, where the user gives none.
         help: its description.
     """
 
@@ -44,6 +46,7 @@ class LawParameter:
     fixed: bool = False
     typical: float = 0.4
     may_vanish: bool = False
+    quantile: float | None = None
     help: str = ""
 
 
@@ -60,6 +63,8 @@ class Law:
         slope: I dmu/dI at (I, *theta).
         inertial_scale: name of the parameter that is the I at which the curve bends, if any.
         compiled: whether kernels and simulator have it (csrc/math/laws); others run in torch.
+        curve: names of coefficients along ln I whose second differences are small for a smooth
+            curve, if any.
     """
 
     name: str
@@ -69,6 +74,7 @@ class Law:
     friction: Curve
     slope: Curve
     inertial_scale: str | None = None
+    curve: tuple[str, ...] = ()
     compiled: bool = True
 
     @property
@@ -80,6 +86,11 @@ class Law:
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that are identified by default, in order."""
         return tuple(p.name for p in self.parameters if not p.fixed)
+
+    @property
+    def quantiles(self) -> dict[str, float]:
+        """Names of the parameters that are a quantile of I in the flow, with their levels."""
+        return {p.name: p.quantile for p in self.parameters if p.quantile is not None}
 
     def parameter(self, name: str) -> LawParameter:
         """The parameter of that name; KeyError where the law has none."""
@@ -103,7 +114,14 @@ class Law:
             if p.variable == "log_above" and theta[-1] < theta[-2]:
                 least = f"{self.names[len(theta) - 2]} = {theta[-2]}"
                 raise ValueError(f"{p.name} must be at least {least}, got {theta[-1]}")
+        self.check_range(dict(zip(self.names, theta, strict=True)))
         return tuple(theta)
+
+    def check_range(self, values: Mapping[str, float]) -> None:
+        """Refuses quantiles of I (`LawParameter.quantile`) that are not ascending: ValueError."""
+        for low, high in pairwise(self.quantiles):
+            if values[high] <= values[low]:
+                raise ValueError(f"{high} must be above {low} = {values[low]}, got {values[high]}")
 
     def admits(self, theta: Sequence[float]) -> bool:
         """Whether all parameters are positive and each "log_above" exceeds the one before it."""

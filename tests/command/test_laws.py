@@ -1,0 +1,122 @@
+"""Every friction law end to end: simulate, inspect, train, resume, simulate again, report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from granpinn.data import read_flow
+from granpinn.physics.laws import LAWS
+from granpinn.report import __main__ as report
+from granpinn.training.history import columns
+
+COMMANDS = ("inspect", "simulate", "train")
+inspect, simulate, train = (import_module(f"granpinn.{name}") for name in COMMANDS)
+SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
+CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")
+COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "60")
+
+Simulate = Callable[[str], Path]
+
+
+@pytest.fixture(scope="module")
+def flow_of(tmp_path_factory: pytest.TempPathFactory) -> Simulate:
+    """The file of a simulated collapse, by the name of its law."""
+    made: dict[str, Path] = {}
+
+    def of(law: str) -> Path:
+        if law not in made:
+            made[law] = tmp_path_factory.mktemp(law) / "flow.h5"
+            words = ("--law", law, "--d", "0.05", "--stride", "2", "--out", str(made[law]))
+            assert simulate.main([*words, *COLUMN]) == 0
+        return made[law]
+
+    return of
+
+
+@pytest.mark.parametrize("form", ["mixed", "strong"])
+@pytest.mark.parametrize("name", LAWS)
+def test_the_whole_chain(
+    name: str, form: str, flow_of: Simulate, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    law, flow, run = LAWS[name], flow_of(name), tmp_path / "run"
+    truth = read_flow(flow).truth
+    assert truth is not None
+    assert truth.law == name
+    assert truth.theta == tuple(p.typical for p in law.parameters)
+    assert inspect.main([str(flow), "--law", name]) == 0
+
+    words = [str(flow), "--out", str(run), "--law", name, "--form", form, *SMALL]
+    assert train.main([*words, "--resimulate", *CELLS, "--simulated_pressure.frames", "1"]) == 0
+    assert report.main([str(run)]) == 0
+    shown = capsys.readouterr().out
+    for parameter in law.free:
+        assert parameter in shown
+
+    found = json.loads((run / "results.json").read_text())
+    assert found["law"]["name"] == name
+    assert list(found["parameters"]) == list(law.names)
+    for p in law.parameters:
+        of_result = found["parameters"][p.name]
+        assert of_result["fixed"] == p.fixed
+        assert of_result["value"] > 0
+        if not p.fixed:
+            assert p.bounds[0] <= of_result["value"] <= 2 * p.bounds[1]
+            assert found["error_percent"][p.name] is not None
+    assert found["resimulation"]["objection"] is None
+    header = (run / "history.csv").read_text().splitlines()[0]
+    assert header == ",".join(columns(law))
+    assert train.main([*words, "--resume", "--simulated_pressure.frames", "0"]) == 0
+    again = json.loads((run / "results.json").read_text())
+    assert again["parameters"] == found["parameters"]
+
+
+def test_constant_friction_has_one_parameter(flow_of: Simulate, tmp_path: Path) -> None:
+    words = (str(flow_of("coulomb")), "--out", str(tmp_path / "run"), "--law", "coulomb")
+    assert train.main([*words, *SMALL, "--simulated_pressure.frames", "0"]) == 0
+    found = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert list(found["parameters"]) == ["mu_s"]
+
+
+def test_the_range_of_a_free_curve_is_that_of_the_flow(flow_of: Simulate, tmp_path: Path) -> None:
+    """The 2 % and 98 % quantiles of I, the same for every run; --rheology.fix sets one."""
+    found = []
+    for k, more in enumerate(((), ("--seed", "1"), ("--rheology.fix", "I_high=0.7"))):
+        run = tmp_path / str(k)
+        words = (str(flow_of("mu_of_i")), "--out", str(run), "--law", "free", *SMALL, *more)
+        assert train.main([*words, "--simulated_pressure.frames", "0"]) == 0
+        parameters = json.loads((run / "results.json").read_text())["parameters"]
+        found.append([parameters[name]["value"] for name in ("I_low", "I_high")])
+    assert found[0] == found[1]
+    assert 1e-4 < found[0][0] < 0.05 < found[0][1] < 2
+    assert found[2] == pytest.approx([found[0][0], 0.7], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--law", "coulomb", "--rheology.fix", "mu_inf=1"), "the law coulomb holds no other"),
+        (("--law", "power", "--rheology.fix", "b=1"), "the law power holds n fixed, got b"),
+        (("--law", "free", "--rheology.fix", "I_low"), "must be NAME=NUMBER"),
+        (("--law", "free", "--rheology.fix", "c1=1"), "holds I_low, I_high fixed, got c1"),
+        (("--law", "free", "--rheology.fix", "I_low=-1"), "must be a positive number, got -1"),
+        (("--law", "regularised", "--rheology.fix", "I0=0.2"), "give I0 by the flag --I0 0.2"),
+        (("--law", "free", "--rheology.fix", "I_high=1e-6"), "I_high must be above I_low"),
+        (("--law", "power", "--I0", "0.2"), "the friction law power has no I0"),
+    ],
+)
+def test_impossible_fixed_values_are_refused(
+    words: tuple[str, ...],
+    message: str,
+    flow_of: Simulate,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert train.main([str(flow_of("mu_of_i")), "--out", str(tmp_path / "run"), *words]) == 2
+    shown = capsys.readouterr().err
+    assert message in shown
+    assert len(shown.strip().splitlines()) == 1

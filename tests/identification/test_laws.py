@@ -1,0 +1,54 @@
+"""Friction laws side by side in one batch, and the fixed parameters of a law."""
+
+from __future__ import annotations
+
+import pytest
+
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow, read_flow
+from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
+from granpinn.identification.batch import identify_many
+from granpinn.identification.case import fixed_values
+from granpinn.identification.single import identify
+from granpinn.physics.laws import LAWS
+from granpinn.simulation import demo_path
+
+from ..runs import tiny
+
+
+@pytest.fixture(scope="module")
+def demo() -> Flow:
+    return read_flow(demo_path())
+
+
+def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
+    """Each member ends where it ends alone."""
+    config = tiny(**{"simulated_pressure__frames": 0})
+    together = identify_many([flow] * len(LAWS), config, laws=list(LAWS), keep_fields=False)
+    for name, found in zip(LAWS, together, strict=True):
+        alone = identify(flow, tiny(law=name, **{"simulated_pressure__frames": 0}))
+        assert found.law == name
+        assert found.parameters.keys() == alone.parameters.keys()
+        for parameter, value in found.parameters.items():
+            assert value.value == pytest.approx(alone.parameters[parameter].value, rel=1e-6)
+        assert found.loss is not None
+        assert alone.loss is not None
+        assert found.loss.terms["constitutive"] == pytest.approx(
+            alone.loss.terms["constitutive"], rel=1e-5
+        )
+
+
+def test_fixed_values_are_given_or_of_the_flow_or_usual(demo: Flow) -> None:
+    facts = Facts(demo, scales_of(demo))
+    fix = {"rheology__fix": ("mu_inf=0.02",)}
+    found = fixed_values(Config(law="regularised", I0=0.2, **fix), facts)
+    assert found == {"I0": 0.2, "mu_inf": 0.02, "alpha": 1.9, "I1": 0.004}
+    assert fixed_values(Config(law="coulomb"), facts) == {}
+    assert fixed_values(Config(), facts) == {"I0": 0.3}
+    of_flow = fixed_values(Config(law="free"), facts)
+    assert of_flow == fixed_values(Config(law="free", seed=5), facts)
+    assert 0.001 < of_flow["I_low"] < 0.02 < 0.1 < of_flow["I_high"] < 0.5
+    low = of_flow["I_low"]
+    with pytest.raises(ConfigError, match=f"I_high must be above I_low = {low}, got 0.001"):
+        fixed_values(Config(law="free", rheology__fix=("I_high=0.001",)), facts)

@@ -1,0 +1,129 @@
+"""The strength of the prior of a free curve, from synthetic normal equations."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from granpinn.kernels.network import initial_parameters
+from granpinn.physics.laws import LAWS
+from granpinn.training import curve_prior
+from granpinn.training.features import Features, coefficients
+from granpinn.training.last_layer import LONGEST, Sums, Unknowns, improve
+from granpinn.training.law_variables import relative_change
+
+from .test_last_layer import SPEC, draw, every_point, problem
+
+BLOCKS, EACH = 50, 40  # of residuals
+LIKE = torch.zeros(0, dtype=torch.float64)
+
+
+def second_differences(L: int) -> Tensor:
+    D = torch.zeros(L - 2, L, dtype=torch.float64)
+    for k, row in enumerate(D):
+        row[k : k + 3] = torch.tensor([1.0, -2.0, 1.0])
+    return D
+
+
+def equations(
+    rng: torch.Generator, L: int, roughness: float, noise: float, copies: int = 1
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Normal equations at theta = 0 of a random linear fit of three other unknowns and a curve.
+
+    The second differences of the true curve have the sd `roughness`. Every residual comes `copies`
+    times.
+    """
+    J = torch.randn(BLOCKS * EACH, 3 + L, generator=rng, dtype=torch.float64)
+    steps = roughness * torch.randn(L - 2, generator=rng, dtype=torch.float64)
+    curve = torch.cat([torch.zeros(2, dtype=torch.float64), steps.cumsum(0).cumsum(0)])
+    other = torch.randn(3, generator=rng, dtype=torch.float64)
+    r = noise * torch.randn(len(J), generator=rng, dtype=torch.float64)
+    r = r - J @ torch.cat([other, curve])
+    fit = torch.linalg.lstsq(J, -r[:, None]).solution[:, 0]
+    rest = r + J @ fit  # residuals at the best fit; the step from 0 is known
+    J, rest = J.repeat(copies, 1), rest.repeat(copies)
+    scores = (J * rest[:, None]).view(copies, BLOCKS, EACH, -1).sum((0, 2))
+    return J.T @ J, -(J.T @ J) @ fit, scores, curve
+
+
+@pytest.mark.parametrize("copies", [1, 20])
+@pytest.mark.parametrize("roughness", [0.01, 0.3])
+def test_the_strength_is_that_of_the_true_curves(roughness: float, copies: int, seed: int) -> None:
+    """sigma^2 lambda in the mean of many long curves; copies of residuals add no information."""
+    rng, noise, L = torch.Generator().manual_seed(seed), 0.1, 40
+    D, found = second_differences(L), []
+    for _ in range(20):
+        A, b, scores, _ = equations(rng, L, roughness, noise, copies)
+        weight = curve_prior.strength(A, b, scores, torch.zeros(L).double(), D, 1e-12)
+        found.append(math.log(weight))
+    expected = math.log(copies * noise**2 / roughness**2)
+    assert sum(found) / len(found) == pytest.approx(expected, abs=0.3)
+
+
+def test_a_straight_line_gets_a_strong_prior(seed: int) -> None:
+    rng = torch.Generator().manual_seed(seed)
+    A, b, scores, _ = equations(rng, 8, 0.0, 0.1)
+    smooth = curve_prior.strength(A, b, scores, torch.zeros(8).double(), second_differences(8), 0)
+    A, b, scores, _ = equations(rng, 8, 1.0, 0.1)
+    rough = curve_prior.strength(A, b, scores, torch.zeros(8).double(), second_differences(8), 0)
+    assert smooth > 100 * rough
+
+
+def test_data_that_determine_nothing_give_no_prior() -> None:
+    A, scores = torch.zeros(11, 11).double(), torch.zeros(4, 11).double()
+    A[:3, :3] = torch.eye(3)
+    D, zeros = second_differences(8), torch.zeros(8).double()
+    assert curve_prior.strength(A, torch.zeros(11).double(), scores, zeros, D, 1e-7) == 0
+
+
+def test_second_differences_of_laws() -> None:
+    assert curve_prior.differences(LAWS["mu_of_i"], LIKE).shape == (0, 2)
+    torch.testing.assert_close(
+        curve_prior.differences(LAWS["free"], LIKE), second_differences(8), rtol=0, atol=0
+    )
+
+
+def test_blocks_are_boxes() -> None:
+    points = torch.rand(5000, 3, dtype=torch.float64) * torch.tensor([3.0, 1.0, 0.1])
+    block = curve_prior.blocks(points)
+    assert len(block.unique()) == curve_prior.BLOCKS
+    for k in range(0, curve_prior.BLOCKS, 7):
+        inside = points[block == k]
+        extent = (inside.amax(0) - inside.amin(0)) / (points.amax(0) - points.amin(0))
+        assert (extent <= 1 / curve_prior.PARTS + 1e-12).all()
+    still = points.clone()
+    still[:, 2] = 0.5
+    assert len(curve_prior.blocks(still).unique()) == curve_prior.PARTS**2
+
+
+def test_the_change_of_a_law() -> None:
+    before = torch.tensor([0.4, 0.6, 0.3], dtype=torch.float64)
+    after = torch.tensor([0.42, 0.45, 9.0], dtype=torch.float64)  # I0 is fixed
+    assert relative_change(LAWS["mu_of_i"], before, after) == pytest.approx(0.25)
+    curve = torch.tensor([0.4] * 8 + [0.01, 0.3], dtype=torch.float64)
+    other = curve.clone()
+    other[0] += 0.06  # its share at the end of the curve is a sixth
+    assert relative_change(LAWS["free"], curve, other) == pytest.approx(0.01 / 0.4)
+
+
+def test_the_scores_of_the_blocks_add_up_to_the_gradient(seed: int) -> None:
+    """And with the prior, a step of a free curve lowers the loss with the prior in it."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    features = Features(SPEC, params)
+    law = LAWS["free"]
+    theta = torch.tensor([p.typical for p in law.parameters], dtype=torch.float64)
+    theta[:8] += 0.1 * torch.randn(8, generator=torch.Generator().manual_seed(seed))
+    at = Unknowns(coefficients(SPEC, params), theta)
+    sums = Sums(features, problem(), law, every_point(data, features))
+    loss = sums.loss(at)
+    A, b = sums.normal_equations(at)
+    torch.testing.assert_close(sums.scores(at).sum(0), b, rtol=1e-9, atol=1e-12)
+    prior = sums.expect_smooth(A, b, at)
+    assert prior > 0
+    assert sums.loss(at) == pytest.approx(loss + prior, rel=1e-12)
+    after = improve(sums, at)
+    assert sums.loss(after) <= sums.loss(at)
+    assert relative_change(law, at.theta, after.theta) <= LONGEST
