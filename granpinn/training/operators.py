@@ -84,10 +84,11 @@ def batch_loss(
     data = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
     batch = _ops.draw_batch(counter, table, seeds, places, *data, interior, surface, share)
     found = []
+    loss_of: Operator = residual_loss
     for e in range(len(params)):
         own: list[Any] = [params[e], theta[e], *(part[e] for part in batch), widths]
         own += [input_shift[e], input_scale[e], physics[e]]
-        found.append(residual_loss(*own, form, law, precision))
+        found.append(loss_of(*own, form, law, precision))
     loss, terms, grad_params, grad_theta = (torch.stack(part) for part in zip(*found, strict=True))
     return loss, terms, grad_params, grad_theta
 
