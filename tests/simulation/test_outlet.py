@@ -200,3 +200,18 @@ def test_window_may_end_inside_the_opening() -> None:
 def test_opening_beyond_the_floor_is_refused(edges: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="open_from and open_to must be cell edges of the floor"):
         p.start(box(16, edges))
+
+
+def test_iterations_do_not_grow_with_the_grid() -> None:
+    """Openings whose ends lie inside cells of all coarse grids, below grains of high viscosity."""
+    counts = []
+    for cells in (32, 64, 128):
+        opening = (cells // 4 + 3, cells // 2 + 5)
+        tolerances = {"viscous_tolerance": 1e-4, "pressure_tolerance": 1e-5}
+        s = box(cells, opening, 2, newtonian=False, eta_max=1e3, chunk=16, **tolerances)
+        solver = p.start(s, c=to_height(1.5))
+        reports = [solver.step(0.01) for _ in range(30)]
+        kinds = ("viscous_iterations", "pressure_iterations")
+        counts.append([float(np.mean([r[kind] for r in reports])) for kind in kinds])
+    assert np.max(counts) < 10
+    assert (np.array(counts[2]) < 1.5 * np.array(counts[0]) + 1).all()
