@@ -71,7 +71,7 @@ class Scene(CompleteLaw, ABC):
     t_end: float | None = setting(
         None,
         "last time; none: 5 for the paper's column, scaled; of a chute 2 (H/d) sqrt(H/g); of a "
-        "silo the time in which about a third leaves",
+        "silo about the time in which half leaves",
         **SIZE,
     )
     frames: int = setting(

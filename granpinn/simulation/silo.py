@@ -30,7 +30,7 @@ FEWEST_CELLS = 16
 FEWEST_CELLS_OF_OPENING = 4
 AIR_ABOVE = 8  # cells
 SLENDER, NARROW = 0.5, 0.25  # width over height, and opening over width, unless they are given
-USUAL_SHARE = 0.4  # of the grains that leave before the last time, with C = 1
+USUAL_SHARE = 0.4  # of the grains would leave before the last time with C = 1
 
 
 @dataclass(frozen=True)

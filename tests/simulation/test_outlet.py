@@ -54,7 +54,7 @@ def test_column_on_nothing_falls_freely(margin: int) -> None:
     np.testing.assert_allclose(state["v"], -1.0, rtol=0, atol=3 * AIR)
     assert np.abs(state["u"]).max() < AIR
     assert left == pytest.approx(0.5 - step**2 / 2, abs=1e-6)
-    assert volume(s, solver) == pytest.approx(height - left, rel=1e-10)
+    assert volume(s, solver) == pytest.approx(height - left, rel=1e-8)
     p.run(solver, 2.0, step)  # everything leaves, and the box of air goes on
     assert volume(s, solver) == 0
 
@@ -120,8 +120,8 @@ def dissipation(s: Parameters, state: dict[str, Any]) -> float:
     """The integral of 2 eta D:D between walls without slip; none on open sides."""
     u, v, eta = state["u"], state["v"], state["eta_center"]
     normal = np.diff(u, axis=1) ** 2 + np.diff(v, axis=0) ** 2
-    opening = np.arange(s.cells_x)
-    opening = (opening >= s.open_from) & (opening < s.open_to)
+    column = np.arange(s.cells_x)
+    opening = (column >= s.open_from) & (column < s.open_to)
     # Half a cell of wall beside half a cell of opening, at the ends of the opening.
     wall = np.convolve(~opening, [0.5, 0.5], mode="same")[1:]
     # A gradient over half a cell in half a cell of a wall: 2.
@@ -173,7 +173,7 @@ def test_what_comes_in_through_an_opening_is_air() -> None:
     solver = p.start(s, c=to_height(height))
     reports = p.run(solver, 1.0, 0.01)
     state = solver.state()
-    assert volume(s, solver) == pytest.approx(height, rel=1e-9)
+    assert volume(s, solver) == pytest.approx(height, rel=1e-6)  # the gate of a collapse
     assert sum(r["outflow"] for r in reports) == 0
     assert state["c"][: cells // 4].max() == 0  # risen by 1/2
     assert state["v"].min() == pytest.approx(1, rel=1e-3)
@@ -186,7 +186,7 @@ def test_window_may_end_inside_the_opening() -> None:
         values = {"left": Side.free_slip, "chunk": 8, "margin": margin, "eta_max": 1e2}
         s = p.parameters(4 * cells, cells, 1 / cells, newtonian=False, gravity_y=-1.0, **values)
         s.largest_step, s.open_from, s.open_to = 0.01, 20, 80
-        solver = p.start(s, c=lambda x, y: (x < 0.5) * (y < 0.5))
+        solver = p.start(s, c=lambda x, y: np.where((x < 0.5) & (y < 0.5), 1.0, 0.0))
         reports = p.run(solver, 1.2, 0.01)
         found.append(sum(r["outflow"] for r in reports))
         widest.append(max(r["window"][0] for r in reports))
@@ -200,3 +200,18 @@ def test_window_may_end_inside_the_opening() -> None:
 def test_opening_beyond_the_floor_is_refused(edges: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="open_from and open_to must be cell edges of the floor"):
         p.start(box(16, edges))
+
+
+def test_iterations_do_not_grow_with_the_grid() -> None:
+    """Openings whose ends lie inside cells of all coarse grids, below grains of high viscosity."""
+    counts = []
+    for cells in (32, 64, 128):
+        opening = (cells // 4 + 3, cells // 2 + 5)
+        tolerances = {"viscous_tolerance": 1e-4, "pressure_tolerance": 1e-5}
+        s = box(cells, opening, 2, newtonian=False, eta_max=1e3, chunk=16, **tolerances)
+        solver = p.start(s, c=to_height(1.5))
+        reports = [solver.step(0.01) for _ in range(30)]
+        kinds = ("viscous_iterations", "pressure_iterations")
+        counts.append([float(np.mean([r[kind] for r in reports])) for kind in kinds])
+    assert np.max(counts) < 10
+    assert (np.array(counts[2]) < 1.5 * np.array(counts[0]) + 1).all()

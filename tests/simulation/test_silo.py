@@ -104,9 +104,9 @@ def test_flow_file_is_that_of_a_silo(tmp_path: Path) -> None:
     assert flow.walls is not None
     walls = segments_of(flow.walls)
     assert walls.sticks.all()
-    ends = [[(0, 0.06), (0, 0)], [(0, 0), (11 * h, 0)], [(21 * h, 0), (0.04, 0)]]
-    ends.append([(0.04, 0), (0.04, 0.06)])
-    np.testing.assert_allclose(walls.ends, ends, atol=1e-12)
+    left = [[(0, 0.06), (0, 0)], [(0, 0), (11 * h, 0)]]
+    right = [[(21 * h, 0), (0.04, 0)], [(0.04, 0), (0.04, 0.06)]]
+    np.testing.assert_allclose(walls.ends, np.array(left + right), atol=1e-12)
 
 
 @pytest.fixture(scope="module")

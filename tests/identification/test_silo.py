@@ -1,0 +1,45 @@
+"""A simulated silo, identified: walls carry a part of its weight, and the result says so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granpinn.simulate as simulate
+from granpinn import train
+from granpinn.data import read_flow
+from granpinn.inspection import inspect
+from granpinn.results import read_results
+from granpinn.uncertainty.of_data import verdict
+
+SIDES = "the wall from (0, 45) to (0, 0) and the wall from (20, 0) to (20, 45)"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("flows") / "silo.h5"
+    shape = ["--width", "20", "--height", "45", "--outlet", "10", "--d", "1", "--cells", "32"]
+    grid = ["--t-end", "8", "--frames", "8", "--threads", "1", "--out", str(out)]
+    assert simulate.main(["silo", *shape, *grid]) == 0
+    return out
+
+
+def test_inspect_warns_of_the_walls_first(path: Path) -> None:
+    found = inspect(read_flow(path))
+    assert verdict(found)[0].startswith("Do not trust a law from these data")
+    assert f"the grains hang between {SIDES}" in str(found.numbers())
+
+
+def test_train_has_a_law_without_error_bars_and_verdict(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ["--steps", "40", "--network.widths", "16,16", "--device", "cpu", "--resimulate"]
+    assert train.main([str(path), "--out", str(tmp_path / "run"), *few]) == 0
+    text = capsys.readouterr().out
+    assert "no error bars and no verdict: more than the base carries the grains" in text
+    reason = "the simulator does not have the wall from (20, 0) to (20, 45) of the file"
+    assert f"not simulated again: {reason}" in text
+    assert f"no simulated pressure: {reason}" in text
+    assert np.isfinite(read_results(tmp_path / "run" / "results.json").theta).all()
