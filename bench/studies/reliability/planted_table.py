@@ -215,7 +215,7 @@ MISTAKES = [
          "v_a = v_a + friction * a_v;"),
     ]),
     *_rows("solver", "csrc/collapse", [
-        ("missing term", "side_walls.h", "std::hypot(a, b)", "std::abs(a)"),
+        ("missing term", "side_walls.h", "std::hypot(a, b)", "std::hypot(a, 0 * b)"),
         ("missing term", "side_walls.h", "s.side_wall * grains * pressure",
          "s.side_wall * pressure"),
     ]),
