@@ -22,7 +22,7 @@ from granpinn.data import (
 from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
-from granpinn.data.walls import crossed, samples, segments_of
+from granpinn.data.walls import crossed, parted, samples, segments_of
 from tests.data.walled import EVERYTHING, FLOOR, NAN, full, line, single
 from tests.flows import make_chute, make_flow
 
@@ -65,6 +65,7 @@ def test_crossed() -> None:
         "back": ((1, 0.5), (-1, 0.7), True),
         "beside": ((-2, 0.5), (-1, 0.5), False),
         "above its end": ((-1, 2.5), (1, 2.5), False),
+        "around its end": ((-1, 1.5), (1, 3.5), False),
         "ends on it": ((-1, 0.5), (0, 0.5), False),
         "begins on it": ((0, 0.3), (1, 0.5), False),
         "along it": ((0, 0.2), (0, 1.7), False),
@@ -73,6 +74,16 @@ def test_crossed() -> None:
     start, end = (np.array([p[k] for p in paths.values()], float) for k in (0, 1))
     found = dict(zip(paths, crossed(start, end, wall), strict=True))
     assert found == {name: p[2] for name, p in paths.items()}
+
+
+def test_walls_part_paths_at_the_time_of_the_path() -> None:
+    """A plate that falls parts a path before and not after; a path without an end, never."""
+    plate = line((-1, 1), (1, 1), (NAN, NAN), (-1, -1), (1, -1))
+    falls = segments_of(replace(plate, t=np.array([1.0, 1, NAN, 2, 2])))
+    start = np.array([[0.0, 0.0]] * 4)
+    end = np.array([[0.0, 2.0], [0.0, 2.0], [0.0, -2.0], [NAN, NAN]])
+    found = parted(start, end, np.array([2.0, 1.0, 2.0, 1.0]), falls)
+    np.testing.assert_array_equal(found, [False, True, True, False])
 
 
 def test_samples_are_evenly_spaced_and_off_the_corners() -> None:

@@ -107,6 +107,31 @@ def test_side_walls_hold_what_they_can_hold() -> None:
     np.testing.assert_allclose((u - before)[free], exact - excess, rtol=0.01)
 
 
+@pytest.mark.parametrize("fraction", [1.0, 0.5])
+def test_side_walls_take_the_power_of_the_whole_velocity(fraction: float) -> None:
+    """A slow roll in a box under its weight: they take c k p |v| of it, |v|^2 = u^2 + v^2."""
+    s = p.parameters(32, 32, 1 / 32, eta_max=1e-12, air_density=0.0, gravity_y=-1.0)
+    s.left = s.right = s.bottom = Side.free_slip
+    s.side_wall, s.side_wall_speed, s.largest_step = WALL, 1e-6, 1e-3
+    solver = p.start(
+        s,
+        c=lambda x, y: fraction * p.one(x, y),
+        u=lambda x, y: 0.05 * np.sin(np.pi * x) * np.cos(np.pi * y),
+        v=lambda x, y: -0.05 * np.cos(np.pi * x) * np.sin(np.pi * y),
+    )
+    p.run(solver, 1e-3, 1e-3)  # the first step has no pressure, and so no friction
+    before = solver.state()
+    p.run(solver, 2e-3, 1e-3)
+    after = solver.state()
+    energy = [(np.sum(a["u"] ** 2) + np.sum(a["v"] ** 2)) / 2 for a in (before, after)]
+    u, v = before["u"], before["v"]  # on faces
+    speed = np.hypot(u[:, 1:] + u[:, :-1], v[1:] + v[:-1]) / 2
+    power = WALL * np.sum(before["p"] * speed)
+    assert before["p"].max() == pytest.approx(fraction, rel=0.02)
+    lost = fraction * (energy[0] - energy[1]) / 1e-3
+    assert lost == pytest.approx(fraction * power, rel=0.02)
+
+
 def test_wrong_constants_are_refused() -> None:
     for name, value in (("side_wall", -0.1), ("side_wall", float("nan")), ("side_wall_speed", 0.0)):
         with pytest.raises(ValueError, match="side_wall must be at least 0"):

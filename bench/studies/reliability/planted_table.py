@@ -13,7 +13,7 @@ KERNELS = (
     *("pointwise", "viscosity", "laws", "law_update", "arguments", "sampling", "network", "step"),
     *("gradients", "orthogonalize", "determinism", "small_work", "cuda", "accuracy"),
 )
-SOLVER = ("laws", "bagnold", "fraction", "smooth_flows", "balance", "collapse")
+SOLVER = ("laws", "bagnold", "side_walls", "fraction", "smooth_flows", "balance", "collapse")
 
 # The tests that could notice a mistake first, by area, in a minute or two; the suite follows.
 TESTS = {
@@ -41,6 +41,17 @@ TESTS = {
     "results": ["tests/results", "tests/identification"],
     "simulation": ["tests/simulation/test_collapse.py", "tests/simulation/test_command.py"],
     "inspection": ["tests/inspection"],
+    "side walls": [
+        "tests/training/test_objective.py",
+        "tests/inspection/test_side_walls.py",
+        "tests/identification/test_side_walls.py",
+    ],
+    "walls": ["tests/data/test_walls.py", "tests/data/test_variants.py"],
+    "strip": [
+        "tests/data/test_surface_strip.py",
+        "tests/data/test_variants.py",
+        "tests/identification/test_inertial_profile.py",
+    ],
 }
 
 
@@ -196,5 +207,45 @@ MISTAKES = [
         ("index", "pointwise.cu", "z[k][c] = a.jets[(c * a.n + i) * a.fields + k];",
          "z[k][c] = a.jets[(c * a.n + i) * a.fields + (k ^ 1) % a.fields];"),
         ("wrong constant", "orthogonalize.cpp", "c = 2.0315", "c = 2.1315"),
+    ]),
+    *_rows("kernels", "csrc/math", [
+        ("sign", "side_walls.h", "e[1] = e[1] + friction * way.along_y;",
+         "e[1] = e[1] - friction * way.along_y;"),
+        ("missing term", "side_walls.h", "v_a = v_a + friction * (a_v - along * way.along_y);",
+         "v_a = v_a + friction * a_v;"),
+    ]),
+    *_rows("solver", "csrc/collapse", [
+        ("missing term", "side_walls.h", "std::hypot(a, b)", "std::hypot(a, 0 * b)"),
+        ("missing term", "side_walls.h", "s.side_wall * grains * pressure",
+         "s.side_wall * pressure"),
+    ]),
+    *_rows("side walls", "granpinn", [
+        ("factor", "physics/side_walls.py", "return 2 * friction / gap",
+         "return friction / gap"),
+        ("unit", "data/scaling.py", 'coefficient(friction, scales.to_dimensionless(gap, "length"))',
+         "coefficient(friction, gap)"),
+        ("index", "inspection/side_walls.py", "return k * u / speed, k * v / speed",
+         "return k * u / speed, k * u / speed"),
+        ("factor", "identification/assumptions.py", "lower + 2 * walls.friction_sd",
+         "lower + walls.friction_sd"),
+    ]),
+    *_rows("walls", "granpinn/data", [
+        ("missing term", "wall_points.py", "touch.sticks & closed & agrees(along)",
+         "touch.sticks & closed"),
+        ("sign", "wall_points.py", "touch.of_grains - through)", "touch.of_grains + through)"),
+        ("missing term", "walls.py", "found[k] = apart & (first * last <= 0)",
+         "found[k] = apart"),
+        ("index", "walls.py", "segments.at(float(time))", "segments.at(float(t[0]))"),
+        ("factor", "points.py", "physics.new_tensor([of_walls, 0.0])",
+         "physics.new_tensor([of_data, 0.0])"),
+    ]),
+    *_rows("strip", "granpinn", [
+        ("factor", "data/surface_strip.py", "np.minimum(width, thickest) / (dx * dy)",
+         "np.minimum(width, thickest) / dx"),
+        ("missing term", "data/surface_strip.py", "if not steady and abs(", "if steady and abs("),
+        ("missing term", "data/variants.py", "torch.cat([own_set.equation_weights, share])",
+         "torch.cat([own_set.equation_weights, torch.ones_like(share)])"),
+        ("index", "identification/final_loss.py", "every[first + len(data.strip) :]",
+         "every[first:]"),
     ]),
 ]  # fmt: skip
