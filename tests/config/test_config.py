@@ -98,7 +98,7 @@ def test_every_term_of_the_loss_has_a_sigma() -> None:
 
 def test_every_law_is_a_choice() -> None:
     stated = settings_of(Config)["law"]
-    assert stated.choices == tuple(LAWS)
+    assert tuple(stated.choices) == tuple(LAWS)
     assert all(law.title in stated.help for law in LAWS.values())
 
 

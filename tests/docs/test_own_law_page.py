@@ -1,4 +1,4 @@
-"""The block of the page "Bring your law" runs unchanged, with few steps and a small flow."""
+"""The block of the page "Bring your law" runs, with few steps, a small network and a small flow."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from granpinn.data import write_flow
 from tests.flows import make_flow
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "own-law.md"
+FEWER = "steps=5, network__widths=(8, 8)"
 BLOCK = re.compile(r"^<!-- run -->\n```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -21,7 +22,7 @@ def test_the_law_of_the_page_is_identified(tmp_path: Path) -> None:
     write_flow(make_flow(), tmp_path / "flow.h5")
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     done = subprocess.run(
-        [sys.executable, "-c", text.replace("steps=20000", "steps=5")],
+        [sys.executable, "-c", text.replace("steps=20000", FEWER)],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

@@ -68,8 +68,8 @@ def test_a_friction_without_I_is_a_law() -> None:
         (lambda i, theta: 0.4, UNKNOWNS[:1], "failed: AttributeError: 'float'"),
         (lambda i, theta: theta[1] + i, UNKNOWNS[:1], "failed: IndexError"),
         (lambda i, theta: (theta[0] + i)[:2], UNKNOWNS[:1], "failed: "),
-        (linear, [], "must have 1 to 3 parameters, got 0"),
-        (linear, [*UNKNOWNS, *UNKNOWNS], "must have 1 to 3 parameters, got 4"),
+        (linear, [], "must have 1 to [0-9]+ parameters, got 0"),
+        (linear, UNKNOWNS * laws.MOST_PARAMETERS, "write known numbers into mu"),
         (linear, UNKNOWNS[:1] * 2, "must have different names"),
         (linear, [laws.Parameter("mu_s", -0.3), UNKNOWNS[1]], "cannot start at mu_s = -0.3"),
         (linear, [laws.Parameter("a", 0.3, above=True)], "none before it"),
@@ -93,7 +93,7 @@ def test_names_and_bounds_are_checked() -> None:
 
 
 def test_a_law_is_known_once_it_is_registered() -> None:
-    with pytest.raises(ConfigError, match="--law must be one of mu_of_i, coulomb, got 'linear'"):
+    with pytest.raises(ConfigError, match="--law must be one of mu_of_i, coulomb, .*got 'linear'"):
         Config(law="linear")
     for law in (laws.Law("linear", linear, UNKNOWNS) for _ in range(2)):  # a notebook runs twice
         laws.register(law)

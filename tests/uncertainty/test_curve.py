@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from granpinn.physics.laws import LAWS
+from granpinn.physics.laws import LAWS, Law
 from granpinn.results import (
     Covariance,
     ErrorPercent,
@@ -61,6 +61,25 @@ def test_a_narrow_band_is_the_first_order_one(half: float, seed: int) -> None:
     mu, width = MU_OF_I.friction(I, *THETA), half * sd_of_mu(I, MATRIX)
     np.testing.assert_allclose((mu - ends[0]) / width, 1, atol=2 * WITHIN)
     np.testing.assert_allclose((ends[1] - mu) / width, 1, atol=2 * WITHIN)
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=lambda law: law.name)
+def test_the_band_of_every_law_is_the_first_order_one(law: Law, seed: int) -> None:
+    """Independent parameters that are known to 2 %, against central differences."""
+    I, theta = np.geomspace(0.004, 0.3, 80), np.array(law.complete([None] * len(law.names)))  # noqa: E741
+    places = [law.names.index(name) for name in law.free]
+    sd, step = 0.02 * theta[places], 1e-5 * theta
+    unit = np.eye(theta.size)[places]
+    J = [
+        (law.friction(I, *(theta + step * e)) - law.friction(I, *(theta - step * e))) / (2e-5 * t)
+        for e, t in zip(unit, theta[places], strict=True)
+    ]
+    known = covariance(np.diag(sd**2), *law.free)
+    ends = band(law, tuple(theta.tolist()), known, HALF, I, seed)
+    assert ends is not None
+    mu, width = law.friction(I, *theta), HALF * np.sqrt(sd**2 @ np.square(J))
+    np.testing.assert_allclose((mu - ends[0]) / width, 1, atol=3 * WITHIN)
+    np.testing.assert_allclose((ends[1] - mu) / width, 1, atol=3 * WITHIN)
 
 
 def test_the_band_of_constant_friction_is_the_interval_of_its_parameter(seed: int) -> None:
