@@ -90,10 +90,10 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
   alignas(64) T w_velocity[kTile], w_physics[kTile];
   load_column(a.point_weights + 2 * at, 2, count, w_velocity);
   load_column(a.point_weights + 2 * at + 1, 2, count, w_physics);
-  const LawValues<T> law(a.law, a.theta);
+  const LawValues<Law, T> law(a.theta);
   for (int p = 0; p < kTile; p += kLanes<T>) {
     V z[F::fields][F::channels], g[F::fields][F::channels];
-    V w[F::residuals], e[F::residuals], g_theta[kMaxLawParameters];
+    V w[F::residuals], e[F::residuals], g_theta[Law::parameters];
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) z[k][c] = V::load(raw + (c * K + k) * kTile + p);
     const V weight = V::load(w_physics + p);

@@ -11,20 +11,19 @@ namespace granpinn {
 namespace GRANPINN_SIMD_NAMESPACE {
 
 // The parameters of a law in every lane.
-template <class T>
+template <class Law, class T>
 struct LawValues {
-  Vec<T> theta[kMaxLawParameters];
+  Vec<T> theta[Law::parameters];
 
-  LawValues(LawName law, const T* from) {
-    const int parameters = parameters_of(law);
-    for (int i = 0; i < kMaxLawParameters; ++i) theta[i] = Vec<T>(i < parameters ? from[i] : T(0));
+  explicit LawValues(const T* from) {
+    for (int i = 0; i < Law::parameters; ++i) theta[i] = Vec<T>(from[i]);
   }
 };
 
 template <class F, class Law, class T>
 void form_residuals(const ResidualArguments<T>& a) {
   using V = Vec<T>;
-  const LawValues<T> law(a.law, a.theta);
+  const LawValues<Law, T> law(a.theta);
   for (std::int64_t at = 0; at < a.n; at += kLanes<T>) {
     V z[F::fields][F::channels], e[F::residuals];
     const std::int64_t count = a.n - at < kLanes<T> ? a.n - at : kLanes<T>;
@@ -65,34 +64,32 @@ Vec<T> load_lanes(const T* from, std::int64_t at, std::int64_t count) {
   return out;
 }
 
-// Calls work(law, at, count) for the lanes from `at` on.
+// Calls work(law, its values, at, count) for the lanes from `at` on.
 template <class T, class Work>
 void each_viscosity(const ViscosityArguments<T>& a, const Work& work) {
   visit_law(a.law, [&](auto law) {
+    const LawValues<decltype(law), T> values(a.theta);
     for (std::int64_t at = 0; at < a.n; at += kLanes<T>)
-      work(law, at, a.n - at < kLanes<T> ? a.n - at : std::int64_t{kLanes<T>});
+      work(law, values.theta, at, a.n - at < kLanes<T> ? a.n - at : std::int64_t{kLanes<T>});
   });
 }
 
 template <class T>
 void viscosity_values(const ViscosityArguments<T>& a) {
-  const LawValues<T> values(a.law, a.theta);
-  each_viscosity(a, [&](auto law, std::int64_t at, std::int64_t count) {
-    const Vec<T> eta = viscosity<decltype(law)>(
-        load_lanes(a.gamma_dot, at, count), load_lanes(a.p, at, count), values.theta, a.physics);
+  each_viscosity(a, [&](auto law, const auto& theta, std::int64_t at, std::int64_t count) {
+    const Vec<T> eta = viscosity<decltype(law)>(load_lanes(a.gamma_dot, at, count),
+                                                load_lanes(a.p, at, count), theta, a.physics);
     for (std::int64_t i = 0; i < count; ++i) a.eta[at + i] = eta.v[i];
   });
 }
 
 template <class T>
 void viscosity_gradient(const ViscosityArguments<T>& a) {
-  const LawValues<T> values(a.law, a.theta);
-  each_viscosity(a, [&](auto law, std::int64_t at, std::int64_t count) {
+  each_viscosity(a, [&](auto law, const auto& theta, std::int64_t at, std::int64_t count) {
     using Law = decltype(law);
-    Vec<T> by_gamma_dot, by_p, by_theta[kMaxLawParameters];
-    viscosity_adjoint<Law>(load_lanes(a.gamma_dot, at, count), load_lanes(a.p, at, count),
-                           values.theta, a.physics, load_lanes(a.grad, at, count), by_gamma_dot,
-                           by_p, by_theta);
+    Vec<T> by_gamma_dot, by_p, by_theta[Law::parameters];
+    viscosity_adjoint<Law>(load_lanes(a.gamma_dot, at, count), load_lanes(a.p, at, count), theta,
+                           a.physics, load_lanes(a.grad, at, count), by_gamma_dot, by_p, by_theta);
     for (std::int64_t i = 0; i < count; ++i) {
       a.grad_gamma_dot[at + i] = by_gamma_dot.v[i];
       a.grad_p[at + i] = by_p.v[i];

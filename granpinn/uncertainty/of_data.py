@@ -56,6 +56,10 @@ def _answer(found: Inspection) -> str:
         text += f"; {' and '.join(lost)} stays uncertain" if lost else ""
     known = "".join(f", {name} known" for name in law.names if name not in law.free)
     about = " and ".join(f"{value:.1%} in {name}" for name, value in sd.items())
+    if law.curve:
+        about = (
+            f"{min(sd.values()):.1%} to {max(sd.values()):.1%} in {law.curve[0]} to {law.curve[-1]}"
+        )
     return (
         f"{text} at level {level}: about {about} (one standard deviation{known}). That is noise "
         "and training; systematic errors come on top."

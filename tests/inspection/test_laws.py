@@ -38,3 +38,28 @@ def test_another_law(demo: Flow, seed: int) -> None:
     assert found.numbers()["law"] == {"name": "coulomb", "mu_s": 0.4}
     assert found.inertia is not None
     assert found.inertia.reach is None
+
+
+def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) -> None:
+    noisy = add_noise(demo, 0.02, seed)
+    found = inspect(noisy, AssumedLaw(law="free"))
+    assert found.inertia is not None
+    assert found.law.I_low < found.inertia.q05 < found.inertia.q95 < found.law.I_high
+    assert found.law.I_high < found.inertia.q99
+    assert "% in c1 to c8 (" in verdict(found)[0]
+    given = inspect(noisy, AssumedLaw(law="free", I_high=2.0))
+    assert (given.law.I_low, given.law.I_high) == (found.law.I_low, 2.0)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_precision_of_a_law(name: str, demo: Flow, seed: int) -> None:
+    """Parameters that a law holds fixed need not be determined."""
+    found = inspect(add_noise(demo, 0.02, seed), AssumedLaw(law=name))
+    assert found.precision is not None
+    for free in LAWS[name].free:
+        assert 0 < getattr(found.precision, free) < getattr(found.precision, f"{free}_trained")
+
+
+def test_a_range_upside_down_is_refused() -> None:
+    with pytest.raises(ValueError, match="I_high must be above I_low = 0.3, got 0.1"):
+        AssumedLaw(law="free", I_low=0.3, I_high=0.1)

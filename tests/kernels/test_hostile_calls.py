@@ -103,12 +103,16 @@ def test_steps_beyond_the_fault_codes(step: int) -> None:
 NAN, INF = float("nan"), float("inf")
 
 
+def bounds_of(limits: list[float]) -> torch.Tensor:
+    return torch.tensor(limits, dtype=torch.float64).view(3, 2).repeat(3, 1, 1)
+
+
 @pytest.mark.parametrize(
     ("at", "value"),
     [(13, [NAN, 0.9, 0.99, 0]), (13, [1e-3, 1.0, 0.99, 0]), (21, [1e-3, 0.9, 0.99, -1]),
-     (14, INF), (23, [-4.0, NAN, -4, 1, 0, 0]), (23, [2.0, 1, -4, 1, 0, 0])],
+     (14, INF), (23, bounds_of([-4.0, NAN, -4, 1, 0, 0])), (23, bounds_of([2.0, 1, -4, 1, 0, 0]))],
 )  # fmt: skip
-def test_settings_that_are_no_numbers(at: int, value: float | list[float]) -> None:
+def test_settings_that_are_no_numbers(at: int, value: float | list[float] | torch.Tensor) -> None:
     arguments = update_arguments(3, 10, torch.float32)
     arguments[at] = value
     with pytest.raises(ValueError, match="must"):
