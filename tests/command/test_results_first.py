@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shutil
-import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +17,12 @@ from granpinn.identification import finish, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
 from granpinn.results import NotDone
-from granpinn.results.attempt import ASSUMPTIONS, PENDING, attempt
+from granpinn.results.attempt import PENDING, attempt
 from granpinn.second_opinion import resimulation, simulated_pressure
 from granpinn.simulation import SimulationError
-from granpinn.training import continuation
-from granpinn.training.trainer import Trainer
-from granpinn.uncertainty import error_bars, of_assumptions, of_training
-from tests.examples import make_result
+from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
-FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
-FLAGS += ["--simulated_pressure.frames", "2"]
 ERRORS = [
     MemoryError("Unable to allocate 31 GiB"),
     SimulationError("the pressure did not converge"),
@@ -41,28 +33,6 @@ ERRORS = [
     RecursionError("deep\nand\x1b[2J long"),
     AssertionError(),
 ]
-FILES = {"results.json", "results.csv", "fields.h5", "history.csv"}
-
-
-def run(*argv: object) -> int:
-    return train.main([*map(str, argv), *FLAGS])
-
-
-def raising(error: BaseException) -> Callable[..., Any]:
-    def fail(*args: object, **kwargs: object) -> Any:
-        raise error
-
-    return fail
-
-
-def missing(result: results.Result) -> dict[str, str]:
-    return {part.what: part.why for part in result.not_done}
-
-
-@pytest.fixture
-def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The figures take seconds."""
-    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
@@ -110,82 +80,6 @@ def test_everything_is_on_disk_when_the_simulator_begins(
     assert last.not_done == ()
     assert results.read_results(tmp_path / "results.json").to_dict() == last.to_dict()
     assert "p_simulated" in results.read_fields(tmp_path / "fields.h5").values
-
-
-def test_everything_is_on_disk_when_the_copies_begin(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found: list[results.Result] = []
-    real = of_assumptions.continued
-
-    def look(*args: Any) -> Any:
-        assert {path.name for path in tmp_path.iterdir()} >= FILES
-        found.append(results.read_results(tmp_path / "results.json"))
-        return real(*args)
-
-    monkeypatch.setattr(of_assumptions, "continued", look)
-    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
-    estimate, usual = error_bars.estimate, make_result().residuals
-
-    def calibrated(members: Any, residuals: Any, steps: int, *others: Any) -> Any:
-        return estimate(members, usual, 40_000, *others)
-
-    monkeypatch.setattr(of_training.error_bars, "estimate", calibrated)
-    last = identify(flow_file, tiny(steps=200, simulated_pressure__frames=1), run_dir=tmp_path)
-    (before,) = found
-    assert missing(before) == dict.fromkeys((ASSUMPTIONS, "simulated pressure"), PENDING)
-    (line,) = before.assumptions
-    assert (line.derivative, line.why) == (None, PENDING)
-    assert (before.error_bars, before.covariance) == (None, None)
-    assert before.theta == last.theta
-    assert last.not_done == ()
-    assert last.error_bars is not None
-    assert last.error_bars.assumptions is not None
-    assert last.error_percent.velocity == before.error_percent.velocity
-    assert results.read_results(tmp_path / "results.json").to_dict() == last.to_dict()
-
-
-@pytest.mark.usefixtures("no_report")
-def test_the_copies_fail_alone(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(of_assumptions, "continued", raising(KeyError("a bug")))
-    assert run(flow_file, "--out", tmp_path / "run") == 0
-    result = results.read_results(tmp_path / "run" / "results.json")
-    why = "KeyError: 'a bug'"
-    assert missing(result) == {ASSUMPTIONS: why}
-    assert f"no {ASSUMPTIONS}: {why}" in str(result)
-    (line,) = result.assumptions
-    assert (line.derivative, line.why) == (None, why)
-    assert result.parameters.mu_s.value > 0
-    assert result.simulated_pressure is not None
-
-
-@pytest.mark.usefixtures("no_report")
-def test_ctrl_c_in_the_copies_stops_and_resume_makes_the_rest(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert run(flow_file, "--out", tmp_path / "whole") == 0
-    real = continuation.Trainer.advance
-
-    def interrupted(trainer: Trainer) -> None:
-        real(trainer)
-        if len(trainer.params) == 2:  # the copies
-            os.kill(os.getpid(), signal.SIGINT)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(continuation.Trainer, "advance", interrupted)
-        assert run(flow_file, "--out", tmp_path / "run") == 130
-    left = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(left) == dict.fromkeys((ASSUMPTIONS, "simulated pressure"), PENDING)
-    assert "its effect is not known: the run ended before it; --resume" in str(left)
-    assert run("--out", tmp_path / "run", "--resume") == 0
-    whole, resumed = (
-        results.read_results(tmp_path / name / "results.json") for name in ("whole", "run")
-    )
-    assert resumed.not_done == ()
-    assert resumed.parameters == whole.parameters == left.parameters
-    assert resumed.assumptions == whole.assumptions != left.assumptions
 
 
 @pytest.mark.usefixtures("no_report")
@@ -327,23 +221,6 @@ def test_a_member_of_a_batch_fails_alone(
         assert written.to_dict() == result.to_dict()
         values = results.read_fields(tmp_path / f"{e:03d}" / "fields.h5").values
         assert ("p_simulated" in values) == (e != 1)
-
-
-def test_a_batch_is_on_disk_when_its_copies_begin(
-    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    exact = dataclasses.replace(flow, attributes={**flow.attributes, "surface_sd": 0.0})
-    monkeypatch.setattr(of_assumptions, "continued", raising(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        identify_many([flow, exact], tiny(), run_dir=tmp_path)
-    lack = [missing(results.read_results(tmp_path / f"{e:03d}" / "results.json")) for e in range(2)]
-    assert [ASSUMPTIONS in found for found in lack] == [True, False]
-    monkeypatch.setattr(of_assumptions, "continued", raising(MemoryError()))
-    found = identify_many([flow, exact], tiny(resume=True), run_dir=tmp_path)
-    assert [missing(result) for result in found] == [
-        {ASSUMPTIONS: "there is not enough memory"},
-        {},
-    ]
 
 
 def test_a_bug_in_one_member_leaves_the_files_of_the_others(
