@@ -28,7 +28,7 @@ def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
     together = identify_many([flow] * len(LAWS), config, laws=list(LAWS), keep_fields=False)
     for name, found in zip(LAWS, together, strict=True):
         alone = identify(flow, tiny(law=name, **{"simulated_pressure__frames": 0}))
-        assert found.law == name
+        assert found.law.name == name
         assert found.parameters.keys() == alone.parameters.keys()
         for parameter, value in found.parameters.items():
             assert value.value == pytest.approx(alone.parameters[parameter].value, rel=1e-6)

@@ -36,7 +36,7 @@ class Updates:
         self.params = params.clone().to(device)
         seeds = range(len(params))
         fixed = [{"I0": 0.3}] * len(params)
-        self.law = LawVariables(DEFAULT, Rheology(), fixed, seeds, self.params)
+        self.law = LawVariables([DEFAULT] * len(fixed), Rheology(), fixed, seeds, self.params)
         self.control = ControlTable([lambda _: 1.0] * len(params), Config(), self.params.device)
         self.control.table.fill_(1)
         self.control.table[:, 1] = 0
