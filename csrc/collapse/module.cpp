@@ -3,6 +3,8 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cmath>
+
 #include "solver.h"
 
 namespace py = pybind11;
@@ -97,6 +99,17 @@ class PySolver {
     py::gil_scoped_release release;
     solver_->set_state(c_data, u_data, v_data);
   }
+  void set_friction_factor(const Array& factor) {
+    check_shape(factor, "factor", s_.cells_y, s_.cells_x);
+    const double* values = factor.data();
+    for (py::ssize_t k = 0; k < factor.size(); ++k) {
+      if (!(values[k] >= 0) || std::isinf(values[k])) {
+        throw py::value_error("factor must not be negative and be finite, got " +
+                              std::to_string(values[k]));
+      }
+    }
+    solver_->set_friction_factor(values);
+  }
   py::dict step(double largest) {
     StepReport r;
     {
@@ -179,6 +192,7 @@ PYBIND11_MODULE(_collapse, m) {
   py::class_<PySolver>(m, "Solver")
       .def(py::init<const Parameters&>(), py::call_guard<py::gil_scoped_release>())
       .def("set_state", &PySolver::set_state)
+      .def("set_friction_factor", &PySolver::set_friction_factor)
       .def("step", &PySolver::step)
       .def("advect_fraction", &PySolver::advect_fraction)
       .def_property_readonly("time", &PySolver::time)

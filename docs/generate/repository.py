@@ -21,7 +21,7 @@ PAGES = {
     "SECURITY.md": "security.md",
 }
 COPIES = "repository"  # folder of the copies on the site
-NOTES = "bench/studies/*/note.md"  # that of simulator_fit is evidence/simulator-fit.md
+NOTES = "bench/studies/**/note.md"  # that of simulator_fit is evidence/simulator-fit.md
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import checks, curves, maps, profiles
+from granpinn.figures import checks, curves, maps, parts, profiles
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.identification.scoring import after_start
 from granpinn.output import make_folder
@@ -91,6 +91,8 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
             "Simulated pressure",
             lambda s: maps.simulated_pressure(fields_of(s), s.frame),
         )
+    if source.result.parts is not None:
+        found["law_on_parts"] = ("Law on parts of the data", lambda s: parts.law_on_parts(s.result))
     if profile is not None:
         found["profile_of_I0"] = (
             "Profile of I0",

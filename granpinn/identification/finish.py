@@ -46,6 +46,7 @@ from granpinn.results.attempt import (
     BASELINE,
     DETERMINED,
     FIELDS,
+    PARTS,
     PENDING,
     SCORES,
     SIMULATED_PRESSURE,
@@ -55,7 +56,8 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import of_kind
+from granpinn.training.parts import HalfLaws
+from granpinn.uncertainty import of_kind, of_parts
 from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
 from granpinn.uncertainty.of_assumptions import Assumption, without_effect
 
@@ -69,6 +71,7 @@ class Concluded(NamedTuple):
         uncertain: the assumptions whose effect is to come.
         maps: its fields; None if they were not made or not kept.
         shear: the points where grains shear; None without fields.
+        halves: the laws on parts of the data.
         folder: where the result is written; None: nowhere.
         keep_fields: whether fields.h5 is written.
     """
@@ -80,6 +83,7 @@ class Concluded(NamedTuple):
     uncertain: tuple[Assumption, ...]
     maps: Fields | None
     shear: Shear | NotDone | None
+    halves: list[HalfLaws] | NotDone
     folder: Path | None
     keep_fields: bool
 
@@ -119,7 +123,8 @@ def conclude(
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
     shear = None if maps is None else attempt(DETERMINED, lambda: shear_of(maps))
-    result = _compared(result, case, shear)
+    halves = attempt(PARTS, lambda: run.trainer.laws_on_parts(e))
+    result = _compared(result, case, shear, halves)
     if folder is not None:
         _write_values(result, folder)
         if keep_fields and maps is not None:
@@ -128,7 +133,7 @@ def conclude(
             shown = parts_of(folder, len(cases))[place]
             with replacing(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
-    return Concluded(result, case, model, e, uncertain, maps, shear, folder, keep_fields)
+    return Concluded(result, case, model, e, uncertain, maps, shear, halves, folder, keep_fields)
 
 
 def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[Concluded]:
@@ -150,7 +155,7 @@ def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[
         else:
             assumed, result = found[c.place], having(c.result, ASSUMPTIONS)
         result = conclusion.with_assumptions(result, c.case, assumed)
-        result = _compared(result, c.case, c.shear)
+        result = _compared(result, c.case, c.shear, c.halves)
         if c.folder is not None:
             _write_values(result, c.folder)
         return c._replace(result=result, uncertain=())
@@ -194,14 +199,18 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     return having(result, SCORES, **scores._asdict())
 
 
-def _compared(result: Result, case: Case, shear: Shear | NotDone | None) -> Result:
-    """The result with the momentum balance, what its range of I determines, and its curve."""
+def _compared(
+    result: Result, case: Case, shear: Shear | NotDone | None, halves: list[HalfLaws] | NotDone
+) -> Result:
+    """The result with the momentum balance, what its range of I determines, its curve and its law
+    on parts of the data.
+    """
     result = _with_baseline(dataclasses.replace(result, determined=None), case)
     if isinstance(shear, NotDone):
-        return lacking(result, shear)
-    if shear is None:
-        return result
-    return with_law_curve(_with_range(result, case, shear.I), shear)
+        result = lacking(result, shear)
+    elif shear is not None:
+        result = with_law_curve(_with_range(result, case, shear.I), shear)
+    return _with_parts(result, case, halves)
 
 
 def _with_range(result: Result, case: Case, number: Floats) -> Result:
@@ -230,9 +239,25 @@ def _with_model_error(result: Result, case: Case, number: Floats) -> Result:
     if (I0 := result.parameters.get("I0")) is None:
         return result
     shear = range_of(number, np.ones(number.shape), I0.value)
+    if shear is None:
+        return result
+    return of_kind.with_model_error(result, case.config, _kind(result, case), shear)
+
+
+def _kind(result: Result, case: Case) -> str | None:
     carried = result.baseline is not None and result.baseline.carried
-    kind = of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
-    return result if shear is None else of_kind.with_model_error(result, case.config, kind, shear)
+    return of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
+
+
+def _with_parts(result: Result, case: Case, halves: list[HalfLaws] | NotDone) -> Result:
+    """The result with the law on parts of its data, where the flow determines a law at all."""
+    if isinstance(halves, NotDone):
+        return lacking(result, halves)
+    if undetermined(case.seen, case.config.level) is not None:
+        return result
+    level, kind = case.config.level, _kind(result, case)
+    made = attempt(PARTS, lambda: of_parts.judged(result, halves, level, kind))
+    return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
 
 
 def _with_baseline(result: Result, case: Case) -> Result:

@@ -2,9 +2,9 @@
 
 In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
 bars, verdict), baseline (the momentum balance), determined (what a narrow range of I leaves),
-identified_law (its curve over the I of the data), findings (checks and simulations), result (all of
-it, and results.json), decoding (its JSON), attempt (parts that may fail alone), summary (numbers
-behind the words of a report), results_csv, fields.
+identified_law (its curve over the I of the data), parts (the law on parts of the data), findings
+(checks and simulations), result (all of it, and results.json), decoding (its JSON), attempt (parts
+that may fail alone), summary (numbers behind the words of a report), results_csv, fields.
 """
 
 from granpinn.results.fields import (

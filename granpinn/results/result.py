@@ -29,6 +29,7 @@ from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPres
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
+from granpinn.results.parts import Parts
 from granpinn.results.records import ErrorBars, Members, NotDone, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
@@ -145,6 +146,7 @@ class Result:
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
         not_done: parts after the identification that the run lacks, with the reasons.
+        parts: the law on parts of the data.
         assumptions: what the data do not contain, and its effect on the law.
     """
 
@@ -178,6 +180,7 @@ class Result:
     baseline: Baseline | None = None
     determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
+    parts: Parts | None = None
     assumptions: tuple[Assumed, ...] = ()
 
     def __post_init__(self) -> None:

@@ -30,16 +30,17 @@ from granpinn.data import TrainingSet
 from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
+from granpinn.training.elimination import RIDGE, solve
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.law_variables import relative_change
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
+from granpinn.training.rows import Row
 from granpinn.training.sampling import LAST_LAYER, draw
 
 POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations, surface, velocity
 CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
-RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
 LONGEST = 0.1  # step of a free parameter or curve, relative: a longer one is not a correction
 
@@ -72,14 +73,14 @@ class Data:
     floor: Tensor
 
 
-def choose(data: TrainingSet, features: Features, seed: int, step: int) -> Data:
-    """Choose the points of the sums by (seed, step); all have a velocity."""
-    i = draw(seed, step, LAST_LAYER, min(POINTS, len(data.points)), data.points)
+def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: int = 1) -> Data:
+    """Choose the points of the sums by (seed, step), `fewer` times fewer; all have a velocity."""
+    i = draw(seed, step, LAST_LAYER, min(POINTS // fewer, len(data.points)), data.points)
     surface = data.surface_points
-    j = draw(seed, step, LAST_LAYER + 1, min(SURFACE_POINTS, len(surface)), surface)
+    j = draw(seed, step, LAST_LAYER + 1, min(SURFACE_POINTS // fewer, len(surface)), surface)
     k = torch.arange(len(data.points), device=data.points.device)
-    if len(k) > DATA_POINTS:
-        k = draw(seed, step, LAST_LAYER + 2, DATA_POINTS, data.points)
+    if len(k) > DATA_POINTS // fewer:
+        k = draw(seed, step, LAST_LAYER + 2, DATA_POINTS // fewer, data.points)
     measured = (data.points[k], data.velocity[k].double(), data.point_weights[k, 0].double())
     return Data(
         data.points[i],
@@ -97,7 +98,7 @@ def velocity_moments(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Weighted means of h h^T [F, F], v h^T [2, F] and v^2 [2]: they determine the misfit."""
     parts = []
-    for rows in _chunks(points):
+    for rows in chunks(points):
         h = features.jet(points[rows], 0)[0]
         weighted = weights[rows, None] * velocity[rows]
         own = ((h * weights[rows, None]).T @ h, weighted.T @ h, (weighted * velocity[rows]).sum(0))
@@ -115,13 +116,14 @@ class Sums:
 
     Attributes:
         free: numbers of the free parameters of the law [L].
+        velocity_weight: of the mean square of U z - velocity over U^2, U the scale of the velocity.
     """
 
     def __init__(self, features: Features, problem: Problem, law: Law, data: Data) -> None:
         self.physics, self.law, self.data, self.features = problem.physics, law, data, features
         self.free = [k for k, p in enumerate(law.parameters) if not p.fixed]
         length = problem.mean_length
-        self.h = [features.with_means(data.points[rows], length) for rows in _chunks(data.points)]
+        self.h = [features.with_means(data.points[rows], length) for rows in chunks(data.points)]
         self.h_surface = features.jet(data.surface_points, 0)[0]
         weights = dict(zip(NAMES, problem.term_weights, strict=True))
         N, M = max(1, len(data.points)), max(1, len(data.surface_points))
@@ -129,7 +131,7 @@ class Sums:
         of_residuals = like.new_tensor([weights[name] for name in RESIDUALS["mixed"]])
         self._weights = (data.weights[:, None] * of_residuals / N).sqrt()
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
-        self._velocity = weights["velocity"] * self.physics.velocity_scale**2
+        self.velocity_weight = weights["velocity"] * self.physics.velocity_scale**2
         self._surface = (weights["surface"] / M) ** 0.5
         self._law_weights: Tensor | None = None  # kept from the first evaluation
         self.differences = curve_prior.differences(law, like)
@@ -139,7 +141,7 @@ class Sums:
         """The loss, with the weights of the law from the first evaluation."""
         with torch.no_grad():
             rows = [r.square().sum() for r, *_ in self._rows(at)]
-        return (float(torch.stack(rows).sum()) + self._misfit(at)[0]) / 2 + self._rough(at)
+        return (float(torch.stack(rows).sum()) + self.misfit(at)[0]) / 2 + self._rough(at)
 
     def scores(self, at: Unknowns) -> Tensor:
         """The parts of J^T r from each block of points [B, K], see curve_prior.py."""
@@ -147,10 +149,10 @@ class Sums:
         every = torch.cat([self.data.points, self.data.surface_points, points])
         rest, measured = curve_prior.blocks(every).tensor_split([len(every) - len(points)])
         found = at.C.new_zeros(curve_prior.BLOCKS, 5 * F + len(self.free))
-        for rows in _chunks(points):
+        for rows in chunks(points):
             h = self.features.jet(points[rows], 0)[0]
             e = h @ at.C[:2].T - velocity[rows] / self.physics.velocity_scale
-            e = e * (self._velocity * weights[rows] / len(points))[:, None]
+            e = e * (self.velocity_weight * weights[rows] / len(points))[:, None]
             by_C = (e[:, :, None] * h[:, None]).flatten(1)
             found[:, : 2 * F].index_add_(0, measured[rows], by_C)
         return curve_prior.block_scores(self.jacobians(at), found, rest)
@@ -160,10 +162,10 @@ class Sums:
         F = at.C.shape[1]
         K = 5 * F + len(self.free)
         A, b = at.C.new_zeros(K, K), at.C.new_zeros(K)
-        _, slope, h_h = self._misfit(at)
+        _, slope, h_h = self.misfit(at)
         for k in (0, 1):
             own = slice(k * F, (k + 1) * F)
-            A[own, own] += self._velocity * h_h
+            A[own, own] += self.velocity_weight * h_h
             b[own] += slope[k]
         for J, r, i, _ in self.jacobians(at):
             A[i[:, None], i] += J.T @ J
@@ -175,15 +177,25 @@ class Sums:
         unknowns, and which points they are: of the equations, then of the surface."""
         F = at.C.shape[1]
         every = torch.arange(5 * F + len(self.free), device=at.C.device)
-        for r, h, z, theta, fields, rows in self._rows(at):
+        for row in self.rows(at):
+            by_C = torch.einsum("cnk,cnf->nkf", row.by_z[..., row.used], row.h).flatten(1)
+            i = torch.cat([every[: 5 * F].view(5, F)[row.used].flatten(), every[5 * F :]])
+            yield torch.cat([by_C, row.by_theta], 1), row.residual, i, row.points
+
+    def rows(self, at: Unknowns) -> Iterator[Row]:
+        """Every residual of the equations and of the surface with its slopes, in chunks."""
+        for r, h, z, theta, fields, points in self._rows(at):
             for column, used in zip(r.unbind(1), fields, strict=True):
                 by_z, by_theta = torch.autograd.grad(
                     column.sum(), (z, theta), retain_graph=True, materialize_grads=True
                 )
-                by_C = torch.einsum("cnk,cnf->nkf", by_z[..., used], h).flatten(1)
-                J = torch.cat([by_C, by_theta[:, self.free]], 1)
-                i = torch.cat([every[: 5 * F].view(5, F)[used].flatten(), every[5 * F :]])
-                yield J, column.detach(), i, rows
+                yield Row(points, column.detach(), h, by_z, by_theta[:, self.free], used)
+
+    @property
+    def law_weight(self) -> Tensor:
+        """Root of the weight of the two residuals of the law at every point, after `loss` [N]."""
+        assert self._law_weights is not None
+        return self._weights[:, 3] * self._law_weights
 
     def expect_smooth(self, A: Tensor, b: Tensor, at: Unknowns) -> float:
         """Add the prior of a curve to the normal equations and to the loss; its loss at `at`."""
@@ -198,13 +210,13 @@ class Sums:
         """The loss of the prior of a curve, 0 for other laws."""
         return self.roughness * float((self.differences @ at.theta[self.free]).square().sum()) / 2
 
-    def _misfit(self, at: Unknowns) -> tuple[float, Tensor, Tensor]:
+    def misfit(self, at: Unknowns) -> tuple[float, Tensor, Tensor]:
         """Twice the velocity part of the loss, its gradient [2, F], and the mean of h h^T."""
         h_h, v_h, v_v = self.data.moments
         U = self.physics.velocity_scale
         C = at.C[:2]
         square = ((C @ h_h) * C).sum() - 2 * (C * v_h).sum() / U + v_v.sum() / U**2
-        return self._velocity * float(square), self._velocity * (C @ h_h - v_h / U), h_h
+        return self.velocity_weight * float(square), self.velocity_weight * (C @ h_h - v_h / U), h_h
 
     def _rows(self, at: Unknowns) -> Iterator[Rows]:
         first, weights = 0, []
@@ -230,23 +242,6 @@ class Sums:
     def _leaves(at: Unknowns, h: Tensor) -> tuple[Tensor, Tensor]:
         z, theta = h @ at.C.T, at.theta.expand(h.shape[1], -1).clone()
         return z.requires_grad_(torch.is_grad_enabled()), theta.requires_grad_(z.requires_grad)
-
-
-def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:
-    """The step [K] of the normal equations; None where they are not positive definite.
-
-    Args:
-        L: number of parameters of the law, the last ones of the K unknowns.
-        ridge: added to the unit diagonal of the scaled equations for C. The hidden units are nearly
-            dependent; the ridge keeps the step small in directions that no data determine.
-    """
-    scale = A.diagonal().sqrt().clamp_min(1e-30)
-    scaled = A / scale / scale[:, None]
-    scaled.diagonal()[: len(b) - L] += ridge
-    factor, fault = torch.linalg.cholesky_ex(scaled)
-    if int(fault):
-        return None
-    return -torch.cholesky_solve((b / scale)[:, None], factor)[:, 0] / scale
 
 
 def improve(sums: Sums, at: Unknowns) -> Unknowns:
@@ -290,7 +285,8 @@ def last_layer(member: Member, params: Tensor, theta: Tensor, step: int) -> tupl
     return with_coefficients(spec, params, found.C), found.theta.to(theta)
 
 
-def _chunks(points: Tensor) -> list[slice]:
+def chunks(points: Tensor) -> list[slice]:
+    """Slices of points that are evaluated together."""
     size = CHUNK[points.device.type]
     ends = [*range(0, len(points), size), len(points)]
     return [slice(first, end) for first, end in pairwise(ends)]

@@ -22,9 +22,10 @@ from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
 from granpinn.training.last_layer import last_layer
 from granpinn.training.law_variables import LawVariables
-from granpinn.training.objective import Evaluation, Objective
+from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
+from granpinn.training.parts import HalfLaws, laws_on_parts
 from granpinn.training.schedule import Schedule
 from granpinn.training.state import TrainingState
 
@@ -241,11 +242,21 @@ class Trainer:
         """End the training of the members that are left (granpinn/training/last_layer.py)."""
         if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
             return
-        for e, member in enumerate(self.objective.members):
+        for e in range(len(self.objective.members)):
             if e not in self.diverged:
-                problem = dataclasses.replace(member.problem, term_weights=self.final_weights(e))
-                posed = dataclasses.replace(member, problem=problem, data=self.objective.data(e))
-                self.solved[e] = last_layer(posed, *self.trained(e), self.step)
+                self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step)
+
+    def laws_on_parts(self, member: int) -> list[HalfLaws]:
+        """The laws on parts of the data of a member; none without the last-layer step."""
+        if member not in self.solved:
+            return []
+        return laws_on_parts(self._at_end(member), *self.solved[member], self.step)
+
+    def _at_end(self, e: int) -> Member:
+        """A member with the weights of the end of the training, and its data on the device."""
+        member = self.objective.members[e]
+        problem = dataclasses.replace(member.problem, term_weights=self.final_weights(e))
+        return dataclasses.replace(member, problem=problem, data=self.objective.data(e))
 
     def final_weights(self, member: int) -> list[float]:
         """1/sigma^2 of the terms at the end of the training."""

@@ -1,0 +1,216 @@
+"""The equations of all splits of the data together (`parts.py`).
+
+All splits share one pass over the points with the slopes by all unknowns, and one cheap pass for
+the boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from granpinn.training.elimination import factor
+from granpinn.training.features import Features
+from granpinn.training.last_layer import Sums, Unknowns, chunks
+from granpinn.training.objective import Member
+from granpinn.training.rows import Row
+from granpinn.training.splits import Halves
+
+SHARED, OWN = 2, 3  # fields with one last layer (u, v), and with one for each half (p, s_1, s_2)
+
+
+class Boxes:
+    """Equal boxes between the bounds of the points."""
+
+    def __init__(self, member: Member, count: int) -> None:
+        data = member.data
+        self.lower, self.count = data.lower.double(), count
+        self.size = (data.upper.double() - self.lower).clamp_min(1e-30) / count
+        self.total = count**3
+
+    def number(self, points: Tensor) -> Tensor:
+        """The number of the box of each of the points [n]."""
+        lower, size = self.lower.to(points.device), self.size.to(points.device)
+        k = ((points.double() - lower) / size).long().clamp(0, self.count - 1)
+        return (k[:, 0] * self.count + k[:, 1]) * self.count + k[:, 2]
+
+
+class System:
+    """The normal equations of all splits together.
+
+    The K unknowns: C [5, F]; for every split with a step, the difference of C between the halves
+    for p, s_1, s_2 [3, F]; the free parameters of the law [L]; for every split, their difference
+    between the halves [L].
+    """
+
+    def __init__(self, sums: Sums, at: Unknowns, splits: list[Halves]) -> None:
+        self.sums, self.at, self.splits = sums, at, splits
+        F, L = at.C.shape[1], len(sums.free)
+        self.F, self.L = F, L
+        stepped = [k for k, halves in enumerate(splits) if halves.step is not None]
+        self.place = {k: (SHARED + OWN + OWN * n) * F for n, k in enumerate(stepped)}
+        self.n_C = (SHARED + OWN * (1 + len(stepped))) * F
+        K = self.n_C + L * (1 + len(splits))
+        self.A, self.b = at.C.new_zeros(K, K), at.C.new_zeros(K)
+        self.points = torch.cat([sums.data.points, sums.data.surface_points])
+        self.steps = {k: self._step(k, self.points) for k in stepped}
+        self.second = torch.stack([halves.second.double() for halves in splits], 1)
+
+    def _step(self, k: int, points: Tensor) -> Tensor:
+        step = self.splits[k].step
+        assert step is not None
+        return step.jet(points)
+
+    def _share(self, k: int, row: Row) -> Tensor:
+        """The share of the second half in a row, with its slopes [3, n]."""
+        return self.steps[k][:, row.points]
+
+    def add_equations(self) -> None:
+        """Add the sums over all points."""
+        _, slope, h_h = self.sums.misfit(self.at)
+        for u in range(SHARED):
+            own = slice(u * self.F, (u + 1) * self.F)
+            self.A[own, own] += self.sums.velocity_weight * h_h
+            self.b[own] += slope[u]
+        for row in self.sums.rows(self.at):
+            J, i = self._jacobian(row)
+            self.A[i[:, None], i] += J.T @ J
+            self.b[i] += J.T @ row.residual
+
+    def _jacobian(self, row: Row) -> tuple[Tensor, Tensor]:
+        """Derivatives of a row [n, k] by some of the unknowns, and their places [k]."""
+        F = self.F
+        every = torch.arange(len(self.b), device=self.b.device)
+        parts, places = [], []
+        for c in row.used:
+            plain = torch.einsum("cn,cnf->nf", row.by_z[..., c], row.h)
+            parts.append(plain)
+            places.append(every[c * F : (c + 1) * F])
+            for k, first in self.place.items() if c >= SHARED else ():
+                share = self._share(k, row)
+                own = share[0, :, None] * plain
+                if len(row.h) > 1:
+                    slope = (share[1:] * row.by_z[1:3, :, c]).sum(0)
+                    own = own + slope[:, None] * row.h[0]
+                parts.append(own)
+                start = first + (c - SHARED) * F
+                places.append(every[start : start + F])
+        if len(row.h) > 1:
+            parts += [row.by_theta, self._by_halves(row)]
+            places.append(every[self.n_C :])
+        return torch.cat(parts, 1), torch.cat(places)
+
+    def _by_halves(self, row: Row) -> Tensor:
+        """Derivatives by the differences of the law [n, S L]."""
+        return (self.second[row.points][:, :, None] * row.by_theta[:, None]).flatten(1)
+
+    def _places(self, k: int) -> Tensor:
+        """The places of the unknowns of one split: C first, then the law."""
+        every = torch.arange(len(self.b), device=self.b.device)
+        F, L, law = self.F, self.L, every[self.n_C :]
+        own = [every[self.place[k] : self.place[k] + OWN * F]] if k in self.place else []
+        return torch.cat([every[: 5 * F], *own, law[:L], law[L * (1 + k) : L * (2 + k)]])
+
+    def solve(self, k: int) -> tuple[Tensor, Tensor] | None:
+        """The unknowns x of a split, and the rows Q of the inverse for the law on both halves."""
+        i = self._places(k)
+        A, b, L = self.A[i[:, None], i], self.b[i], self.L
+        self._expect_smooth(A, b)
+        found = factor(A, 2 * L)
+        if found is None:
+            return None
+        sides = self.A.new_zeros(len(i), 1 + 2 * L)
+        sides[:, 0] = -b
+        one = torch.eye(L, dtype=sides.dtype, device=sides.device)
+        sides[-2 * L :, 1:] = torch.cat([one.repeat(1, 2), torch.cat([0 * one, one], 1)])
+        x = torch.cholesky_solve(sides / found.scale[:, None], found.factor) / found.scale[:, None]
+        return (x[:, 0], x[:, 1:]) if bool(x.isfinite().all()) else None
+
+    def find_roughness(self) -> None:
+        """The strength of the prior of a curve from all data, as in the last-layer step."""
+        if not len(self.sums.differences):
+            return
+        i = torch.cat([torch.arange(5 * self.F), self.n_C + torch.arange(self.L)]).to(self.b.device)
+        self.sums.expect_smooth(self.A[i[:, None], i], self.b[i], self.at)
+
+    def _expect_smooth(self, A: Tensor, b: Tensor) -> None:
+        """Add the prior of a curve, for the law of each half, to the equations of a split."""
+        if not len(self.sums.differences):
+            return
+        D, L = self.sums.differences, self.L
+        square = self.sums.roughness * D.T @ D
+        slope = square @ self.at.theta[self.sums.free]
+        both = torch.cat([torch.cat([2 * square, square], 1), torch.cat([square, square], 1)])
+        A[-2 * L :, -2 * L :] += both
+        b[-2 * L :] += torch.cat([2 * slope, slope])
+
+    def influence(
+        self,
+        kept: list[int],
+        solutions: list[tuple[Tensor, Tensor]],
+        boxes: list[Boxes],
+        features: Features,
+    ) -> list[tuple[Tensor, ...]]:
+        """What every box adds to the error of the laws, by splits and sizes of boxes."""
+        m = 2 * self.L
+        sums = [[self.A.new_zeros(b.total, m) for b in boxes] for _ in kept]
+        every = [torch.cat([x[:, None], Q], 1) for x, Q in solutions]
+
+        def add(n: int, points: Tensor, added: Tensor) -> None:
+            for total, of in zip(sums[n], boxes, strict=True):
+                total.index_add_(0, of.number(points), added)
+
+        with torch.enable_grad():
+            for row in self.sums.rows(self.at):
+                where = self.points[row.points]
+                for n, (k, X) in enumerate(zip(kept, every, strict=True)):
+                    moved = self._along(row, k, X)
+                    r = row.residual + moved[:, 0]
+                    add(n, where, moved[:, 1:] * r[:, None])
+        self._add_vectors(every, features, add)
+        return [
+            tuple(total[total.abs().sum(1) > 0].view(-1, 2, self.L) for total in own)
+            for own in sums
+        ]
+
+    def _add_vectors(
+        self,
+        every: list[Tensor],
+        features: Features,
+        add: Callable[[int, Tensor, Tensor], None],
+    ) -> None:
+        """The part of the measured velocity in `influence`."""
+        U, measured = self.sums.physics.velocity_scale, self.sums.data.measured
+        every_point, velocity, weights = measured
+        for rows in chunks(every_point):
+            points = every_point[rows]
+            h = features.jet(points, 0)[0]
+            w = self.sums.velocity_weight / len(every_point) * weights[rows, None]
+            residual = h @ self.at.C[:SHARED].T - velocity[rows] / U
+            for n, X in enumerate(every):
+                by_C = X[: SHARED * self.F].view(SHARED, self.F, -1)
+                moved = torch.einsum("nf,cfm->ncm", h, by_C)
+                r = w * (residual + moved[..., 0])
+                add(n, points, (r[..., None] * moved[..., 1:]).sum(1))
+
+    def _along(self, row: Row, k: int, X: Tensor) -> Tensor:
+        """The change of a row along directions X [K_k, m] of the unknowns of a split: [n, m]."""
+        F, L = self.F, self.L
+        total = row.h.new_zeros(row.h.shape[1], X.shape[1])
+        for c in row.used:
+            by_z = row.by_z[..., c, None]
+            total += (by_z * (row.h @ X[c * F : (c + 1) * F])).sum(0)
+            if c >= SHARED and k in self.place:
+                share = self._share(k, row)[..., None]
+                start = 5 * F + (c - SHARED) * F
+                own = row.h @ X[start : start + F]
+                total += share[0] * (by_z * own).sum(0)
+                if len(row.h) > 1:
+                    total += (share[1:] * by_z[1:3]).sum(0) * own[0]
+        if len(row.h) > 1:
+            total += row.by_theta @ X[-2 * L : -L]
+            second = self.second[row.points][:, k, None]
+            total += second * (row.by_theta @ X[-L:])
+        return total
