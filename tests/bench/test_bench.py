@@ -258,7 +258,7 @@ def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
 
 
 STUDIES = Path(__file__).parents[2] / "bench" / "studies"
-NOTES = sorted(STUDIES.glob("*/note.md"))
+NOTES = sorted(STUDIES.glob("**/note.md"))
 
 
 @pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
@@ -285,5 +285,6 @@ def test_a_note_names_results_and_commands_that_exist(note: Path) -> None:
 def test_every_study_has_a_note_in_the_index_of_the_evidence() -> None:
     index = (STUDIES.parents[1] / "docs" / "evidence" / "index.md").read_text()
     studies = {path.name for path in STUDIES.iterdir() if path.is_dir() and path.name[0] != "_"}
-    assert studies == {note.parent.name for note in NOTES}
-    assert studies == set(re.findall(r"bench/studies/(\w+)/note\.md", index))
+    listed = set(re.findall(r"bench/studies/([\w/]+)/note\.md", index))
+    assert listed == {note.parent.relative_to(STUDIES).as_posix() for note in NOTES}
+    assert studies == {name.split("/")[0] for name in listed}

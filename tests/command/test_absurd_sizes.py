@@ -11,6 +11,7 @@ import pytest
 
 from granpinn import results, train
 from granpinn.data import Flow, write_flow
+from granpinn.physics.laws import LAWS
 from granpinn.second_opinion import resimulation, simulated_pressure
 from tests.command.test_results_first import raising, run
 
@@ -64,6 +65,6 @@ def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:
         ),
     )
     late = dataclasses.replace(late, t=late.t - late.t[0])
-    summary, compared = resimulation.resimulate(late, train.LAWS["mu_of_i"], (0.4, 0.64, 0.3))
+    summary, compared = resimulation.resimulate(late, LAWS["mu_of_i"], (0.4, 0.64, 0.3))
     assert compared is None
     assert "t_end must be at most" in (summary.objection or "")

@@ -65,10 +65,8 @@ def test_bound_of_two_points() -> None:
     """Two inertial numbers fix two parameters: a calculation by hand."""
     gamma_dot, I = np.array([2.0, 2.0]), np.array([1e-9, 1e9])  # noqa: E741
     n = np.array([100.0, 400.0])
-    # Where I = 0 only mu_s shows, where I is infinite only mu_2; a third parameter shows nowhere.
-    assert expected_precision(gamma_dot, I, n, 0.1, AssumedLaw()) is None
-    rates, numbers, vectors = np.append(gamma_dot, 2), np.append(I, 0.3), np.append(n, 1e-3)
-    found = expected_precision(rates, numbers, vectors, 0.1, AssumedLaw())
+    # Where I = 0 only mu_s shows, where I is infinite only mu_2; I0, which is fixed, shows nowhere.
+    found = expected_precision(gamma_dot, I, n, 0.1, AssumedLaw())
     assert found is not None
     assert found.mu_s == pytest.approx(0.1 / (0.097 * 2 * 10) / 0.4, rel=1e-3)
     assert found.mu_2 == pytest.approx(0.1 / (0.097 * 2 * 20) / 0.64, rel=1e-3)

@@ -95,7 +95,10 @@ def test_module_of_the_command_is_callable_like_the_function() -> None:
     [
         (["--mu-2", "0.2"], "mu_2 must be at least mu_s = 0.4, got 0.2"),
         (["--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s, got I0"),
-        (["--law", "sand"], "law must be one of mu_of_i, coulomb, got 'sand'"),
+        (
+            ["--law", "sand"],
+            "law must be one of mu_of_i, coulomb, regularised, power, free, got 'sand'",
+        ),
         (["--d", "0"], "d must be in [1e-12, 1e+12], got 0.0"),
         (["--d", "nan"], "--d must be a number"),
         (["--cells", "3"], "cells must be in [32, 16384], got 3"),
