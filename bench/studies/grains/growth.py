@@ -56,7 +56,8 @@ def rms(errors: Mapping[str, float]) -> float:
 
 def batch(cases: Sequence[tuple[str, Case]], steps: int, device: str) -> list[dict[str, Any]]:
     """One row for every case: its name, the variant, the steps and the errors."""
-    config = Config(**{"simulated_pressure.frames": 0, "steps": steps, "device": device})
+    settings: dict[str, Any] = {"simulated_pressure.frames": 0, "steps": steps, "device": device}
+    config = Config(**settings)
     flows, noise = [case.flow for _, case in cases], [case.noise for _, case in cases]
     rows = []
     for (variant, case), result in zip(
