@@ -18,37 +18,19 @@ from granpinn.physics.laws.arrays import LEAST_I, together
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(
-    I: Values,  # noqa: E741
-    mu_s: Values,
-    mu_2: Values,
-    I0: Values,
-    mu_inf: Values,
-    alpha: Values,
-    I1: Values,
-) -> Values:
+def friction(I: Values, *theta: Values) -> Values:  # noqa: E741
     """mu, of the shape of I."""
-    xp, I, mu_s, mu_2, I0, mu_inf, alpha, I1 = together(  # noqa: E741
-        I, mu_s, mu_2, I0, mu_inf, alpha, I1
-    )
-    creep = xp.sqrt(alpha / _logarithm(xp, I, mu_s, mu_2, I0, mu_inf, alpha, I1))
+    xp, I, *values = together(I, *theta)  # noqa: E741
+    mu_s, mu_2, I0, mu_inf, alpha, I1 = values
+    creep = xp.sqrt(alpha / _logarithm(xp, I, *values))
     return xp.where(I < I1, creep, (mu_s * I0 + mu_2 * I + mu_inf * I**2) / (I0 + I))
 
 
-def slope(
-    I: Values,  # noqa: E741
-    mu_s: Values,
-    mu_2: Values,
-    I0: Values,
-    mu_inf: Values,
-    alpha: Values,
-    I1: Values,
-) -> Values:
+def slope(I: Values, *theta: Values) -> Values:  # noqa: E741
     """I dmu/dI."""
-    xp, I, mu_s, mu_2, I0, mu_inf, alpha, I1 = together(  # noqa: E741
-        I, mu_s, mu_2, I0, mu_inf, alpha, I1
-    )
-    L = _logarithm(xp, I, mu_s, mu_2, I0, mu_inf, alpha, I1)
+    xp, I, *values = together(I, *theta)  # noqa: E741
+    mu_s, mu_2, I0, mu_inf, alpha, I1 = values
+    L = _logarithm(xp, I, *values)
     inertial = I * ((mu_2 - mu_s) * I0 + mu_inf * I * (2 * I0 + I)) / (I0 + I) ** 2
     return xp.where(I < I1, xp.sqrt(alpha / L) / (2 * L), inertial)
 
