@@ -22,7 +22,7 @@ double grain_viscosity(double gamma_dot_squared, double p, const Friction<Law>& 
   const double positive = std::max(p, 0.0);
   const double gamma_dot = std::sqrt(gamma_dot_squared) + 1e-300;
   const double stress =
-      s.cohesion + friction.mu(inertial_number(gamma_dot, positive, s)) * positive;
+      friction.cohesion + friction.mu(inertial_number(gamma_dot, positive, s)) * positive;
   return std::min(std::max(stress / gamma_dot, s.eta_min), s.eta_max);
 }
 

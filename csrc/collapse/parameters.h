@@ -22,7 +22,7 @@ struct Parameters {
   int open_from = 0, open_to = 0;
 
   // The friction law mu(I; theta) with I = d gamma_dot / sqrt(p / rho), and
-  // eta = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max].
+  // eta = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]. A cohesive law adds its c.
   LawName law = LawName::mu_of_i;
   double theta[kMaxLawParameters] = {};  // the parameters of the law come first
   double grain_diameter = 0, cohesion = 0;

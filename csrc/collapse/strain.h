@@ -10,6 +10,7 @@
 
 #include <cmath>
 
+#include "../math/cohesion.h"
 #include "field.h"
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
@@ -18,13 +19,18 @@ inline double inertial_number(double gamma_dot, double p, const Parameters& s) {
   return s.grain_diameter * gamma_dot / std::sqrt(std::max(p / s.density, 1e-30));
 }
 
-// A friction law (csrc/math/laws/) with the values of its parameters, times a factor.
+// A friction law (csrc/math/laws/) with the values of its parameters, times a factor, and the
+// cohesion that adds to it.
 template <class Law>
 struct Friction {
   double theta[Law::parameters];
+  double cohesion;
   double factor = 1;
 
-  explicit Friction(const Parameters& s) { std::copy_n(s.theta, Law::parameters, theta); }
+  explicit Friction(const Parameters& s) : cohesion(s.cohesion) {
+    std::copy_n(s.theta, Law::parameters, theta);
+    if constexpr (is_cohesive<Law>) cohesion += theta[Law::cohesion];
+  }
   Friction times(double value) const {
     Friction scaled = *this;
     scaled.factor = value;

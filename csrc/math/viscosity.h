@@ -1,9 +1,11 @@
 // The viscosity of a friction law, dimensionless with rho = 1:
-//   eta = mu(I) p / gamma_dot, clamped to [eta_min, eta_max]   (paper, eq. eta)
+//   eta = Y / gamma_dot with Y = mu(I) p, clamped to [eta_min, eta_max]   (paper, eq. eta)
+// Cohesive laws add their cohesion to Y (cohesion.h).
 // The paper prints max(eta, eta_max) for the clamp; that is a slip for min. eta_min is the floor
 // that flow solvers use.
 #pragma once
 
+#include "cohesion.h"
 #include "physics.h"
 
 namespace granpinn {
@@ -15,13 +17,13 @@ struct ViscosityJet {
 };
 
 // The quantities of viscosity_jet and its adjoint, without the clamp:
-//   eta = mu p / gamma_dot,  I_gamma_dot = I / gamma_dot,  p I_p = -half I
+//   eta = Y / gamma_dot,  I_gamma_dot = I / gamma_dot,  p I_p = -half I
 // where half is 1/2 above the floor of p and 0 below.
 template <class Law, class R, class T>
 struct PlasticViscosity {
   typename Law::template Jet<R> f;
   R over_gamma_dot, squared;  // 1 / gamma_dot, and its square
-  R half, eta, by_gamma_dot, by_p;
+  R half, yield, eta, by_gamma_dot, by_p;
 
   template <int N>
   GRANPINN_HD PlasticViscosity(const R& gamma_dot, const R& p, const R (&theta)[N],
@@ -30,8 +32,10 @@ struct PlasticViscosity {
     over_gamma_dot = R(T(1)) / gamma_dot;
     squared = over_gamma_dot * over_gamma_dot;
     half = select(less(R(c.pressure_floor), absolute(p)), R(T(0.5)), R(T(0)));
-    eta = f.mu * p * over_gamma_dot;
+    yield = yield_stress<Law>(f.mu, p, theta);
+    eta = yield * over_gamma_dot;
     by_gamma_dot = (f.I_dmu - f.mu) * p * squared;
+    if constexpr (is_cohesive<Law>) by_gamma_dot = by_gamma_dot - theta[Law::cohesion] * squared;
     by_p = (f.mu - half * f.I_dmu) * over_gamma_dot;
   }
 
@@ -69,6 +73,8 @@ GRANPINN_HD void viscosity_jet_adjoint(const R& gamma_dot, const R& p, const R (
   gamma_dot_a = inside(a.eta * v.by_gamma_dot + a.by_gamma_dot * by_gg + a.by_p * by_gp);
   p_a = inside(a.eta * v.by_p + a.by_gamma_dot * by_gp + a.by_p * by_pp);
   v.f.adjoint(mu_a, D_a, theta_a);
+  if constexpr (is_cohesive<Law>)
+    theta_a[Law::cohesion] = (a.eta - a.by_gamma_dot * v.over_gamma_dot) * v.over_gamma_dot;
   for (int i = 0; i < Law::parameters; ++i) theta_a[i] = inside(theta_a[i]);
 }
 
@@ -76,7 +82,11 @@ GRANPINN_HD void viscosity_jet_adjoint(const R& gamma_dot, const R& p, const R (
 // NaN where an argument is NaN.
 template <class Law, class R, class T, int N>
 GRANPINN_HD R viscosity(const R& gamma_dot, const R& p, const R (&theta)[N], const Physics<T>& c) {
-  const R zero(T(0)), at_rest = select(less(zero, p), R(c.eta_max), R(c.eta_min));
+  const R zero(T(0));
+  R held = p;  // positive where grains at rest hold a stress
+  if constexpr (is_cohesive<Law>)
+    held = yield_stress<Law>(typename Law::template Jet<R>(zero, theta).mu, p, theta);
+  const R at_rest = select(less(zero, held), R(c.eta_max), R(c.eta_min));
   const R eta = viscosity_jet<Law>(gamma_dot, p, theta, c).eta;
   return select(less(zero, gamma_dot), eta, at_rest + (p + gamma_dot) * zero);
 }

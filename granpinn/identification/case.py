@@ -69,7 +69,7 @@ class Model:
     Attributes:
         problem: network and constants of the residuals.
         params: parameters of the network [P].
-        theta: parameters of the law, in its order [N].
+        theta: parameters of the law, in its order [N], dimensionless.
         scales: units of everything dimensionless.
     """
 

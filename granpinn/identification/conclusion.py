@@ -29,7 +29,9 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
     config, law = cases[0].config, LAWS[cases[0].config.law]
     places = range(len(cases))
     sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
-    theta = [run.trainer.solution(first + k)[1].tolist() for k in sound]
+    theta = [
+        run.trainer.in_units(first + k, run.trainer.solution(first + k)[1].tolist()) for k in sound
+    ]
     members = Members(
         seed=tuple(cases[k].member.seed for k in sound),
         values={name: tuple(t[law.names.index(name)] for t in theta) for name in law.free},

@@ -122,7 +122,8 @@ def conclude(
         result = _scored(result, case, model, predicted)
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
-    shear = None if maps is None else attempt(DETERMINED, lambda: shear_of(maps))
+    cohesion = law.cohesion_of(result.theta)
+    shear = None if maps is None else attempt(DETERMINED, lambda: shear_of(maps, cohesion))
     halves = attempt(PARTS, lambda: run.trainer.laws_on_parts(e))
     result = _compared(result, case, shear, halves)
     if folder is not None:

@@ -18,20 +18,24 @@ class Shear(NamedTuple):
 
     Attributes:
         I: inertial number [n].
-        ratio: |tau|/p [n], NaN where p <= 0.
+        ratio: |tau|/p [n], or (|tau| - c)/p with a cohesion c; NaN where p <= 0.
     """
 
     I: Floats  # noqa: E741
     ratio: Floats
 
 
-def shear_of(fields: Fields) -> Shear:
-    """The points of the fields where grains shear."""
+def shear_of(fields: Fields, cohesion: float = 0.0) -> Shear:
+    """The points of the fields where grains shear.
+
+    Args:
+        cohesion: of the law, in the units of the fields.
+    """
     points = scoring.shearing(fields)
     number, p, tau_xx, tau_xy = (
         fields.values[name][points].astype(np.float64) for name in ("I", "p", "tau_xx", "tau_xy")
     )
-    return Shear(number, np.hypot(tau_xx, tau_xy) / np.where(p > 0, p, np.nan))
+    return Shear(number, (np.hypot(tau_xx, tau_xy) - cohesion) / np.where(p > 0, p, np.nan))
 
 
 def with_law_curve(result: Result, shear: Shear | Fields) -> Result:
@@ -42,7 +46,9 @@ def with_law_curve(result: Result, shear: Shear | Fields) -> Result:
     """
 
     def made() -> Result:
-        points = shear_of(shear) if isinstance(shear, Fields) else shear
+        points = shear
+        if isinstance(points, Fields):
+            points = shear_of(points, result.friction_law.cohesion_of(result.theta))
         return with_curve(result, points.I, np.ones(points.I.shape), points.ratio)
 
     found = attempt(LAW_CURVE, made)

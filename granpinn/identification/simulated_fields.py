@@ -60,7 +60,7 @@ def pressures(
     return simulated_pressure.at_frames(
         flow,
         model.law,
-        model.theta.tolist(),
+        model.law.to_physical(model.theta.tolist(), model.scales.pressure),
         velocity_of(flow, model),
         settings.frames,
         settings.cells,

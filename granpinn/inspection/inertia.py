@@ -41,11 +41,13 @@ class InertialNumbers:
 
     Attributes:
         vectors: vectors of each [K].
+        p: estimated pressure, in units of rho |g| H0 [K].
     """
 
     I: Float64  # noqa: E741 (the inertial number's own symbol)
     flows: Bool
     vectors: Float64
+    p: Float64
 
     def quantiles(self, *levels: float) -> list[float] | None:
         """Quantiles of I over the flowing vectors; None if none flows."""
@@ -74,5 +76,6 @@ def inertial_numbers(facts: Facts) -> InertialNumbers:
     """The inertial numbers of a flow; a pure function of its vectors."""
     view, found = facts.view, facts.slopes
     least = np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
-    I = inertial_number(view, found, estimated_pressure(view, found))  # noqa: E741
-    return InertialNumbers(I, found.gamma_dot > least, found.vectors)
+    p = estimated_pressure(view, found)
+    I = inertial_number(view, found, p)  # noqa: E741
+    return InertialNumbers(I, found.gamma_dot > least, found.vectors, p)

@@ -23,7 +23,7 @@ from granpinn.estimates.view import View
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
-from granpinn.inspection.inertia import Inertia, inertial_numbers
+from granpinn.inspection.inertia import Inertia, InertialNumbers, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.slips import Slip, slips
 from granpinn.physics.scales import Scales
@@ -156,8 +156,8 @@ def inspect(
     gamma_dot = found.gamma_dot
     numbers = inertial_numbers(facts)
     I, flows = numbers.I, numbers.flows  # noqa: E741
-    law = law.at_quantiles(numbers.quantiles)
-    precision, reason = _precision(found, I, flows, noise, law)
+    law = law.in_units(scales.pressure).at_quantiles(numbers.quantiles)
+    precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
     if refused is not None:
@@ -239,12 +239,13 @@ def _surface(flow: Flow) -> SurfaceFacts | None:
 
 def _precision(
     found: Gradients,
-    I: Float64,  # noqa: E741
-    flows: Bool,
+    numbers: InertialNumbers,
+    pressure_unit: float,
     noise: Noise,
     law: AssumedLaw,
 ) -> tuple[Precision | None, str | None]:
     """The expected precision, or the reason why there is none."""
+    I, flows, p = numbers.I, numbers.flows, numbers.p * pressure_unit  # noqa: E741
     vectors = found.vectors / noise.vectors_per_independent
     moving, total = float(found.vectors[flows].sum()), float(found.vectors.sum())
     if noise.sigma is None:
@@ -255,7 +256,9 @@ def _precision(
             f"the grains hardly shear ({share:.1f} % of the vectors flow measurably), and friction "
             "shows only where they do"
         )
-    result = expected_precision(found.gamma_dot[flows], I[flows], vectors[flows], noise.sigma, law)
+    result = expected_precision(
+        found.gamma_dot[flows], I[flows], vectors[flows], noise.sigma, law, p[flows]
+    )
     if result is None:
         return None, "all vectors have nearly the same inertial number, which fixes no law"
     return result, None

@@ -8,7 +8,8 @@ $$ F_{ij} = \frac{\kappa^2 H_0^2}{\sigma^2} \sum_{n=1}^{N} \min(\dot\gamma_n, \d
    \partial_i\mu(I_n)\,\partial_j\mu(I_n), $$
 
 which is that of the residual $\dot\gamma\,s - 2\mu D$ with a strain-rate error of
-$\sigma / (\kappa H_0)$. $F^{-1}$ bounds the covariance. The cap $\dot\gamma_{max}$ stands for
+$\sigma / (\kappa H_0)$. With a cohesion c, $\partial_i\mu$ is $\mu\,\partial_i\ln(c + \mu p)$.
+$F^{-1}$ bounds the covariance. The cap $\dot\gamma_{max}$ stands for
 layers that are thinner than the region in which a change of friction moves the grains.
 
 $\kappa$ and the cap are calibrated on the bounds of a forward model for two column collapses of
@@ -74,10 +75,19 @@ class Precision(SimpleNamespace):
     """
 
 
-def sensitivities(I: Float64, law: AssumedLaw) -> Float64:  # noqa: E741
-    """Derivatives of mu(I) with respect to all N parameters of the law: [K, N]."""
+def sensitivities(I: Float64, law: AssumedLaw, p: Float64 | None = None) -> Float64:  # noqa: E741
+    """Derivatives of mu(I) with respect to all N parameters of the law: [K, N].
+
+    With a cohesion: of the logarithm of the yield stress, times mu.
+
+    Args:
+        p: pressure in the unit of a cohesion [K]; laws without cohesion do not need it.
+    """
     theta = torch.tensor(law.theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
     mu = law.friction_law.friction(torch.as_tensor(I), *theta.unbind(1))
+    if law.friction_law.cohesion is not None:
+        stress = law.friction_law.cohesion_of(theta.T) + mu * torch.as_tensor(p)
+        mu = mu.detach() * stress.log()
     (derivatives,) = torch.autograd.grad(mu.sum(), theta)  # mu_k depends on row k alone
     return np.asarray(derivatives.numpy())
 
@@ -88,6 +98,7 @@ def expected_precision(
     vectors: Float64,
     sigma: float,
     law: AssumedLaw,
+    p: Float64 | None = None,
 ) -> Precision | None:
     """Standard deviations for data of K cells that flow; None if the data do not fix the law.
 
@@ -95,8 +106,9 @@ def expected_precision(
         gamma_dot, I: shear rate and inertial number [K], dimensionless.
         vectors: independent vectors in every cell [K].
         sigma: noise of one component, dimensionless.
+        p: as for `sensitivities`.
     """
-    J = sensitivities(I, law)
+    J = sensitivities(I, law, p)
     weight = vectors * (KAPPA * np.minimum(gamma_dot, LARGEST_RATE)) ** 2
     information = np.einsum("k,ki,kj->ij", weight, J, J)
     relative = information * np.outer(law.theta, law.theta)  # for logarithms of the parameters

@@ -6,13 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from granpinn.physics.laws import DEFAULT, LAWS, Law
+from granpinn.physics.laws import DEFAULT, LAWS, Law, LawParameter
 
 
 def _help_of(name: str) -> str:
     """The help of a setting that is a parameter: its meaning and default in every law with it."""
-    having = [(law.name, law.parameter(name)) for law in LAWS.values() if name in law.names]
-    return f"{name}: " + ", ".join(f"{p.help} ({law}: {p.typical:g})" for law, p in having)
+    having = [(law, law.parameter(name)) for law in LAWS.values() if name in law.names]
+    return f"{name}: " + ", ".join(f"{p.help} ({law.name}: {_usual(law, p)})" for law, p in having)
+
+
+def _usual(law: Law, p: LawParameter) -> str:
+    return f"{p.typical:g}" + (" rho g H" if p.name == law.cohesion else "")
 
 
 # One field for every parameter of any law, in the order of the laws: mu_s, mu_2, I0.
@@ -84,6 +88,18 @@ class CompleteLaw(LawValues):
         theta = self.friction_law.complete(self.theta)
         for name, value in zip(self.friction_law.names, theta, strict=True):
             object.__setattr__(self, name, value)
+
+    def in_units(self, pressure: float) -> Self:
+        """The law in the units of a material: a cohesion that is not given is typical of it.
+
+        Args:
+            pressure: rho |g| H of the material.
+        """
+        law = self.friction_law
+        if law.cohesion is None or law.cohesion not in self._missing:
+            return self
+        values = dict(zip(law.names, law.to_physical(self.theta, pressure), strict=True))
+        return type(self)(law=self.law, **values)
 
     def at_quantiles(self, quantiles: Callable[..., list[float] | None]) -> Self:
         """The law with the range of I of a flow, where a parameter is a quantile and not given.

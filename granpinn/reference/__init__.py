@@ -11,7 +11,7 @@ are dimensionless (`granpinn.physics.scales`). Equation numbers are those of the
 """
 
 from granpinn.reference.equations import pointwise_residuals, residuals, strong_residual
-from granpinn.reference.friction import friction, inertial_number, viscosity
+from granpinn.reference.friction import friction, inertial_number, viscosity, yield_stress
 from granpinn.reference.loss import loss_terms, residual_loss
 from granpinn.reference.network import network, network_jet, network_value
 
@@ -27,4 +27,5 @@ __all__ = [
     "residuals",
     "strong_residual",
     "viscosity",
+    "yield_stress",
 ]

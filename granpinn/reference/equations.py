@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.constants import Physics
-from granpinn.reference.friction import friction, inertial_number, viscosity
+from granpinn.reference.friction import friction, inertial_number, viscosity, yield_stress
 from granpinn.reference.network import RawNetwork, gradient, network
 
 # gamma_dot = sqrt(... + SMOOTHING): the shear rate keeps a finite derivative in material at rest.
@@ -135,7 +135,10 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law:
     gamma_dot = shear_rate(D_1, D_2)
     inertia = inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
     limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
-    r_1, r_2 = (limit * r for r in constitutive(D_1, D_2, s_1, s_2, friction(law, inertia, theta)))
+    stress, strength = (s_1, s_2), friction(law, inertia, theta)
+    if law == "cohesive":  # |s| has no bound at p = 0: tau and c + mu p in the place of s and mu
+        stress, strength = (p * s_1, p * s_2), yield_stress(law, inertia, p, theta)
+    r_1, r_2 = (limit * r for r in constitutive(D_1, D_2, *stress, strength))
     return torch.stack([e_u, e_v, u_x + v_y, r_1, r_2], dim=1)
 
 

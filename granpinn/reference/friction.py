@@ -24,8 +24,8 @@ def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
     """mu of the law at inertial numbers I [...], for parameters theta [..., N]."""
     if law == "coulomb":
         return theta[..., 0].expand(I.shape)
-    if law == "mu_of_i":
-        mu_s, mu_2, I_0 = theta.unbind(-1)
+    if law in ("mu_of_i", "cohesive"):
+        mu_s, mu_2, I_0 = theta[..., :3].unbind(-1)
         # multiplied out by I, so that I = 0 gives mu_s instead of a division by zero
         return mu_s + (mu_2 - mu_s) * I / (I_0 + I)
     if law == "power":
@@ -38,8 +38,14 @@ def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
     if law in LAWS and not LAWS[law].compiled:  # a user's own law, which has one formula only
         value: Tensor = LAWS[law].friction(I, *theta.unbind(-1))
         return value
-    known = "mu_of_i, coulomb, regularised, power or free"
+    known = "mu_of_i, coulomb, regularised, power, cohesive or free"
     raise ValueError(f"law must be {known}, got {law!r}")
+
+
+def yield_stress(law: str, I: Tensor, p: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+    """The stress |tau| at which grains flow [...]: mu p, and c + mu p with cohesion."""
+    friction_part = friction(law, I, theta) * p
+    return theta[..., 3] + friction_part if law == "cohesive" else friction_part
 
 
 def _regularised(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
@@ -90,19 +96,20 @@ def viscosity(
 ) -> Tensor:
     """Equations (6) and (7): eta = mu(I) p / gamma_dot, kept inside [eta_min, eta_max].
 
-    The two limits are compared as stresses, mu p against eta gamma_dot, so that material at rest
-    (gamma_dot = 0) needs no division: it has eta_max under pressure and eta_min without.
-    Where a limit holds, the derivative of eta is zero.
+    Cohesion c adds to mu p. The two limits are compared as stresses, mu p against eta gamma_dot,
+    so that material at rest (gamma_dot = 0) needs no division: it has eta_max under pressure and
+    eta_min without. Where a limit holds, the derivative of eta is zero.
 
     Args:
         gamma_dot: shear rate [N], >= 0.
-        p: pressure [N]; grains under tension (p < 0) have no friction, hence eta = eta_min.
+        p: pressure [N]; grains under tension (p < 0) have no friction, hence eta = eta_min
+            without cohesion.
         theta: parameters of the law.
         d: grain diameter, in units of L.
         p_floor: positive pressure below which I no longer grows (keeps I finite at p = 0).
         eta_min, eta_max: limits of the viscosity, in units of rho L U.
     """
-    strength = friction(law, inertial_number(gamma_dot, p, d, p_floor), theta) * p
+    strength = yield_stress(law, inertial_number(gamma_dot, p, d, p_floor), p, theta)
     at_rest = gamma_dot == 0
     at_least = (strength < eta_min * gamma_dot) | (at_rest & (strength <= 0))
     at_most = (strength > eta_max * gamma_dot) & ~at_least

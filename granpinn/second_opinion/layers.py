@@ -79,7 +79,7 @@ def chute_of(
     denser = (flow.grain_density or flow.density) / flow.density
     last, gap = float(flow.t[-1]), flow.stated(WALL_GAP)
     return Chute(
-        **law_settings(law, theta),
+        **law_settings(law, theta, flow.stated("cohesion")),
         wall_gap=gap,
         wall_friction=None if gap is None else wall_friction,
         d=flow.grain_diameter * math.sqrt(denser),
@@ -94,7 +94,6 @@ def chute_of(
         eta_max=flow.eta_max or None,
         air_density=flow.stated("air_density"),
         air_viscosity=flow.stated("air_viscosity"),
-        cohesion=flow.stated("cohesion") or 0.0,
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )

@@ -207,7 +207,7 @@ def collapse_of(
     narrow = min(column) / (width / cells)
     gap = flow.stated(WALL_GAP)
     collapse = Collapse(
-        **law_settings(law, theta),
+        **law_settings(law, theta, flow.stated("cohesion")),
         d=flow.grain_diameter * math.sqrt(denser),
         height=column.height,
         aspect=column.height / column.width,
@@ -223,7 +223,6 @@ def collapse_of(
         eta_max=flow.eta_max or None,
         air_density=flow.stated("air_density"),
         air_viscosity=flow.stated("air_viscosity"),
-        cohesion=flow.stated("cohesion") or 0.0,
         wall_gap=gap,
         wall_friction=None if gap is None else wall_friction,
         length_unit=flow.length_unit,

@@ -115,6 +115,7 @@ class Scene(CompleteLaw, ABC):
             raise ConfigError(str(error)) from None
         if self.wall_friction is not None and self.wall_gap is None:
             raise ConfigError("wall_friction needs the distance of the side walls: give wall_gap")
+        self._set_cohesion()
         self._check()
         r = self._resolved()
         if not r["eta_min"] < r["eta_max"]:
@@ -126,6 +127,19 @@ class Scene(CompleteLaw, ABC):
                 f"t_end must be at most {self._longest:g}, {LONGEST:g} times the free fall from "
                 f"the top of the {self.GRAINS}, got {r['t_end']:g}"
             )
+
+    def _set_cohesion(self) -> None:
+        """The cohesion of a law that has one: as given, or typical in the units of the scene."""
+        own = self.friction_law.cohesion
+        if own is None:
+            return
+        if self.cohesion:
+            raise ConfigError(
+                f"the law {self.law} has the cohesion {own}: give {own} in the place of cohesion"
+            )
+        if own in self._missing:
+            weight = self.density * math.hypot(*self.gravity) * self.height
+            object.__setattr__(self, own, getattr(self, own) * weight)
 
     @abstractmethod
     def _check(self) -> None:
@@ -244,12 +258,16 @@ def chunk_of(cells: int) -> int:
     return chunk
 
 
-def law_settings(law: Law, theta: Sequence[float]) -> dict[str, Any]:
+def law_settings(law: Law, theta: Sequence[float], cohesion: float | None = None) -> dict[str, Any]:
     """Keyword arguments of a `Scene` for this friction law with the parameters theta [N].
+
+    Args:
+        cohesion: of the material, for laws that do not have their own.
 
     Raises:
         ConfigError: the simulator does not have the law.
     """
     if not law.compiled:
         raise ConfigError(f"the simulator does not have the friction law {law.name}")
-    return {"law": law.name, **dict(zip(law.names, theta, strict=True))}
+    settings = {"law": law.name, **dict(zip(law.names, theta, strict=True))}
+    return settings | ({"cohesion": cohesion} if cohesion and not law.cohesion else {})

@@ -65,7 +65,9 @@ def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Ten
     mean = (u[4] - v[5]) ** 2 + (u[5] + v[4]) ** 2 + SMOOTHING
     part = ill_posed(_inertial_number(local.sqrt(), p, physics), theta, law)
     gamma_dot = torch.sqrt(local + part * (mean - local))
-    rate = gamma_dot / law.friction(_inertial_number(gamma_dot, p, physics), *theta.unbind(1))
+    mu = law.friction(_inertial_number(gamma_dot, p, physics), *theta.unbind(1))
+    # gamma_dot p / Y with the yield stress Y = c + mu p (csrc/math/cohesion.h)
+    rate = gamma_dot * p / (law.cohesion_of(theta.T) + mu * p) if law.cohesion else gamma_dot / mu
     limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
     law_errors = (limit * (rate * s[0] - two_D) for s, two_D in ((s_1, two_D1), (s_2, two_D2)))
     e = [e_u, e_v, u[1] + v[2], *law_errors]

@@ -128,7 +128,8 @@ def relative_change(law: Law, before: Tensor, after: Tensor) -> float:
 
     Args:
         before, after: theta [N]. The ends of a curve have a sixth of its outer coefficients, so
-            these may change far more than the curve.
+            these may change far more than the curve. A cohesion may be as good as zero; its change
+            is relative to the yield stress at I = 0 under the pressure 1.
     """
     if law.curve:
         low, high = (math.log10(float(before[law.names.index(name)])) for name in law.quantiles)
@@ -137,4 +138,7 @@ def relative_change(law: Law, before: Tensor, after: Tensor) -> float:
     else:
         free = [k for k, p in enumerate(law.parameters) if not p.fixed]
         old, new = before[free], after[free]
-    return float(((new - old).abs() / old).max())
+    size = old.clone()
+    if law.cohesion:
+        size[law.free.index(law.cohesion)] += law.friction(0.0, *before)
+    return float(((new - old).abs() / size).max())

@@ -14,7 +14,7 @@ $$ \mathrm{cov} = \sum_B \Big(\sum_{i \in B} Q_i r_i\Big) \Big(\sum_{i \in B} Q_
 This is the sandwich of White (Econometrica 48, 1980) for clusters. Small and large boxes are taken;
 the larger error counts (uncertainty/of_parts.py).
 
-Everything is dimensionless and float64.
+Everything but the result is dimensionless, and all is float64.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class HalfLaws:
 
     Attributes:
         name: of the split.
-        theta: parameters of the law on the first and on the second half [2, N].
+        theta: parameters of the law on the first and on the second half [2, N], in the units of
+            the flow file.
         influence: for each size of boxes, what every box adds to the error of the free parameters
             of both halves [B, 2, L].
         I: inertial number, 5th and 95th percentile on each half [2, 2].
@@ -96,6 +97,8 @@ def laws_on_parts(member: Member, params: Tensor, theta: Tensor, step: int) -> l
         halves = [~second, second]
         ranges = [quantiles(shear.I[half], shear.told[half], [0.05, 0.95]) for half in halves]
         share = torch.stack([shear.told[half].sum() for half in halves]) / shear.told.sum()
+        unit = member.problem.pressure_unit
+        both = both.new_tensor([member.law.to_physical(half, unit) for half in both.tolist()])
         found.append(HalfLaws(splits[k].name, both, own, torch.stack(ranges), share))
     return found
 

@@ -31,6 +31,7 @@ class Problem:
         term_weights: 1/sigma^2 of each of the `TERMS`.
         mean_length: of the mean strain rate of shear bands (`equations.py`).
         noise: of the vectors, where the training follows it.
+        pressure_unit: the dimensionless pressure 1 in the units of the flow file.
     """
 
     spec: NetworkSpec
@@ -38,6 +39,7 @@ class Problem:
     term_weights: list[float]
     mean_length: float
     noise: VelocityNoise = NO_NOISE
+    pressure_unit: float = 1.0
 
     def velocity_factor(self, misfit: float) -> float:
         """Factor on the weight of the velocity, from the misfit of the pre-fit."""
@@ -92,6 +94,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         [sigma**-2 for sigma in sigmas],
         smallest / scales.length,
         VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
+        scales.pressure,
     )
 
 

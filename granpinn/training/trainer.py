@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -268,6 +268,11 @@ class Trainer:
         """params [P] and theta [N], after the last-layer step if there was one."""
         return self.solved.get(member) or self.trained(member)
 
+    def in_units(self, member: int, theta: Sequence[float]) -> list[float]:
+        """theta [N] of the law of a member in the units of its flow file."""
+        unit = self.objective.members[member].problem.pressure_unit
+        return self.objective.laws[member].to_physical(theta, unit)
+
     def trained(self, member: int = 0) -> tuple[Tensor, Tensor]:
         """params [P] and theta [N] after the steps: their averages, once there are any."""
         if self.averaged:
@@ -278,7 +283,9 @@ class Trainer:
         return params[member], theta[member, : len(self.objective.laws[member].parameters)]
 
     def rows(self, wall_s: float) -> list[Row]:
-        """The history row of every member for the step that was just made."""
+        """The history row of every member for the step that was just made, with its law in the
+        units of the flow file.
+        """
         assert self.last is not None
         step = self.step - 1
         rate = self.schedule.learning_rate(step) * self.config.optimizer.learning_rate
@@ -286,11 +293,9 @@ class Trainer:
         if self.schedule.in_prefit(step):
             terms = torch.cat([terms[:, :1], torch.full_like(terms[:, 1:], math.nan)], 1)
         values = torch.cat([self.last.loss[:, None], terms], 1).tolist()
-        theta = self.law_variables.theta.tolist()
-        return [
-            Row.of(
-                law,
-                [self.step, wall_s, *values[e], *theta[e][: len(law.parameters)], rate * scale],
-            )
-            for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True))
-        ]
+        found = []
+        for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True)):
+            theta = self.law_variables.theta[e, : len(law.parameters)].tolist()
+            own = self.in_units(e, theta)
+            found.append(Row.of(law, [self.step, wall_s, *values[e], *own, rate * scale]))
+        return found

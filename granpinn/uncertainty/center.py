@@ -50,6 +50,10 @@ def values_of(members: Members, law: Law = DEFAULT) -> Float64:
 
 
 def deviations(members: Members, law: Law = DEFAULT) -> Float64:
-    """(value - center) / first parameter of the center, of the members [K, len(law.free)]."""
+    """(value - center) / first parameter of the center, of the members [K, len(law.free)].
+
+    A cohesion has another unit than friction: its deviation is relative to its own center.
+    """
     middle = np.array(center(members, law))
-    return np.asarray((values_of(members, law) - middle) / middle[0])
+    unit = [middle[k if name == law.cohesion else 0] for k, name in enumerate(law.free)]
+    return np.asarray((values_of(members, law) - middle) / np.array(unit))

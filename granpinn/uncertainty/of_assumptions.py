@@ -71,8 +71,11 @@ def effects(
     theta = continued(trainer, copies, most)
     found: dict[int, tuple[Assumed, ...]] = {}
     for k, (e, assumption) in enumerate(asked):
-        pair = [None if t is None else np.array(t.tolist()) for t in theta[2 * k : 2 * k + 2]]
-        value = np.array(trainer.solution(e)[1].tolist())
+        pair = [
+            None if t is None else np.array(trainer.in_units(e, t.tolist()))
+            for t in theta[2 * k : 2 * k + 2]
+        ]
+        value = np.array(trainer.in_units(e, trainer.solution(e)[1].tolist()))
         law = trainer.objective.laws[e]
         found[e] = (*found.get(e, ()), _assumed(assumption, law, value, pair[0], pair[1]))
     return found

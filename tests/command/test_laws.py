@@ -47,6 +47,7 @@ def test_every_law_from_the_simulation_to_the_results(
     truth = read_flow(flow).truth
     assert truth is not None
     assert truth.law == name
+    # rho |g| H = 1 in this column
     assert truth.theta == tuple(p.typical for p in law.parameters)
     assert inspect.main([str(flow), "--law", name]) == 0
 
@@ -109,6 +110,7 @@ def test_the_range_of_a_free_curve_is_that_of_the_flow(flow_of: Simulate, tmp_pa
     ("words", "message"),
     [
         (("--law", "coulomb", "--rheology.fix", "mu_inf=1"), "the law coulomb holds no other"),
+        (("--law", "cohesive", "--rheology.fix", "c=1"), "the law cohesive holds no other"),
         (("--law", "power", "--rheology.fix", "b=1"), "the law power holds n fixed, got b"),
         (("--law", "free", "--rheology.fix", "I_low"), "must be NAME=NUMBER"),
         (("--law", "free", "--rheology.fix", "c1=1"), "holds I_low, I_high fixed, got c1"),

@@ -108,7 +108,7 @@ BAD = {
     "no recipe": ({"recipe": ["paper"]}, "--recipe must be one of"),
     "law": (
         {"law": "tresca"},
-        "--law must be one of mu_of_i, coulomb, regularised, power, free, got 'tresca'",
+        "--law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'tresca'",
     ),
     "unknown": ({"stepz": 3}, "unknown setting stepz"),
     "unknown in a section": ({"network__depth": 3}, "unknown setting network.depth"),

@@ -120,7 +120,7 @@ BAD = {
     "choice": ([*REQUIRED, "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
     "law": (
         [*REQUIRED, "--law", "mu"],
-        "--law must be one of mu_of_i, coulomb, regularised, power, free, got 'mu'",
+        "--law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'mu'",
     ),
     "negative sigma": ([*REQUIRED, "--weights.sigma_velocity", "-1"], "sigma_velocity must be"),
     "noise": ([*REQUIRED, "--noise", "-0.1"], "--noise must be in"),

@@ -84,7 +84,7 @@ def test_file_without_a_law_is_of_mu_of_i(tmp_path: Path) -> None:
     ("law", "message"),
     [
         (b"coulomb", "the law coulomb has the parameters mu_s, got mu_2: leave it out"),
-        (b"sand", "law must be one of mu_of_i, coulomb, regularised, power, free, got 'sand'"),
+        (b"sand", "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got"),
     ],
 )
 def test_law_that_does_not_fit_is_refused(law: bytes, message: str, tmp_path: Path) -> None:

@@ -31,10 +31,11 @@ THETA = {
     "coulomb": ((0.2, 0.5),),
     "regularised": ((0.2, 0.5), (0.5, 0.9), (0.2, 0.4), (0.02, 0.1), (1.5, 2.0), (0.01, 0.05)),
     "power": ((0.2, 0.5), (0.3, 0.9), (0.4, 1.5)),
+    "cohesive": ((0.2, 0.5), (0.5, 0.9), (0.2, 0.4), (0.02, 0.5)),
     "free": (*[(0.2, 0.9)] * 8, (0.005, 0.02), (0.1, 1.0)),
 }
 SWITCHES = {"regularised": [5], "free": [8, 9]}  # parameters that are an I where the slope jumps
-OTHERS = ("regularised", "power", "free")  # of the rows 3, 8, 13, ...
+OTHERS = ("regularised", "power", "free", "cohesive")  # of the rows 3, 8, 13, ...
 
 
 # Layers below this width are all alike. A bottleneck of one or two units makes all derivatives of
@@ -90,7 +91,7 @@ def configuration(index: int) -> Configuration:
         regime=("flowing", "low pressure", "slow")[index % 3],
         members=members,
         threads=int(rng.integers(1, 3)),
-        law={2: "coulomb", 3: OTHERS[(index // 5 + index // 15) % 3]}.get(index % 5, "mu_of_i"),
+        law={2: "coulomb", 3: OTHERS[(index // 5 + index // 20) % 4]}.get(index % 5, "mu_of_i"),
         side_wall=0.5 if index % 7 < 4 else 0.0,
     )
     while True:

@@ -16,7 +16,7 @@ import torch
 
 from granpinn.physics.laws import LAWS
 
-from .manufactured_laws import THETA, branches
+from .manufactured_laws import COHESION, THETA, branches
 
 x, y, t = sp.symbols("x y t", real=True)
 
@@ -56,9 +56,12 @@ FIELDS = {
     ),
 }
 
-# Every field with mu(I), and the other laws with one field.
+# Every field with mu(I), and the other laws with one field. Cohesive grains hold a stress under
+# tension too.
 CASES = [(name, "mu_of_i") for name in FIELDS] + [
-    ("shear layer", law) for law in LAWS if law != "mu_of_i"
+    ("falling column" if law in COHESION else "shear layer", law)
+    for law in LAWS
+    if law != "mu_of_i"
 ]
 
 
@@ -112,7 +115,7 @@ class Manufactured:
         for k, curve in enumerate(curves):
             value = sp.lambdify(I, curve(I), modules="numpy")(inertia[branch == k])
             mu[branch == k] = value
-        eta = mu * p / gamma_dot
+        eta = (mu * p + float(COHESION.get(self.law, 0))) / gamma_dot
         holds = {"floored": np.abs(p) < p_floor, "eta_min": eta < eta_min, "eta_max": eta > eta_max}
         chosen = np.full(len(points), "flowing", dtype=object)
         for name in ("floored", "eta_min", "eta_max"):
@@ -138,6 +141,7 @@ def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
     if form == "mixed" and name == "falling column":
         p = p + 1
     u_x, u_y, v_x, v_y = u.diff(x), u.diff(y), v.diff(x), v.diff(y)
+    c = COHESION.get(law, sp.Integer(0))
     friction = WALL * p / sp.sqrt(u**2 + v**2 + WALL_SPEED**2)
     inertial_u = u.diff(t) + u * u_x + v * u_y + p.diff(x) - G_X + friction * u
     inertial_v = v.diff(t) + u * v_x + v * v_y + p.diff(y) - G_Y + friction * v
@@ -145,7 +149,7 @@ def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
         rate = sp.Matrix([[u_x, (u_y + v_x) / 2], [(u_y + v_x) / 2, v_y]])
         gamma_dot = sp.sqrt(2 * sum(entry**2 for entry in rate) + SMOOTHING)
         eta = {
-            (kind, k): mu(D * gamma_dot / sp.sqrt(floored_p)) * p / gamma_dot
+            (kind, k): (c + mu(D * gamma_dot / sp.sqrt(floored_p)) * p) / gamma_dot
             for kind, floored_p in (("flowing", p), ("floored", P_FLOOR))
             for k, mu in enumerate(branches(law)[1])
         }
@@ -166,13 +170,13 @@ def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
         variants = {}
         for kind, floored_p in (("flowing", p), ("floored", P_FLOOR)):
             for k, curve in enumerate(branches(law)[1]):
-                mu = curve(D * gamma_dot / sp.sqrt(floored_p))
+                strength = c + curve(D * gamma_dot / sp.sqrt(floored_p)) * p
                 variants[kind, k] = [
                     inertial_u - (p * s_1).diff(x) - (p * s_2).diff(y),
                     inertial_v - (p * s_2).diff(x) + (p * s_1).diff(y),
                     u_x + v_y,
-                    limit * (gamma_dot * s_1 / mu - 2 * D_1),
-                    limit * (gamma_dot * s_2 / mu - 2 * D_2),
+                    limit * (gamma_dot * p * s_1 / strength - 2 * D_1),
+                    limit * (gamma_dot * p * s_2 / strength - 2 * D_2),
                 ]
         raw = [u / U, v / U, sp.log(sp.exp(p / P) - 1), s_1, s_2]
     return Manufactured(form, law, raw, p, gamma_dot, variants)

@@ -18,8 +18,11 @@ THETA = {
     "coulomb": (MU_S,),
     "regularised": (MU_S, MU_2, I_0, MU_INF, ALPHA, I_1),
     "power": (MU_S, B, N),
+    "cohesive": (MU_S, MU_2, I_0, sp.Rational(1, 8)),
     "free": (*C, I_LOW, I_HIGH),
 }
+
+COHESION = {"cohesive": THETA["cohesive"][3]}  # of the laws that have one
 
 Branch = Callable[[sp.Expr], sp.Expr]  # mu of I
 
@@ -27,7 +30,7 @@ Branch = Callable[[sp.Expr], sp.Expr]  # mu of I
 @cache
 def branches(law: str) -> tuple[tuple[float, ...], tuple[Branch, ...]]:
     """The values of I between two branches, ascending, and the branches, one more."""
-    if law == "mu_of_i":
+    if law in ("mu_of_i", "cohesive"):
         return (), (lambda I: MU_S + (MU_2 - MU_S) / (1 + I_0 / I),)  # noqa: E741
     if law == "coulomb":
         return (), (lambda I: MU_S + 0 * I,)  # noqa: E741

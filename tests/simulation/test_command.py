@@ -97,7 +97,7 @@ def test_module_of_the_command_is_callable_like_the_function() -> None:
         (["--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s, got I0"),
         (
             ["--law", "sand"],
-            "law must be one of mu_of_i, coulomb, regularised, power, free, got 'sand'",
+            "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'sand'",
         ),
         (["--d", "0"], "d must be in [1e-12, 1e+12], got 0.0"),
         (["--d", "nan"], "--d must be a number"),

@@ -28,6 +28,14 @@ def test_constant_friction_is_mu_of_i_with_equal_limits() -> None:
     assert np.abs(constant - state_of(Collapse(0.4, 0.64, **SMALL))).max() > 1e-3
 
 
+def test_the_cohesion_of_a_law_is_that_of_the_scene() -> None:
+    own = state_of(Collapse(0.4, 0.64, c=0.3, law="cohesive", **SMALL))
+    np.testing.assert_array_equal(own, state_of(Collapse(0.4, 0.64, cohesion=0.3, **SMALL)))
+    assert np.abs(own - state_of(Collapse(0.4, 0.64, **SMALL))).max() > 1e-3
+    with pytest.raises(ConfigError, match="has the cohesion c: give c in the place of cohesion"):
+        Collapse(law="cohesive", cohesion=0.3)
+
+
 def test_layer_slides_down_an_incline_like_a_block() -> None:
     """du/dt = g (sin - mu cos): under constant friction all shear is in the cell above the floor.
 
@@ -65,11 +73,13 @@ def test_settings_of_a_law() -> None:
         theta = tuple(parameter.typical for parameter in law.parameters)
         collapse = Collapse(**law_settings(law, theta), cells=64)
         assert (collapse.law, collapse.theta) == (law.name, theta)
-        assert Collapse(law=law.name).theta == theta
+        weight = 10.0  # rho |g| H of the paper's column
+        assert Collapse(law=law.name).theta == tuple(law.to_physical(theta, weight))
+        assert Collapse(**law_settings(law, theta, 0.2)).cohesion == (0 if law.cohesion else 0.2)
     with pytest.raises(ConfigError, match="the law coulomb has the parameters mu_s, got mu_2"):
         Collapse(0.4, 0.64, law="coulomb")
     with pytest.raises(
         ConfigError,
-        match="law must be one of mu_of_i, coulomb, regularised, power, free, got 'sand'",
+        match="law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got",
     ):
         Collapse(law="sand")

@@ -131,7 +131,7 @@ MISTAKES = [
          "- pushed_[k](i, j);"),
         ("factor", "friction.h", "return 1 / (c / eta_grains + (1 - c) / eta_air);",
          "return c * eta_grains + (1 - c) * eta_air;"),
-        ("missing term", "friction.h", "s.cohesion + friction.mu(", "friction.mu("),
+        ("missing term", "friction.h", "friction.cohesion + friction.mu(", "friction.mu("),
         ("factor", "poisson.h", "coarse.by_x(I, J) = S(0.5) * (by_x",
          "coarse.by_x(I, J) = S(0.1) * (by_x"),
     ]),

@@ -10,8 +10,16 @@
 // so that a law that errs by some per cent in fast grains does not outweigh slow ones.
 // D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2, gamma_dot = 2 sqrt(D_1^2 + D_2^2).
 // k p v / |v| is the friction of side walls (side_walls.h).
+// Cohesive grains (cohesion.h) have the yield stress Y = c + mu(I) p in the place of mu(I) p, so that
+//   r = w [gamma_dot s p / Y - 2 (D_1, D_2)].
+// tau = p s still holds, though |s| = mu + c/p grows without bound as p -> 0; r is finite there. The
+// other choice, tau = (p + c) s with |s| = Y / (p + c), is finite everywhere, but then the law
+// demands |tau| = c at a surface that deforms, beside the given p = 0: a traction of the size of c
+// on a free surface, which shifts p everywhere below by it, and so the found c by about mu c. With
+// tau = p s the traction is zero, and the law fails only in a layer of the thickness c / (rho g).
 #pragma once
 
+#include "../cohesion.h"
 #include "../fields.h"
 #include "../side_walls.h"
 
@@ -54,7 +62,8 @@ struct MixedForm {
     const R gamma_dot = square_root(two_D1 * two_D1 + two_D2 * two_D2 + T(1e-12));
     const R I = inertial_number(gamma_dot, p.p, c);
     const typename Law::template Jet<R> f(I, theta);
-    const R over_mu = R(T(1)) / f.mu, rate = gamma_dot * over_mu;
+    const OverFriction<Law, R> over(f.mu, p.p, theta);
+    const R rate = gamma_dot * over.mu;
     const R over_law_rate = R(T(1) / c.law_rate), fast = gamma_dot * over_law_rate;
     const R limit = R(T(1)) / square_root(R(T(1)) + fast * fast);
     e[3] = limit * (rate * s1[kValue] - two_D1);
@@ -66,7 +75,7 @@ struct MixedForm {
     a[3] = limit * a[3];
     a[4] = limit * a[4];
     const R rate_a = a[3] * s1[kValue] + a[4] * s2[kValue];
-    const R mu_a = -(rate_a * rate * over_mu);
+    const R mu_a = -(rate_a * rate * over.mu);
     f.adjoint(mu_a, theta_a);
     const R I_I_a = mu_a * f.I_dmu;  // I times its adjoint
     const R by_limit = limit * over_law_rate;
@@ -89,6 +98,12 @@ struct MixedForm {
         a[0] - (a[0] * s1[kValue] + a[1] * s2[kValue]),
         a[1] - (a[0] * s2[kValue] - a[1] * s1[kValue]),
     };
+    if constexpr (is_cohesive<Law>) {
+      // rate = gamma_dot p / Y, and Y = c + mu p
+      const R over_Y_a = rate_a * over.yield;
+      theta_a[Law::cohesion] = -(over_Y_a * rate);
+      p_a.p = p_a.p + over_Y_a * gamma_dot * (theta[Law::cohesion] * over.yield);
+    }
     add_side_walls_adjoint(u[kValue], v[kValue], p.p, c, a[0], a[1], z_a[0][kValue], z_a[1][kValue],
                            p_a.p);
     for (int i = 0; i < channels; ++i) {

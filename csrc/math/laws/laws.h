@@ -4,6 +4,7 @@
 
 #include <string_view>
 
+#include "cohesive.h"
 #include "coulomb.h"
 #include "free.h"
 #include "mu_of_i.h"
@@ -15,6 +16,7 @@
   ROW(coulomb, Coulomb)         \
   ROW(regularised, Regularised) \
   ROW(power, Power)             \
+  ROW(cohesive, Cohesive)       \
   ROW(free, Free)
 
 namespace granpinn {

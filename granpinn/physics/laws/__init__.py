@@ -3,11 +3,11 @@
 A user's own law is registered in `LAWS` while Python runs (granpinn/laws.py).
 """
 
-from granpinn.physics.laws import coulomb, free, mu_of_i, power, regularised
+from granpinn.physics.laws import cohesive, coulomb, free, mu_of_i, power, regularised
 from granpinn.physics.laws.law import Law, LawParameter
 
 LAWS: dict[str, Law] = {
-    module.LAW.name: module.LAW for module in (mu_of_i, coulomb, regularised, power, free)
+    module.LAW.name: module.LAW for module in (mu_of_i, coulomb, regularised, power, cohesive, free)
 }
 """Every law by its name; the first one is the default."""
 

@@ -62,6 +62,9 @@ class Law:
         friction: mu at (I, *theta).
         slope: I dmu/dI at (I, *theta).
         inertial_scale: name of the parameter that is the I at which the curve bends, if any.
+        cohesion: name of the parameter c of the yield stress c + mu(I) p, if any. c is a stress: it
+            has the unit of the pressure of the flow file; its start, bounds and typical value
+            are in units of rho |g| H (physics/scales.py).
         compiled: whether kernels and simulator have it (csrc/math/laws); others run in torch.
         curve: names of coefficients along ln I whose second differences are small for a smooth
             curve, if any.
@@ -75,6 +78,7 @@ class Law:
     slope: Curve
     inertial_scale: str | None = None
     curve: tuple[str, ...] = ()
+    cohesion: str | None = None
     compiled: bool = True
 
     @property
@@ -122,6 +126,19 @@ class Law:
         for low, high in pairwise(self.quantiles):
             if values[high] <= values[low]:
                 raise ValueError(f"{high} must be above {low} = {values[low]}, got {values[high]}")
+
+    def cohesion_of(self, theta: Values) -> Values:
+        """c of the yield stress c + mu(I) p, in the unit of theta; 0 for laws without cohesion."""
+        return theta[self.names.index(self.cohesion)] if self.cohesion else 0.0
+
+    def to_physical(self, theta: Sequence[float], pressure: float) -> list[float]:
+        """theta [N] of a training in the units of the flow file.
+
+        Args:
+            pressure: the unit of the pressure (`granpinn.physics.scales.Scales`).
+        """
+        named = zip(self.names, theta, strict=True)
+        return [value * pressure if name == self.cohesion else value for name, value in named]
 
     def admits(self, theta: Sequence[float]) -> bool:
         """Whether all parameters are positive and each "log_above" exceeds the one before it."""
