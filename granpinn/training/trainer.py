@@ -20,6 +20,7 @@ from granpinn.training.control_table import ControlTable, Position
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
+from granpinn.training.information import Information, information
 from granpinn.training.last_layer import last_layer
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Member, Objective
@@ -251,6 +252,12 @@ class Trainer:
         if member not in self.solved:
             return []
         return laws_on_parts(self._at_end(member), *self.solved[member], self.step)
+
+    def curve_information(self, member: int) -> Information | None:
+        """What the data tell of the free curve of a member; None without the last-layer step."""
+        if member not in self.solved:
+            return None
+        return information(self._at_end(member), *self.solved[member], self.step)
 
     def _at_end(self, e: int) -> Member:
         """A member with the weights of the end of the training, and its data on the device."""

@@ -11,6 +11,7 @@ of I in the flow, unless they are given.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from granpinn.physics.laws.arrays import LEAST_I, together
@@ -99,4 +100,16 @@ LAW = Law(
     friction=friction,
     slope=slope,
     curve=tuple(f"c{k}" for k in range(1, COEFFICIENTS + 1)),
+)
+
+COHESION = "c"
+"""The free curve with a cohesion, to ask data for both (granpinn/training/information.py)."""
+WITH_COHESION = dataclasses.replace(
+    LAW,
+    name="free_cohesive",
+    parameters=(*LAW.parameters, LawParameter(COHESION, "c", "c", start=0.0, may_vanish=True)),
+    friction=lambda I, *theta: friction(I, *theta[:-1]),  # noqa: E741
+    slope=lambda I, *theta: slope(I, *theta[:-1]),  # noqa: E741
+    cohesion=COHESION,
+    compiled=False,
 )
