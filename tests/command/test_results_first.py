@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -186,12 +187,15 @@ def test_a_kill_in_the_profile_leaves_it_pending(
 
 
 def test_a_figure_fails_alone(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    flow_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
 ) -> None:
+    figures("velocity", "evolution")
     error = RecursionError("deep\nand\x1b[2J long")
-    (title, _), evolution = album.FIGURES["velocity"], album.FIGURES["evolution"]
-    figures = {"velocity": (title, raising(error)), "evolution": evolution}
-    monkeypatch.setattr(album, "FIGURES", figures)
+    title, _ = album.FIGURES["velocity"]
+    monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
     monkeypatch.setattr("granpinn.report.film.shoot", raising(error))
     assert run(flow_file, "--out", tmp_path / "run", "--simulated_pressure.frames", 0) == 0
     page = (tmp_path / "run" / "report.html").read_text()
@@ -215,12 +219,12 @@ def test_the_page_fails_alone(
 
 
 def test_a_page_names_what_was_not_done(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    flow_file: Path, tmp_path: Path, figures: Callable[..., None]
 ) -> None:
+    figures()
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     lacking = dataclasses.replace(result, not_done=(NotDone("profile of I0", "a <b> reason"),))
     results.write_results(lacking, tmp_path / "results.json")
-    monkeypatch.setattr(album, "FIGURES", {})
     page = train.report.build(tmp_path).read_text()
     assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
 
