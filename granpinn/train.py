@@ -29,6 +29,7 @@ from pathlib import Path
 
 from granpinn import report, results
 from granpinn.command import flow_warnings
+from granpinn.command.answer import Answer
 from granpinn.command.arguments import parse
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
@@ -68,9 +69,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             nullcontext() if rank else owned(config.out),
             flow_warnings.in_one_line(),
         ):
-            result = _identify(config, rank)
+            answer = Answer()
+            result = _identify(config, rank, answer)
             if rank == 0:
-                result = _conclude(config, result)
+                result = _conclude(config, result, answer)
         missing = asked_for(result)
         for part in missing if rank == 0 else ():
             print(f"granpinn.train: {part}; the other results are valid", file=sys.stderr)
@@ -79,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return exit_codes.exit_code("train", run)
 
 
-def _identify(config: Config, rank: int) -> results.Result:
+def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
     """The result, with the profile of I0 if --free-I0 is set; every process takes part."""
     assert config.flow is not None
     assert config.out is not None
@@ -90,7 +92,7 @@ def _identify(config: Config, rank: int) -> results.Result:
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     flow = config.flow
-    result = identify(flow, config, run_dir=folder, progress=listener)
+    result = identify(flow, config, run_dir=folder, progress=listener, known=answer.show)
     if config.resimulate:
         result = pending(result, RESIMULATION)
     if not config.free_I0:
@@ -113,21 +115,23 @@ def _identify(config: Config, rank: int) -> results.Result:
     return having(result, PROFILE, profile=profile)
 
 
-def _conclude(config: Config, result: results.Result) -> results.Result:
+def _conclude(config: Config, result: results.Result, answer: Answer) -> results.Result:
     """Add the second opinion if --resimulate is set; write the results and the report."""
     assert config.out is not None
     folder = Path(config.out)
+    answer.show(result)
     if config.free_I0 or config.resimulate:
         results.write_results(result, folder / "results.json")
     if config.resimulate:
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
+        answer.show(result)
     page = attempt(REPORT, lambda: report.build(folder))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")
-    print(result)
-    if not isinstance(page, NotDone):
+        answer.show(result)
+    else:
         print(f"report: {page}")
     require_kept(folder)
     return result

@@ -4,6 +4,7 @@ import hashlib
 import importlib
 import os
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -40,6 +41,24 @@ def device(request: pytest.FixtureRequest) -> torch.device:
         if not torch.cuda.is_available():
             pytest.skip("torch finds no GPU")
     return torch.device(name)
+
+
+@pytest.fixture
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Training without the page: its figures have their own tests and take seconds."""
+    train = importlib.import_module("granpinn.train")
+    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+
+
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """`figures(*names)`: the page with these figures and those of checks; each takes a second."""
+    album = importlib.import_module("granpinn.figures.album")
+
+    def only(*names: str) -> None:
+        monkeypatch.setattr(album, "FIGURES", {name: album.FIGURES[name] for name in names})
+
+    return only
 
 
 @pytest.fixture(scope="session")

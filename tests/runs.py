@@ -26,6 +26,7 @@ TINY = {
     "network__widths": (9, 7),
     "batch__interior": 33,
     "batch__surface": 6,
+    "simulated_pressure__frames": 2,
 }
 
 

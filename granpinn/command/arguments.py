@@ -15,7 +15,7 @@ from typing import Any
 from granpinn.command.parser import Parser
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import Setting, flag_of, sections_of, without_none
-from granpinn.config.toml import read_toml
+from granpinn.config.toml import read_saved, read_toml
 from granpinn.config.values import NONE, convert
 from granpinn.physics.laws import LAWS
 from granpinn.simulation import demo_path
@@ -70,7 +70,7 @@ def parse(argv: Sequence[str]) -> Config:
         )
     saved = Path(flags.get("out") or values.get("out") or "") / "config.toml"
     if flags.get("resume", values.get("resume")) and saved.exists():
-        values = read_toml(saved) | values
+        values = read_saved(saved) | values
     config = Config(**(values | flags))
     if "I0" in flags and "I0" not in LAWS[config.law].names:
         raise ConfigError(f"the friction law {config.law} has no I0: leave --I0 out")

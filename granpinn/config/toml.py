@@ -14,6 +14,25 @@ from granpinn.config.values import NONE, typed
 RENAMED = {"walls": "side_walls"}  # sections of older versions
 
 
+class OtherVersionError(ConfigError):
+    """A file has a setting that only another version knows, named by `what`."""
+
+    def __init__(self, message: str, what: str) -> None:
+        super().__init__(message)
+        self.what = what
+
+
+def read_saved(path: Path) -> dict[str, Any]:
+    """Dotted settings of config.toml in the folder of a run that is to be resumed."""
+    try:
+        return read_toml(path)
+    except OtherVersionError as error:
+        raise ConfigError(
+            f"{path.parent} holds a run of another version of granpinn (its config.toml has "
+            f"{error.what}): resume it with that version, or begin anew with another --out"
+        ) from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Dotted settings of a TOML file."""
     try:
@@ -32,11 +51,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     for key, value in values.items():
         old = key.partition(".")[0]
         if old in RENAMED:
-            raise ConfigError(
-                f"{path} has the section [{old}], which is now [{RENAMED[old]}]: rename it there"
+            raise OtherVersionError(
+                f"{path} has the section [{old}], which is now [{RENAMED[old]}]: rename it there",
+                f"the section [{old}]",
             )
         if key not in known:
-            raise ConfigError(f"{path} has the unknown setting {key}: --help lists them all")
+            raise OtherVersionError(
+                f"{path} has the unknown setting {key}: --help lists them all",
+                f"the unknown setting {key}",
+            )
         _, optional = without_none(known[key].kind)
         value = None if optional and value == NONE else value
         values[key] = typed(value, known[key].kind, f"{path}: {key}")

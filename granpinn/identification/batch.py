@@ -20,6 +20,7 @@ from granpinn.identification.finish import (
     Concluded,
     conclude,
     with_assumptions,
+    with_comparisons,
     with_simulated_pressure,
 )
 from granpinn.identification.single import histories, prepare, start
@@ -119,7 +120,7 @@ def identify_many(
         with threads(max(1, _cores() // group.size)) as pool:
 
             def finished(member: Concluded) -> Result:
-                return with_simulated_pressure(member, run, pool)
+                return with_simulated_pressure(with_comparisons(member, run), run, pool)
 
             found = _side_by_side(finished, written, config.device)
     return found if group.size == 1 else _in_order(found, len(flows))

@@ -1,14 +1,17 @@
-"""From trained networks to the files of a run folder, in three steps.
+"""From trained networks to the files of a run folder, in four steps.
 
-`conclude` writes the values and the fields. Whatever follows can fail without harm to them:
-`with_assumptions` adds the effects of assumptions that the data do not contain, and with them the
-intervals; `with_simulated_pressure`, the pressure that a simulator gives. A law without uncertain
-assumptions has its intervals at once.
+`conclude` writes the values and the fields. Whatever follows can fail without harm to them, and is
+pending in the file until it is made:
+
+1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
+   intervals. A law without uncertain assumptions has its intervals at once.
+2. `with_comparisons`: what needs the final intervals. These are the momentum balance beside the
+   law, the parameters that the range of I determines, the curve, and the law on parts of the data.
+3. `with_simulated_pressure`: the pressure that a simulator gives.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -46,6 +49,7 @@ from granpinn.results.attempt import (
     BASELINE,
     DETERMINED,
     FIELDS,
+    LAW_CURVE,
     PARTS,
     PENDING,
     SCORES,
@@ -56,7 +60,6 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.parts import HalfLaws
 from granpinn.uncertainty import of_kind, of_parts
 from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
 from granpinn.uncertainty.of_assumptions import Assumption, without_effect
@@ -71,7 +74,6 @@ class Concluded(NamedTuple):
         uncertain: the assumptions whose effect is to come.
         maps: its fields; None if they were not made or not kept.
         shear: the points where grains shear; None without fields.
-        halves: the laws on parts of the data.
         folder: where the result is written; None: nowhere.
         keep_fields: whether fields.h5 is written.
     """
@@ -83,7 +85,6 @@ class Concluded(NamedTuple):
     uncertain: tuple[Assumption, ...]
     maps: Fields | None
     shear: Shear | NotDone | None
-    halves: list[HalfLaws] | NotDone
     folder: Path | None
     keep_fields: bool
 
@@ -98,7 +99,8 @@ def conclude(
 ) -> Concluded:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
-    It has no error bars as long as the effect of an assumption is to come.
+    The values are written before the fields are made. Error bars wait for the effect of uncertain
+    assumptions, and comparisons wait for the error bars.
 
     Args:
         simulate: whether a simulated pressure will follow if the settings ask for it.
@@ -113,28 +115,31 @@ def conclude(
     uncertain = () if e in run.trainer.diverged else assumptions_of(case)
     assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)
-    result = pending(result, ASSUMPTIONS) if uncertain else result
-    predicted = attempt(FIELDS, lambda: prediction.predict(case.flow, model))
-    maps = None if isinstance(predicted, NotDone) else predicted
-    if isinstance(predicted, NotDone):
-        result = lacking(result, predicted)
-    else:
-        result = _scored(result, case, model, predicted)
-        if simulate and case.config.simulated_pressure.frames:
-            result = pending(result, SIMULATED_PRESSURE)
-    cohesion = law.cohesion_of(result.theta)
-    shear = None if maps is None else attempt(DETERMINED, lambda: shear_of(maps, cohesion))
-    halves = attempt(PARTS, lambda: run.trainer.laws_on_parts(e))
-    result = _compared(result, case, shear, halves)
+    result = pending(result, *([ASSUMPTIONS] if uncertain else []), BASELINE)
+    if _has_parts(case, run, e):
+        result = pending(result, PARTS)
     if folder is not None:
-        _write_values(result, folder)
-        if keep_fields and maps is not None:
-            write_fields(maps, folder / "fields.h5")
+        _write_values(pending(result, FIELDS), folder)
         if len(cases) > 1:
             shown = parts_of(folder, len(cases))[place]
             with replacing(folder / "history.csv") as temporary:
                 shutil.copyfile(shown / "history.csv", temporary)
-    return Concluded(result, case, model, e, uncertain, maps, shear, halves, folder, keep_fields)
+    predicted = attempt(FIELDS, lambda: prediction.predict(case.flow, model))
+    maps = shear = None
+    if isinstance(predicted, NotDone):
+        result = lacking(result, predicted)
+    else:
+        maps = predicted
+        result = pending(_scored(result, case, model, maps), DETERMINED, LAW_CURVE)
+        cohesion = law.cohesion_of(result.theta)
+        shear = attempt(DETERMINED, lambda: shear_of(predicted, cohesion))
+        if simulate and case.config.simulated_pressure.frames:
+            result = pending(result, SIMULATED_PRESSURE)
+    if folder is not None:
+        _write_values(result, folder)
+        if keep_fields and maps is not None:
+            write_fields(maps, folder / "fields.h5")
+    return Concluded(result, case, model, e, uncertain, maps, shear, folder, keep_fields)
 
 
 def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[Concluded]:
@@ -155,13 +160,32 @@ def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[
             result = lacking(c.result, found)
         else:
             assumed, result = found[c.place], having(c.result, ASSUMPTIONS)
-        result = conclusion.with_assumptions(result, c.case, assumed)
-        result = _compared(result, c.case, c.shear, c.halves)
-        if c.folder is not None:
-            _write_values(result, c.folder)
-        return c._replace(result=result, uncertain=())
+        return _kept(c, conclusion.with_assumptions(result, c.case, assumed))
 
     return [made(c) for c in concluded]
+
+
+def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
+    """The result with the momentum balance, what its range of I determines, its curve and its law
+    on parts of the data, written to its folder.
+    """
+    case, place, shear = concluded.case, concluded.place, concluded.shear
+    result = _with_baseline(concluded.result, case)
+    if isinstance(shear, NotDone):
+        result = having(lacking(result, shear), LAW_CURVE)
+    elif shear is not None:
+        result = with_law_curve(_with_range(result, case, shear.I), shear)
+    concluded = _kept(concluded, result)
+    if not _has_parts(case, run, place):
+        return concluded
+
+    def on_parts() -> Result:
+        level, kind = case.config.level, _kind(result, case)
+        return of_parts.judged(result, run.trainer.laws_on_parts(place), level, kind)
+
+    made = attempt(PARTS, on_parts)
+    made = lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
+    return _kept(concluded, made)
 
 
 def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Result:
@@ -200,20 +224,6 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     return having(result, SCORES, **scores._asdict())
 
 
-def _compared(
-    result: Result, case: Case, shear: Shear | NotDone | None, halves: list[HalfLaws] | NotDone
-) -> Result:
-    """The result with the momentum balance, what its range of I determines, its curve and its law
-    on parts of the data.
-    """
-    result = _with_baseline(dataclasses.replace(result, determined=None), case)
-    if isinstance(shear, NotDone):
-        result = lacking(result, shear)
-    elif shear is not None:
-        result = with_law_curve(_with_range(result, case, shear.I), shear)
-    return _with_parts(result, case, halves)
-
-
 def _with_range(result: Result, case: Case, number: Floats) -> Result:
     """The result without the parameters that its range of I, or its walls, do not determine.
 
@@ -250,15 +260,9 @@ def _kind(result: Result, case: Case) -> str | None:
     return of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
 
 
-def _with_parts(result: Result, case: Case, halves: list[HalfLaws] | NotDone) -> Result:
-    """The result with the law on parts of its data, where the flow determines a law at all."""
-    if isinstance(halves, NotDone):
-        return lacking(result, halves)
-    if undetermined(case.seen, case.config.level) is not None:
-        return result
-    level, kind = case.config.level, _kind(result, case)
-    made = attempt(PARTS, lambda: of_parts.judged(result, halves, level, kind))
-    return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
+def _has_parts(case: Case, run: TrainingLoop, place: int) -> bool:
+    """Whether there is a law to solve for on parts of the data."""
+    return place in run.trainer.solved and undetermined(case.seen, case.config.level) is None
 
 
 def _with_baseline(result: Result, case: Case) -> Result:
@@ -267,6 +271,13 @@ def _with_baseline(result: Result, case: Case) -> Result:
     if isinstance(found, NotDone):
         return lacking(result, found)
     return having(balance.judged(result, found), BASELINE)
+
+
+def _kept(concluded: Concluded, result: Result) -> Concluded:
+    """`concluded` with another result, written to its folder."""
+    if concluded.folder is not None:
+        _write_values(result, concluded.folder)
+    return concluded._replace(result=result)
 
 
 def _write_values(result: Result, folder: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from granpinn.config import Config, ConfigError
@@ -17,6 +17,7 @@ from granpinn.identification.finish import (
     conclude,
     parts_of,
     with_assumptions,
+    with_comparisons,
     with_simulated_pressure,
 )
 from granpinn.inspection.confined import undetermined
@@ -39,6 +40,7 @@ def identify(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     law: Law | None = None,
+    known: Callable[[Result], None] | None = None,
 ) -> Result:
     """Identify the friction law of a flow, with its velocity and pressure fields.
 
@@ -51,6 +53,7 @@ def identify(
             without it nothing is written.
         progress: a listener, by default none; `granpinn.training.progress.automatic()` shows a bar.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
+        known: called with the result once its law is known, before the simulated pressure.
 
     Raises:
         FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
@@ -78,6 +81,9 @@ def identify(
     if together.rank > 0:
         return conclude(cases, run, 0).result
     (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
+    concluded = with_comparisons(concluded, run)
+    if known is not None:
+        known(concluded.result)
     with threads(len(os.sched_getaffinity(0))) as pool:
         return with_simulated_pressure(concluded, run, pool)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.walls import segments_of
 
@@ -15,6 +16,9 @@ NEAR = 0.5  # spacings between a wall of the file and one of the simulator
 
 def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
     """Why the walls of a flow are not those of the simulator; None if they are, or none are stated.
+
+    Every stated wall must be one of the simulator, and a stated floor must reach as far as the
+    grains: beside it may be an opening.
 
     Args:
         box_width: of the box in the file, None if it states none.
@@ -25,11 +29,31 @@ def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
     dx, dy = (float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
     x, y = walls.ends[..., 0], walls.ends[..., 1]
     known = (np.abs(y) <= NEAR * dy).all(axis=1)
+    floor = known
     for place in (0.0, box_width):
         if place is not None:
-            known |= (np.abs(x - place) <= NEAR * dx).all(axis=1)
+            known = known | (np.abs(x - place) <= NEAR * dx).all(axis=1)
     still = (walls.velocity == 0).all(axis=(1, 2))
     if bool((known & still).all()):
-        return None
+        return _open_floor(flow, x[floor], dx, dy)
     name = walls.name(int(walls.wall[np.argmin(known & still)]))
     return f"the simulator does not have {name} of the file"
+
+
+def _open_floor(flow: Flow, floor: Float64, dx: float, dy: float) -> str | None:
+    """Why the stated floor is not that of the simulator; None if it lies under all grains.
+
+    Args:
+        floor: x of both ends of the segments on y = 0 [n, 2].
+    """
+    if flow.y[0] > dy:  # the window begins above the floor
+        return None
+    stands = (flow.c[:, 0] >= 0.5).any(axis=0)
+    near = np.sort(floor, axis=1) + np.array([-dx, dx])
+    under = ((flow.x[:, None] >= near[:, 0]) & (flow.x[:, None] <= near[:, 1])).any(axis=1)
+    bare = flow.x[stands & ~under]
+    if not bare.size:
+        return None
+    return (
+        f"the simulator has a floor at x = {bare[0]:.4g}, where the walls of the file leave it open"
+    )

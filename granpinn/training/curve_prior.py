@@ -32,7 +32,6 @@ from torch import Tensor
 from granpinn.physics.laws import Law
 
 PARTS = 4  # of the range of x, of y and of t, for the blocks
-BLOCKS = PARTS**3
 LEAST, MOST, COUNT = 1e-2, 1e10, 121  # values of lambda
 
 
@@ -61,14 +60,6 @@ def block_scores(
         part = scores.new_zeros(len(scores), len(i)).index_add_(0, block[rows], J * r[:, None])
         scores[:, i] += part
     return scores
-
-
-def blocks(points: Tensor) -> Tensor:
-    """The number [N] of the block of each point (x, y, t) [N, 3]: boxes of their range."""
-    low, high = points.amin(0), points.amax(0)
-    width = torch.where(high > low, high - low, torch.ones_like(low)) / PARTS
-    place = ((points - low) / width).long().clamp(0, PARTS - 1)
-    return (place[:, 0] * PARTS + place[:, 1]) * PARTS + place[:, 2]
 
 
 def strength(A: Tensor, b: Tensor, scores: Tensor, theta: Tensor, D: Tensor, ridge: float) -> float:

@@ -30,6 +30,7 @@ from granpinn.data import TrainingSet
 from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
+from granpinn.training.boxes import Boxes
 from granpinn.training.elimination import RIDGE, solve
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
@@ -145,17 +146,24 @@ class Sums:
 
     def scores(self, at: Unknowns) -> Tensor:
         """The parts of J^T r from each block of points [B, K], see curve_prior.py."""
-        F, (points, velocity, weights) = at.C.shape[1], self.data.measured
+        F, points = at.C.shape[1], self.data.measured[0]
         every = torch.cat([self.data.points, self.data.surface_points, points])
-        rest, measured = curve_prior.blocks(every).tensor_split([len(every) - len(points)])
-        found = at.C.new_zeros(curve_prior.BLOCKS, 5 * F + len(self.free))
+        blocks = Boxes(every.amin(0), every.amax(0), curve_prior.PARTS)
+        rest, measured = blocks.number(every).tensor_split([len(every) - len(points)])
+        found = at.C.new_zeros(blocks.total, 5 * F + len(self.free))
+        for rows, h, e, w in self.vectors(at):
+            by_C = ((w * e)[:, :, None] * h[:, None]).flatten(1)
+            found[:, : 2 * F].index_add_(0, measured[rows], by_C)
+        return curve_prior.block_scores(self.jacobians(at), found, rest)
+
+    def vectors(self, at: Unknowns) -> Iterator[tuple[slice, Tensor, Tensor, Tensor]]:
+        """Of the measured vectors, in chunks: which they are, h [n, F], the residual of u and v
+        over U [n, 2] and its weight in the loss [n, 1]."""
+        points, velocity, weights = self.data.measured
         for rows in chunks(points):
             h = self.features.jet(points[rows], 0)[0]
             e = h @ at.C[:2].T - velocity[rows] / self.physics.velocity_scale
-            e = e * (self.velocity_weight * weights[rows] / len(points))[:, None]
-            by_C = (e[:, :, None] * h[:, None]).flatten(1)
-            found[:, : 2 * F].index_add_(0, measured[rows], by_C)
-        return curve_prior.block_scores(self.jacobians(at), found, rest)
+            yield rows, h, e, self.velocity_weight / len(points) * weights[rows, None]
 
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
         """J^T J [K, K] and J^T r [K]; K = 5 F + L: C row by row, then the free parameters."""

@@ -26,11 +26,12 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.rheology import inertial_number
+from granpinn.training.boxes import Boxes
 from granpinn.training.equations import SMOOTHING
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.parts_system import Boxes, System
+from granpinn.training.parts_system import System
 from granpinn.training.splits import quantiles, splits_of
 
 FEWER = 4  # times fewer points than in the last-layer step
@@ -85,8 +86,8 @@ def laws_on_parts(member: Member, params: Tensor, theta: Tensor, step: int) -> l
     solutions = [found for found in solved if found is not None]
     if not kept:
         return []
-    boxes = [Boxes(member, count) for count in BOXES]
-    influence = system.influence(kept, solutions, boxes, features)
+    boxes = [Boxes(member.data.lower, member.data.upper, count) for count in BOXES]
+    influence = system.influence(kept, solutions, boxes)
     found = []
     L, free = len(sums.free), sums.free
     for k, (x_k, _), own in zip(kept, solutions, influence, strict=True):

@@ -11,30 +11,13 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from granpinn.training.boxes import Boxes
 from granpinn.training.elimination import factor
-from granpinn.training.features import Features
-from granpinn.training.last_layer import Sums, Unknowns, chunks
-from granpinn.training.objective import Member
+from granpinn.training.last_layer import Sums, Unknowns
 from granpinn.training.rows import Row
 from granpinn.training.splits import Halves
 
 SHARED, OWN = 2, 3  # fields with one last layer (u, v), and with one for each half (p, s_1, s_2)
-
-
-class Boxes:
-    """Equal boxes between the bounds of the points."""
-
-    def __init__(self, member: Member, count: int) -> None:
-        data = member.data
-        self.lower, self.count = data.lower.double(), count
-        self.size = (data.upper.double() - self.lower).clamp_min(1e-30) / count
-        self.total = count**3
-
-    def number(self, points: Tensor) -> Tensor:
-        """The number of the box of each of the points [n]."""
-        lower, size = self.lower.to(points.device), self.size.to(points.device)
-        k = ((points.double() - lower) / size).long().clamp(0, self.count - 1)
-        return (k[:, 0] * self.count + k[:, 1]) * self.count + k[:, 2]
 
 
 class System:
@@ -151,7 +134,6 @@ class System:
         kept: list[int],
         solutions: list[tuple[Tensor, Tensor]],
         boxes: list[Boxes],
-        features: Features,
     ) -> list[tuple[Tensor, ...]]:
         """What every box adds to the error of the laws, by splits and sizes of boxes."""
         m = 2 * self.L
@@ -169,7 +151,7 @@ class System:
                     moved = self._along(row, k, X)
                     r = row.residual + moved[:, 0]
                     add(n, where, moved[:, 1:] * r[:, None])
-        self._add_vectors(every, features, add)
+        self._add_vectors(every, add)
         return [
             tuple(total[total.abs().sum(1) > 0].view(-1, 2, self.L) for total in own)
             for own in sums
@@ -178,22 +160,16 @@ class System:
     def _add_vectors(
         self,
         every: list[Tensor],
-        features: Features,
         add: Callable[[int, Tensor, Tensor], None],
     ) -> None:
         """The part of the measured velocity in `influence`."""
-        U, measured = self.sums.physics.velocity_scale, self.sums.data.measured
-        every_point, velocity, weights = measured
-        for rows in chunks(every_point):
-            points = every_point[rows]
-            h = features.jet(points, 0)[0]
-            w = self.sums.velocity_weight / len(every_point) * weights[rows, None]
-            residual = h @ self.at.C[:SHARED].T - velocity[rows] / U
+        points = self.sums.data.measured[0]
+        for rows, h, residual, w in self.sums.vectors(self.at):
             for n, X in enumerate(every):
                 by_C = X[: SHARED * self.F].view(SHARED, self.F, -1)
                 moved = torch.einsum("nf,cfm->ncm", h, by_C)
                 r = w * (residual + moved[..., 0])
-                add(n, points, (r[..., None] * moved[..., 1:]).sum(1))
+                add(n, points[rows], (r[..., None] * moved[..., 1:]).sum(1))
 
     def _along(self, row: Row, k: int, X: Tensor) -> Tensor:
         """The change of a row along directions X [K_k, m] of the unknowns of a split: [n, m]."""

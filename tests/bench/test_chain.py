@@ -26,6 +26,8 @@ TINY = [
     "64",
     "--batch.surface",
     "16",
+    "--simulated_pressure.frames",
+    "0",
 ]
 
 

@@ -38,9 +38,8 @@ NO_BOUND = {"mu_s_percent": None, "mu_2_percent": None}  # where J has no inform
 
 
 def tiny() -> Config:
-    return Config(
-        steps=20, network__widths=(6, 5), batch__interior=16, batch__surface=4, device="cpu"
-    )
+    small = {"network__widths": (6, 5), "batch__interior": 16, "batch__surface": 4}
+    return Config(steps=20, simulated_pressure__frames=0, device="cpu", **small)
 
 
 def result(mu_s: float, mu_2: float, I0: float, seed: int, loss: float) -> Result:

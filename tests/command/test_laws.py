@@ -16,6 +16,7 @@ from granpinn.training.history import columns
 
 COMMANDS = ("inspect", "simulate", "train")
 inspect, simulate, train = (import_module(f"granpinn.{name}") for name in COMMANDS)
+SHORT = ("--steps", "2", "--network.widths", "6,5", "--batch.interior", "16")
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
 CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")
 COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "30")
@@ -73,7 +74,11 @@ def test_every_law_from_the_simulation_to_the_results(
     assert header == ",".join(columns(law))
 
 
-def test_the_report_of_a_free_curve(flow_of: Simulate, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("no_report")
+def test_the_report_of_a_free_curve(
+    flow_of: Simulate, tmp_path: Path, figures: Callable[..., None]
+) -> None:
+    figures("friction_law", "inertial_number", "evolution")
     words = [str(flow_of("free")), "--out", str(tmp_path / "run"), "--law", "free", *SMALL]
     assert train.main([*words, "--resimulate", *CELLS, "--simulated_pressure.frames", "0"]) == 0
     assert report.main([str(tmp_path / "run")]) == 0
@@ -97,7 +102,7 @@ def test_the_range_of_a_free_curve_is_that_of_the_flow(flow_of: Simulate, tmp_pa
     found = []
     for k, more in enumerate(((), ("--seed", "1"), ("--rheology.fix", "I_high=0.7"))):
         run = tmp_path / str(k)
-        words = (str(flow_of("mu_of_i")), "--out", str(run), "--law", "free", *SMALL, *more)
+        words = (str(flow_of("mu_of_i")), "--out", str(run), "--law", "free", *SHORT, *more)
         assert train.main([*words, "--simulated_pressure.frames", "0"]) == 0
         parameters = json.loads((run / "results.json").read_text())["parameters"]
         found.append([parameters[name]["value"] for name in ("I_low", "I_high")])

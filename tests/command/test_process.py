@@ -16,7 +16,6 @@ from granpinn.command import cli, exit_codes
 from granpinn.command.exit_codes import exit_code
 from granpinn.data import read_flow
 from granpinn.errors import BadInput, CannotGoOn, Interrupted
-from granpinn.simulation import demo_path
 
 COMMANDS = [name for name in cli.VERBS if name != "completion"]
 HEAVY = [name for name in COMMANDS if name != "doctor"]  # the doctor imports nothing at its start
@@ -26,7 +25,7 @@ OUTPUTS = {
     "completion": ["completion", "--help"],
     "help": ["--help"],
     "help of a verb": ["train", "--help"],
-    "inspect": ["inspect", str(demo_path())],
+    "inspect": ["inspect", "FLOW"],
     "version": ["--version"],
 }
 SIMULATION = ["--cells", "64", "--frames", "2", "--t-end", "0.2", "--threads", "1", "--stride", "2"]
@@ -97,9 +96,10 @@ def test_a_library_that_is_broken_is_one_sentence(
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
 @pytest.mark.parametrize("what", OUTPUTS)
 def test_a_stdout_that_cannot_be_written_is_one_sentence(
-    what: str, target: str, unbuffered: str
+    what: str, target: str, unbuffered: str, flow_file: Path
 ) -> None:
-    done = with_stdout(target, OUTPUTS[what], unbuffered)
+    words = [str(flow_file) if word == "FLOW" else word for word in OUTPUTS[what]]
+    done = with_stdout(target, words, unbuffered)
     assert done.returncode == 1
     verb = OUTPUTS[what][0]
     program = "granpinn" if verb.startswith("-") else f"granpinn.{verb}"

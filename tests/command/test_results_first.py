@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,25 +18,29 @@ from granpinn.identification import finish, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
 from granpinn.results import NotDone
-from granpinn.results.attempt import PENDING, attempt
+from granpinn.results.attempt import ASSUMPTIONS, BASELINE, FIELDS, PARTS, PENDING, attempt
 from granpinn.second_opinion import resimulation, simulated_pressure
 from granpinn.simulation import SimulationError
+from granpinn.training.trainer import Trainer
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
-ERRORS = [
+STAGE_ERRORS = [
     MemoryError("Unable to allocate 31 GiB"),
     SimulationError("the pressure did not converge"),
+    RecursionError("deep\nand\x1b[2J long"),
+]
+ERRORS = [
+    *STAGE_ERRORS,
     FloatingPointError("overflow"),
     ZeroDivisionError("division by zero"),
     RuntimeError("can't start new thread"),
     KeyError("a bug"),
-    RecursionError("deep\nand\x1b[2J long"),
     AssertionError(),
 ]
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("error", STAGE_ERRORS, ids=lambda e: type(e).__name__)
 @pytest.mark.usefixtures("no_report")
 def test_the_simulated_pressure_fails_alone(
     error: Exception,
@@ -58,6 +63,35 @@ def test_the_simulated_pressure_fails_alone(
     assert result.parameters.mu_s.value > 0
     assert result.error_percent.velocity is not None
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
+
+
+def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: list[results.Result] = []
+
+    def look(*args: Any) -> Any:
+        found.append(results.read_results(tmp_path / "results.json"))
+        raise MemoryError
+
+    monkeypatch.setattr(prediction, "predict", look)
+    monkeypatch.setattr(Trainer, "laws_on_parts", look)
+    last = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
+    without_fields, without_parts = found
+    pending = (ASSUMPTIONS, BASELINE, FIELDS, PARTS)
+    assert missing(without_fields) == dict.fromkeys(pending, PENDING)
+    assert without_fields.theta == last.theta
+    why = "there is not enough memory"
+    assert missing(without_parts) == {FIELDS: why, PARTS: PENDING}
+    assert without_parts.baseline == last.baseline is not None
+    assert missing(last) == {FIELDS: why, PARTS: why}
+
+
+def test_no_law_on_parts_where_there_is_none(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Trainer, "laws_on_parts", raising(AssertionError()))
+    monkeypatch.setattr(finish, "undetermined", lambda flow, level: "nothing fixes the pressure")
+    result = identify(flow, tiny(steps=3))
+    assert (result.parts, result.not_done) == (None, ())
 
 
 def test_everything_is_on_disk_when_the_simulator_begins(
@@ -118,19 +152,17 @@ def test_fields_that_cannot_be_made_leave_the_values(
     assert result.loss is not None
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
 @pytest.mark.parametrize("flag", ["--free-I0", "--resimulate"])
 @pytest.mark.usefixtures("no_report")
 def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     flag: str,
-    error: Exception,
     flow_file: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(train, "profile_I0", raising(error))
-    monkeypatch.setattr(resimulation, "resimulate", raising(error))
+    monkeypatch.setattr(train, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", flag) == 1
     out, err = capsys.readouterr()
     assert "Traceback" not in err
@@ -154,18 +186,16 @@ def test_a_kill_in_the_profile_leaves_it_pending(
     }
 
 
-@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
 def test_a_figure_fails_alone(
-    error: Exception, flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    flow_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
 ) -> None:
+    figures("velocity", "evolution")
+    error = RecursionError("deep\nand\x1b[2J long")
     title, _ = album.FIGURES["velocity"]
-    for name, (words, _) in album.FIGURES.items():
-        draw = (
-            raising(error)
-            if name == "velocity"
-            else lambda s: album.curves.evolution(s.result, s.history)
-        )
-        monkeypatch.setitem(album.FIGURES, name, (words, draw))
+    monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
     monkeypatch.setattr("granpinn.report.film.shoot", raising(error))
     assert run(flow_file, "--out", tmp_path / "run", "--simulated_pressure.frames", 0) == 0
     page = (tmp_path / "run" / "report.html").read_text()
@@ -188,7 +218,10 @@ def test_the_page_fails_alone(
     assert "no report: RuntimeError: no page today" in capsys.readouterr().out
 
 
-def test_a_page_names_what_was_not_done(flow_file: Path, tmp_path: Path) -> None:
+def test_a_page_names_what_was_not_done(
+    flow_file: Path, tmp_path: Path, figures: Callable[..., None]
+) -> None:
+    figures()
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     lacking = dataclasses.replace(result, not_done=(NotDone("profile of I0", "a <b> reason"),))
     results.write_results(lacking, tmp_path / "results.json")
@@ -237,6 +270,15 @@ def test_a_bug_in_one_member_leaves_the_files_of_the_others(
     with pytest.raises(KeyError, match="a bug"):
         identify_many([flow] * 2, tiny(), [0, 1], run_dir=tmp_path)
     assert results.read_results(tmp_path / "001" / "results.json").seed == 1
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
+def test_every_error_of_a_part_is_one_sentence(error: Exception) -> None:
+    found = attempt("report", raising(error))
+    assert isinstance(found, NotDone)
+    assert found.what == "report"
+    assert found.why.isprintable()
+    assert found.why
 
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:

@@ -25,12 +25,7 @@ from granpinn.training.guard import NonFiniteError
 from tests.flows import make_flow
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
-
-
-@pytest.fixture
-def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The figures have their own tests and take seconds."""
-    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+FLAGS += ["--simulated_pressure.frames", "2"]
 
 
 def run(*argv: object) -> int:

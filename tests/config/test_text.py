@@ -88,6 +88,26 @@ def test_a_resumed_run_takes_its_settings_from_its_folder(tmp_path: Path) -> Non
     assert resumed == dataclasses.replace(config, resume=True)
 
 
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        ("[walls]\nfriction = 0.1", "the section [walls]"),
+        ("[weights]\nnoise_part = 1", "the unknown setting weights.noise_part"),
+    ],
+)
+def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_path: Path) -> None:
+    (tmp_path / "config.toml").write_text(content)
+    with pytest.raises(ConfigError) as error:
+        parse(["--out", str(tmp_path), "--resume"])
+    assert str(error.value) == (
+        f"{tmp_path} holds a run of another version of granpinn (its config.toml has {what}): "
+        "resume it with that version, or begin anew with another --out"
+    )
+    (tmp_path / "config.toml").write_text("steps = ")
+    with pytest.raises(ConfigError, match="could not be read as TOML"):
+        parse(["--out", str(tmp_path), "--resume"])
+
+
 def test_none_is_a_value_of_optional_settings() -> None:
     config = parse([*REQUIRED, "--steps", "none", "--max-time", "60"])
     assert config.steps is None

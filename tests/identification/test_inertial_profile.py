@@ -164,15 +164,13 @@ def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) 
     assert found.weights["momentum"] == pytest.approx(0.05**-2)
 
 
+@pytest.mark.usefixtures("no_report")
 def test_the_command_says_it_and_writes_it(
-    flow_file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
     flags = ["--steps", "20", "--log-every", "10", "--network.widths", "6,5"]
     flags += ["--profile.values", "3", "--profile.seeds", "2", "--batch.interior", "16"]
+    flags += ["--simulated_pressure.frames", "0"]
     out = tmp_path / "run"
     assert train.main([str(flow_file), "--out", str(out), "--free-I0", *flags]) == 0
     found = results.read_results(out / "results.json")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +65,10 @@ def test_fields_without_stress_are_a_reason(contents: Contents) -> None:
     assert with_law_curve(made, contents.fields).not_done == ()
 
 
-def test_a_run_of_an_earlier_version_gets_its_curve(folder: Path, contents: Contents) -> None:
+def test_a_run_of_an_earlier_version_gets_its_curve(
+    folder: Path, contents: Contents, figures: Callable[..., None]
+) -> None:
+    figures("friction_law")
     path = folder / "results.json"
     content = json.loads(path.read_text())
     content["law"] = {"name": "mu_of_i"}

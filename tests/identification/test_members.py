@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -126,7 +127,10 @@ def test_the_result_is_the_center_of_the_members(flow: Flow, tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("all_settings_calibrated")
-def test_its_folder_is_that_of_a_run_and_has_a_report(flow: Flow, tmp_path: Path) -> None:
+def test_its_folder_is_that_of_a_run_and_has_a_report(
+    flow: Flow, tmp_path: Path, figures: Callable[..., None]
+) -> None:
+    figures()
     folder = tmp_path / "run"
     found = identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
     assert found.members is not None

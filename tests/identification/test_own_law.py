@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +104,8 @@ def test_a_law_is_known_once_it_is_registered() -> None:
 # ---- the identification --------------------------------------------------------------------------
 
 
-def test_from_python_to_the_files_of_a_run(tmp_path: Path) -> None:
+def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[..., None]) -> None:
+    figures("friction_law")
     law = laws.Law("linear", linear, UNKNOWNS, title="linear law")
     result = granpinn.identify(make_flow(), Config(**SETTINGS), law=law, run_dir=tmp_path)
     assert list(result.parameters) == ["mu_s", "b"]

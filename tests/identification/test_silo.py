@@ -32,6 +32,7 @@ def test_inspect_warns_of_the_walls_first(path: Path) -> None:
     assert f"the grains hang between {SIDES}" in str(found.numbers())
 
 
+@pytest.mark.usefixtures("no_report")
 def test_train_has_a_law_without_error_bars_and_verdict(
     path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -133,8 +133,12 @@ def test_depth_without_a_surface_line(flow: Flow) -> None:
 
 
 def test_the_command_has_both_opinions(
-    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flow: Flow,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    figures: Callable[..., None],
 ) -> None:
+    figures()
     write_flow(flow, tmp_path / "chute.h5")
     flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
     assert train.main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0

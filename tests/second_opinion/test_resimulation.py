@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -189,7 +190,9 @@ def test_the_command_shows_it(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
 ) -> None:
+    figures()
     monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
     flags = [
         "--steps",
@@ -219,8 +222,12 @@ def test_the_command_shows_it(
 
 
 def test_a_free_I0_is_fitted_by_the_simulator_too(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    flow_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
 ) -> None:
+    figures()
     monkeypatch.setattr(train, "profile_I0", lambda *_, **__: None)
     monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
     out = tmp_path / "run"

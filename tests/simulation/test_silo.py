@@ -130,6 +130,18 @@ def test_second_opinions_have_no_silo(short: granpinn.Flow) -> None:
     assert (summary.objection, comparison) == (reason, None)
 
 
+def test_half_a_silo_is_refused_for_its_opening(short: granpinn.Flow) -> None:
+    """All of its walls are the simulator's, but the floor of the simulator has no opening."""
+    assert short.walls is not None
+    end = float(short.walls.x[short.walls.x < short.x.mean()].max())  # of the floor on the left
+    half = Walls(np.array([0.0, 0.0, end]), np.array([60.0, 0.0, 0.0]))
+    objection = str(initial_column(dataclasses.replace(short, walls=half)))
+    assert objection.startswith("the simulator has a floor at x = ")
+    assert objection.endswith(", where the walls of the file leave it open")
+    at = float(objection.partition("x = ")[2].partition(",")[0])
+    assert end < at < end + 3 * (short.x[1] - short.x[0])
+
+
 def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
     """A file may state the floor, the left wall and the right one, at its box_width."""
     flow = granpinn.simulate(Collapse(*LAW, cells=64, frames=3, t_end=0.2, stride=2, threads=1))

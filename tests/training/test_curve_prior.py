@@ -86,19 +86,6 @@ def test_second_differences_of_laws() -> None:
     )
 
 
-def test_blocks_are_boxes() -> None:
-    points = torch.rand(5000, 3, dtype=torch.float64) * torch.tensor([3.0, 1.0, 0.1])
-    block = curve_prior.blocks(points)
-    assert len(block.unique()) == curve_prior.BLOCKS
-    for k in range(0, curve_prior.BLOCKS, 7):
-        inside = points[block == k]
-        extent = (inside.amax(0) - inside.amin(0)) / (points.amax(0) - points.amin(0))
-        assert (extent <= 1 / curve_prior.PARTS + 1e-12).all()
-    still = points.clone()
-    still[:, 2] = 0.5
-    assert len(curve_prior.blocks(still).unique()) == curve_prior.PARTS**2
-
-
 def test_the_change_of_a_law() -> None:
     before = torch.tensor([0.4, 0.6, 0.3], dtype=torch.float64)
     after = torch.tensor([0.42, 0.45, 9.0], dtype=torch.float64)  # I0 is fixed

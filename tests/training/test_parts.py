@@ -14,12 +14,13 @@ from granpinn.data import Flow
 from granpinn.kernels.network import NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import DEFAULT, LAWS, Law
+from granpinn.training.boxes import Boxes
 from granpinn.training.equations import residuals
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import Sums, Unknowns, choose
 from granpinn.training.objective import Member
 from granpinn.training.parts import laws_on_parts
-from granpinn.training.parts_system import Boxes, System
+from granpinn.training.parts_system import System
 from granpinn.training.problem import Problem
 from granpinn.training.splits import Halves, Step, quantiles, splits_of
 from tests.runs import tiny
@@ -134,8 +135,8 @@ def test_boxes_sum_up_to_the_conditions_of_the_minimum(seed: int) -> None:
         system.add_equations()
     solved = system.solve(0)
     assert solved is not None
-    member = Member(PROBLEM, data, seed, DEFAULT, {"I0": 0.3})
-    ((large,),) = system.influence([0], [solved], [Boxes(member, 2)], features)
+    boxes = Boxes(data.lower, data.upper, 2)
+    ((large,),) = system.influence([0], [solved], [boxes])
     x, Q = solved
     i = system._places(0)
     expected = Q.T @ (system.b[i] + system.A[i[:, None], i] @ x)

@@ -1,0 +1,35 @@
+"""The lines of an answer: each is printed once, as soon as it is known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from granpinn.command.answer import Answer
+from granpinn.results import ErrorPercent, NotDone
+from granpinn.results.attempt import PENDING
+from granpinn.results.findings import SimulatedPressure
+from tests.examples import make_result
+
+
+def test_every_line_is_printed_once_and_no_pending_part(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    early = make_result(not_done=(NotDone("simulated pressure", PENDING),))
+    errors = ErrorPercent({**early.error_percent, "pressure_simulated": 3.5})
+    simulated = SimulatedPressure(None, frames=(1, 2), flowing_percent=4.0)
+    whole = make_result(error_percent=errors, simulated_pressure=simulated)
+    answer = Answer()
+    answer.show(early)
+    first = capsys.readouterr().out.splitlines()
+    assert first == str(early).splitlines()[:-1]
+    answer.show(whole)
+    second = capsys.readouterr().out.splitlines()
+    assert second[0] == first[0]  # the heading of the new rows
+    assert set(second[1:]) == set(str(whole).splitlines()) - set(first)
+    answer.show(whole)
+    assert capsys.readouterr().out == ""
+    failed = dataclasses.replace(whole, not_done=(NotDone("report", "no page today"),))
+    answer.show(failed)
+    assert capsys.readouterr().out == "no report: no page today\n"
