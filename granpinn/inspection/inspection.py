@@ -25,9 +25,10 @@ from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
 from granpinn.inspection.inertia import Inertia, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
-from granpinn.inspection.slips import Slip, slips
+from granpinn.inspection.slips import slips
 from granpinn.physics.scales import Scales
 from granpinn.results.baseline import Baseline
+from granpinn.results.slip import Slip
 
 # With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING = 0.01
