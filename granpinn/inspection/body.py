@@ -17,7 +17,7 @@ LAYER = 0.15  # depth of a side, over the extent of the body
 EDGE = 0.005  # share of the cells that the extent leaves out on each side: wrong vectors in the air
 FEWEST = 10  # vectors in the layer of a side
 # Unit vectors into the body, by the name of the side in the axes of the file.
-INWARD = {"left": (1, 0), "right": (-1, 0), "bottom": (0, 1), "top": (0, -1)}
+INWARD = {"left side": (1, 0), "right side": (-1, 0), "bottom": (0, 1), "top": (0, -1)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +53,16 @@ def body_of(flow: Flow) -> Body:
         u, v, c = (np.asarray(a[::step, ::step], np.float64) for a in (u, v, c))
         there = (c >= 1) & np.isfinite(u) & np.isfinite(v)
         frames.append(_frame(x, y, u, v, c * weight, np.where(there, weight, 0.0)))
-    numbers = [np.array(part) for part in zip(*(f[:-1] for f in frames), strict=True)]
-    sides = {name: np.array([f[-1][name] for f in frames]) for name in INWARD}
-    return Body(flow.t, *numbers, sides)
-
-
-
+    place, velocity, energy, area, extent, sides = zip(*frames, strict=True)
+    return Body(
+        t=flow.t,
+        place=np.array(place),
+        velocity=np.array(velocity),
+        energy=np.array(energy),
+        area=np.array(area),
+        extent=np.array(extent),
+        sides={name: np.array([side[name] for side in sides]) for name in INWARD},
+    )
 
 
 def _frame(

@@ -36,7 +36,7 @@ class Fall:
     """The fastest inward acceleration of a side.
 
     Attributes:
-        side: its name, in the axes of the file.
+        side: its name in the axes of the file: left side, right side, bottom or top.
         acceleration: (a_x, a_y) over |g|.
         error: standard error of a component.
         inward: the inward component.

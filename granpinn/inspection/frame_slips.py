@@ -17,15 +17,10 @@ UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as stea
 JUMP, SCATTER, CELL = 3.0, 10.0, 0.1
 
 
-def frame_slips(flow: Flow, body: Body, closed: bool) -> list[Slip]:
-    """Slips of time in a flow on a grid."""
-    if flow.steady:
-        return _unsteady(flow)
-    return _repeated(flow) + (_missing(flow, body) if closed else [])
-
-
-def _repeated(flow: Flow) -> list[Slip]:
+def repeated(flow: Flow) -> list[Slip]:
     """Frames with the vectors of the frame before, unless nothing moves or nothing changes."""
+    if flow.steady:
+        return []
     pairs = zip(flow.u[1:], flow.u[:-1], flow.v[1:], flow.v[:-1], strict=True)
     same = [
         k
@@ -45,8 +40,10 @@ def _repeated(flow: Flow) -> list[Slip]:
     ]
 
 
-def _missing(flow: Flow, body: Body) -> list[Slip]:
-    """An interval in which the center of mass moves far more than its velocity says."""
+def missing(flow: Flow, body: Body) -> list[Slip]:
+    """An interval in which the center of mass of a closed flow moves far more than its velocity."""
+    if flow.steady:
+        return []
     step = np.diff(body.t)[:, None]
     way = (body.velocity[1:] + body.velocity[:-1]) / 2 * step
     rest = np.hypot(*(np.diff(body.place, axis=0) - way).T)
@@ -70,11 +67,11 @@ def _size(vector: Float64) -> float:
     return math.hypot(*map(float, vector))
 
 
-def _unsteady(flow: Flow) -> list[Slip]:
+def unsteady(flow: Flow) -> list[Slip]:
     """A steady flow whose mean velocity changes from its first to its last frame."""
     duration = float(flow.t[-1] - flow.t[0])
     both = flow.valid[0] & flow.valid[-1]
-    if duration <= 0 or not both.any():
+    if not flow.steady or duration <= 0 or not both.any():
         return []
     change = [float(np.mean(a[-1][both] - a[0][both], dtype=np.float64)) for a in (flow.u, flow.v)]
     part = math.hypot(*change) / duration / math.hypot(*flow.gravity)

@@ -24,6 +24,7 @@ import math
 from granpinn.data import Flow
 from granpinn.inspection.body import Body
 from granpinn.inspection.fall import Energy, Fall, energy_of, fall_of, slender
+from granpinn.inspection.wording import digits
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
 
 SURE = 3.0  # standard errors
@@ -61,10 +62,10 @@ def _direction(flow: Flow, fall: Fall | None) -> Slip | None:
     if fall is None or fall.pull > ASIDE or fall.inward - SURE * fall.error < ASIDE:
         return None
     turned = abs(fall.tilt(flow.gravity))
-    picture = "upside down" if turned > 135 else f"turned by about {round(turned / 90) * 90} degrees"
+    picture = "upside down" if turned > 135 else "turned by a quarter"
     return Slip(
         IMPOSSIBLE,
-        f"the {fall.side} of the grains falls with {fall.size:.2g} times gravity, {turned:.0f} "
+        f"the {fall.side} of the grains falls with {digits(fall.size)} times gravity, {turned:.0f} "
         f"degrees away from it: the picture is {picture}, or gravity has a wrong direction or "
         "sign (convert: --flip-y, --tilt)",
     )
@@ -80,8 +81,8 @@ def _size(fall: Fall | None) -> Slip | None:
     factor = fall.inward / fall.pull
     return Slip(
         IMPOSSIBLE if ratio > TOO_FAST else IMPROBABLE,
-        f"the {fall.side} of the grains falls with {factor:.2g} times the gravity of the file: "
-        f"{_remedy(factor)}",
+        f"the {fall.side} of the grains falls with {digits(factor)} times the gravity of the file, "
+        f"and nothing falls faster than freely: {_remedy(factor, 'at least')}",
     )
 
 
@@ -94,8 +95,9 @@ def _slow(fall: Fall | None, aspect: float) -> Slip | None:
     factor = fall.inward / fall.pull
     return Slip(
         IMPROBABLE,
-        f"the {fall.side} of a column {aspect:.2g} times as high as wide falls with {factor:.2g} "
-        f"times the gravity of the file, and nearly freely if nothing holds it: {_remedy(factor)}",
+        f"the {fall.side} of a column {aspect:.2g} times as high as wide falls with "
+        f"{digits(factor)} times the gravity of the file, and nearly freely if nothing holds it: "
+        f"{_remedy(factor, 'about')}",
     )
 
 
@@ -115,9 +117,9 @@ def _gain(energy: Energy | None) -> Slip | None:
         return None
     return Slip(
         IMPOSSIBLE if energy.share > GAINS_TOO_MUCH else IMPROBABLE,
-        f"the grains gain {energy.share:.2g} times the energy that gravity gives them, and friction "
-        "leaves less than all of it: the scale is too large (the share grows with it), the frame "
-        "rate is too high (with its square), or gravity is too small",
+        f"the grains gain {digits(energy.share)} times the energy that gravity gives them, and "
+        "friction leaves less than all of it: the scale is too large (the share grows with it), "
+        "the frame rate is too high (with its square), or gravity is too small",
     )
 
 
@@ -127,7 +129,7 @@ def _loss(energy: Energy | None) -> Slip | None:
         return None
     return Slip(
         IMPROBABLE,
-        f"the falling column gains {energy.share:.2g} of the energy that gravity gives it, and "
+        f"the falling column gains {digits(energy.share)} of the energy that gravity gives it, and "
         "collapses of columns gain a third or more: the scale is too small (the share grows with "
         "it), the frame rate is too low (with its square), gravity is too large, or something "
         "held the grains",
@@ -149,11 +151,11 @@ def _tilt(flow: Flow, fall: Fall | None) -> Slip | None:
     )
 
 
-def _remedy(factor: float) -> str:
-    """What explains an acceleration that is wrong by a factor."""
-    size, root = max(factor, 1 / factor), math.sqrt(max(factor, 1 / factor))
-    many, few = ("large", "high") if factor > 1 else ("small", "low")
-    return (
-        f"the scale is {size:.2g} times too {many}, the frame rate {root:.2g} times too {few}, or "
-        f"gravity {size:.2g} times too {'small' if factor > 1 else 'large'}"
-    )
+def _remedy(factor: float, bound: str) -> str:
+    """What explains an acceleration that is wrong by a factor, exactly so or by a bound."""
+    fast = factor > 1
+    size = max(factor, 1 / factor)
+    whole, root = (f"{bound} {digits(x)} times too" for x in (size, math.sqrt(size)))
+    if fast:
+        return f"the scale is {whole} large, the frame rate {root} high, or gravity {whole} small"
+    return f"the scale is {whole} small, the frame rate {root} low, or gravity {whole} large"

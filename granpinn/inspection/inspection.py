@@ -25,6 +25,7 @@ from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
 from granpinn.inspection.inertia import Inertia, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
+from granpinn.inspection.size_slips import not_dense
 from granpinn.inspection.slips import slips
 from granpinn.physics.scales import Scales
 from granpinn.results.baseline import Baseline
@@ -160,6 +161,8 @@ def inspect(
     law = law.at_quantiles(numbers.quantiles)
     precision, reason = _precision(found, I, flows, noise, law)
     walls = walls_of(with_partial_cells(flow))
+    inertia = numbers.summary(law)
+    likely = slips(flow) or ([] if inertia is None else not_dense(inertia.q50))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
     if refused is not None:
         precision, reason = None, refused
@@ -167,14 +170,14 @@ def inspect(
         flow=flow,
         scales=scales,
         symmetries=words(facts.invariant),
-        slips=slips(flow),
+        slips=likely,
         law=law,
         counts=counts(flow, view),
         noise=noise,
         stated_sigma=_stated(flow, scales),
         motion=motion(flow, view, found, speed),
         kinematics=_kinematics(found, gamma_dot, flows),
-        inertia=numbers.summary(law),
+        inertia=inertia,
         surface=_surface(flow),
         precision=precision,
         reason=reason,

@@ -76,11 +76,12 @@ def _factors(volume: Volume, center: Center, covered: float) -> list[Slip]:
         ]
     else:
         return []
+    frames = "" if beyond(ratio, CENTER_DIFFERS) else ", and whether frames are doubled or lost"
     return [
         Slip(
             _severity(ratio),
             f"the velocity integrated over time is {about(ratio)} the way of the center of "
-            f"mass: check the units of {parts}",
+            f"mass: check the units of {parts}{frames}",
         )
     ]
 

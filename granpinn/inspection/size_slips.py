@@ -6,10 +6,11 @@ The bounds are those of any laboratory and field, with margins:
   largest flows of small grains, 2,000 diameters, are columns of a metre of sand.
 - The vectors of a picture come from windows as large as a grain or larger, which overlap by 75 % at
   most: a grain covers up to 4 vectors in a row.
-- Grains fill 0.5 to 0.65 of a dense flow, disks in a plane up to 0.91: at most all of it.
+- Grains fill 0.5 to 0.65 of a dense flow, and disks in a plane up to 0.91 of it.
 - On Earth |g| is 9.81 m/s^2. Its part along a plane that leans may be smaller.
 - Grains that fall a height H reach sqrt(2 |g| H). Those at a front are pushed, and reach
-  sqrt(4 |g| H) without friction (the dam break). Grains that enter the grid may have fallen farther.
+  sqrt(4 |g| H) without friction (the dam break). Grains that enter the grid may have fallen
+  farther.
 - Dense flows have I below 1; above, grains collide as in a gas.
 """
 
@@ -22,12 +23,12 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.scaling import initial_height
-from granpinn.inspection.wording import about
+from granpinn.inspection.wording import about, digits
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
 
 FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
 VECTORS = 4.0  # along a grain
-EMPTY, FULL = 0.2, 1.0  # share of the space that grains fill
+EMPTY = 0.2  # share of the space that grains fill
 EARTH = (0.5, 11.0)  # m/s^2
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SECONDS = {"s": 1.0, "ms": 1e-3}
@@ -51,7 +52,7 @@ def _grains(flow: Flow) -> list[Slip]:
         return [
             Slip(
                 IMPOSSIBLE if count < FEWEST_GRAINS else IMPROBABLE,
-                f"the {what} {count:.3g} diameters high in the first frame, and flows of "
+                f"the {what} {digits(count)} diameters high in the first frame, and flows of "
                 f"{few:g} to {MOST_GRAINS:,.0f} are usual: check the grain diameter and the scale",
             )
         ]
@@ -71,11 +72,11 @@ def _fraction(flow: Flow) -> list[Slip]:
     if flow.grain_density is None:
         return []
     share = flow.density / flow.grain_density
-    if EMPTY <= share <= FULL + 1e-6:
+    if share >= EMPTY:
         return []
     return [
         Slip(
-            IMPOSSIBLE if share > FULL else IMPROBABLE,
+            IMPROBABLE,
             f"the grains fill {share:.3g} of the space (density {flow.density:.4g}, of a grain "
             f"{flow.grain_density:.4g}), and 0.5 to 0.65 are usual: check both densities",
         )

@@ -4,12 +4,13 @@ All checks compare the flow with itself, so they need no model and no training. 
 finds a slip is shown, since it explains the kinds after it:
 
 1. u, v, t, x and y must fit each other (motion_slips.py).
-2. The fall of the grains and their energy must fit gravity (gravity_slips.py).
-3. A closed flow with no moving walls never raises its center of mass.
-4. The grains must be under the surface line, and run downhill there (surface_slips.py).
-5. No grains are much faster than a free fall (size_slips.py).
+2. No frames are missing (frame_slips.py).
+3. The fall of the grains and their energy must fit gravity (gravity_slips.py).
+4. A closed flow with no moving walls never raises its center of mass.
+5. The grains must be under the surface line, and run downhill there (surface_slips.py).
+6. No grains are much faster than a free fall (size_slips.py).
 
-Sizes (size_slips.py) and frames (frame_slips.py) are checked in any case.
+Repeated frames and sizes are checked in any case.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import warnings
 
 import numpy as np
 
+from granpinn.arrays import Float64, Index
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
 from granpinn.data.scaling import initial_height
 from granpinn.inspection.body import body_of
 from granpinn.inspection.conservation import Center, center_of, volume_of
-from granpinn.inspection.frame_slips import frame_slips
+from granpinn.inspection.frame_slips import missing, repeated, unsteady
 from granpinn.inspection.gravity_slips import gravity_slips
 from granpinn.inspection.motion_slips import CENTER_DIFFERS, beyond, motion_slips
 from granpinn.inspection.size_slips import against_fall, size_slips
@@ -43,41 +45,63 @@ def slips(flow: Flow) -> list[Slip]:
         return sorted(_slips(flow), key=lambda slip: slip.severity != IMPOSSIBLE)
 
 
-def refuse_slips(flow: Flow) -> None:
+def refuse_slips(flow: Flow) -> list[Slip]:
     """Refuses impossible data, and warns of improbable ones with a FlowFileWarning.
 
     Raises:
         FlowFileError: for the first impossible slip.
     """
     name = "" if flow.path is None else f"{flow.path}: "
-    for slip in slips(flow):
+    found = slips(flow)
+    for slip in found:
         if slip.severity == IMPOSSIBLE:
             raise FlowFileError(f"{name}{slip.text}")
         warnings.warn(f"{name}{slip.text}", FlowFileWarning, stacklevel=3)
+    return found
+
+
+def warn_of_slips(flow: Flow) -> list[Slip]:
+    """Warns of all slips with a FlowFileWarning."""
+    found = slips(flow)
+    for slip in found:
+        warnings.warn(str(slip), FlowFileWarning, stacklevel=3)
+    return found
 
 
 def _slips(flow: Flow) -> list[Slip]:
-    height = _height(flow)
+    height, gridded = _height(flow), flow.particles is None
+    frames, u, v = _vectors(flow)
+    center, body = center_of(flow, frames, u, v, height), body_of(flow)
+    found = _of_motion(flow, frames, u, v, center, height) if gridded else []
+    found = found or (missing(flow, body) if gridded and center.closed else [])
+    found = found or gravity_slips(flow, body, height, center.closed) or _rise(center)
+    found = found or surface_slips(flow)
+    found = found or against_fall(flow, _speeds(flow, u, v), height, center.closed)
+    always = repeated(flow) + unsteady(flow) if gridded else []
+    return [*always, *found, *size_slips(flow)]
+
+
+def _vectors(flow: Flow) -> tuple[Index, Float64, Float64]:
+    """Some frames, and their u and v [K, Y, X], NaN where there is no vector."""
     size = int(np.clip(MOST_CELLS // flow.c[0].size, FEWEST_FRAMES, MOST_FRAMES))
     frames = np.unique(np.linspace(0, flow.t.size - 1, size).round().astype(int))
     valid = flow.valid[frames]
     u, v = (np.where(valid, a[frames], np.nan).astype(np.float64) for a in (flow.u, flow.v))
-    center = center_of(flow, frames, u, v, height)
-    body = body_of(flow)
-    speeds = np.hypot(u[valid], v[valid])
-    if flow.particles is None:
-        found = _of_motion(flow, frames, u, v, center, height)
-    else:
-        p = flow.particles
-        found, speeds = [], np.hypot(p.u, p.v, dtype=np.float64)
-    found = found or gravity_slips(flow, body, height, center.closed) or _rise(center)
-    found = found or surface_slips(flow) or against_fall(flow, speeds, height, center.closed)
-    if flow.particles is None:
-        found += frame_slips(flow, body, center.closed)
-    return found + size_slips(flow)
+    return frames, u, v
 
 
-def _of_motion(flow, frames, u, v, center, height):  # type: ignore[no-untyped-def]
+def _speeds(flow: Flow, u: Float64, v: Float64) -> Float64:
+    """Speeds of the vectors of some frames, or of all scattered ones."""
+    if flow.particles is not None:
+        return np.hypot(flow.particles.u, flow.particles.v, dtype=np.float64)
+    speeds = np.hypot(u, v)
+    return np.asarray(speeds[np.isfinite(speeds)])
+
+
+def _of_motion(
+    flow: Flow, frames: Index, u: Float64, v: Float64, center: Center, height: float
+) -> list[Slip]:
+    """Slips of u, v, t, x and y against each other."""
     volume = volume_of(flow, u, v)
     swapped = volume.swapped
     if not (swapped or center.follows):

@@ -10,11 +10,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from granpinn.data import Flow
-from granpinn.inspection.upright import upright
+from granpinn.arrays import Bool
+from granpinn.data import Flow, Surface
+from granpinn.inspection.upright import Upright, upright
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
 
 CELLS = 3.0  # between the line and the first full cell
@@ -22,11 +24,12 @@ LAYER = 4.0  # cells below the line
 ABOVE, FAR_ABOVE = 0.1, 0.5  # share of the vectors above the line
 UPHILL = -0.1  # mean of (v . g) over mean of |v| |g|
 FEWEST = 50  # vectors
+FRAMES = 24  # at most
 
 
 def surface_slips(flow: Flow) -> list[Slip]:
     """Slips of the line first; without one, grains that run uphill."""
-    pose = upright(flow, 0) if flow.surface is not None else ""
+    pose = "" if flow.surface is None else upright(_some_frames(flow, flow.surface), 0)
     if isinstance(pose, str):
         return []
     dy = float(np.diff(pose.y).mean())
@@ -55,15 +58,28 @@ def surface_slips(flow: Flow) -> list[Slip]:
                 "vectors: check its origin and unit, and its direction of y",
             )
         ]
-    return _uphill(pose.u, pose.v, grains & (y > height - LAYER * dy), pose.gravity)
+    return _uphill(pose, grains & (y > height - LAYER * dy))
 
 
-def _uphill(u, v, layer, gravity) -> list[Slip]:  # type: ignore[no-untyped-def]
-    u, v = (np.asarray(a[layer], np.float64) for a in (u, v))
-    speed = float(np.hypot(u, v).sum()) * math.hypot(*gravity)
+def _some_frames(flow: Flow, line: Surface) -> Flow:
+    """Frames spread over the flow, with their points of the line."""
+    k = np.unique(np.linspace(0, flow.t.size - 1, FRAMES).round().astype(int))
+    if k.size == flow.t.size:
+        return flow
+    frame = np.searchsorted((flow.t[1:] + flow.t[:-1]) / 2, line.t)
+    kept = np.isin(frame, k)
+    line = Surface(line.t[kept], line.x[kept], line.y[kept])
+    return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=None, surface=line)
+
+
+def _uphill(pose: Upright, layer: Bool) -> list[Slip]:
+    """Grains of the uppermost layer [T, Y, X] that move against gravity."""
+    u, v = (np.asarray(a[layer], np.float64) for a in (pose.u, pose.v))
+    g_x, g_y = pose.gravity
+    speed = float(np.hypot(u, v).sum()) * math.hypot(g_x, g_y)
     if u.size < FEWEST or not speed > 0:
         return []
-    down = float((gravity[0] * u + gravity[1] * v).sum()) / speed
+    down = float((g_x * u + g_y * v).sum()) / speed
     if down > UPHILL:
         return []
     return [

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
-IMPOSSIBLE, IMPROBABLE = "impossible", "improbable"
+IMPOSSIBLE: Final = "impossible"
+IMPROBABLE: Final = "improbable"
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from granpinn.data import Flow
+from granpinn.data.flow import PERIOD_X
 
 Change = Callable[[Flow], Flow]
 
@@ -26,23 +28,27 @@ class Plant:
     change: Change
 
 
-def scaled(
-    velocity: float = 1, t: float = 1, x: float = 1, y: float = 1, v: float | None = None
-) -> Change:
-    """u and v, t, x and y times factors; v times its own, if it is given."""
+def scaled(velocity: float = 1, t: float = 1, x: float = 1, y: float = 1) -> Change:
+    """u and v, t, x and y times factors."""
 
     def change(flow: Flow) -> Flow:
         line, walls = flow.surface, flow.walls
+        if line is not None:
+            line = replace(line, t=line.t * t, x=line.x * x, y=line.y * y)
+        if walls is not None:
+            walls = replace(walls, x=walls.x * x, y=walls.y * y)
+        period = flow.stated(PERIOD_X)
+        given = {} if period is None else {PERIOD_X: period * x}
         return replace(
             flow,
             u=flow.u * velocity,
-            v=flow.v * (velocity if v is None else v),
+            v=flow.v * velocity,
             t=flow.t * t,
             x=flow.x * x,
             y=flow.y * y,
-            surface=None if line is None else replace(line, t=line.t * t, x=line.x * x, y=line.y * y),
-            walls=None if walls is None else replace(walls, x=walls.x * x, y=walls.y * y),
-            attributes={k: a for k, a in flow.attributes.items() if k != "surface_sd"},
+            surface=line,
+            walls=walls,
+            attributes=flow.attributes | given,
         )
 
     return change
@@ -80,10 +86,12 @@ def turned_quarter(flow: Flow) -> Flow:
     x = -flow.y[::-1]
     if line is not None:
         line = replace(line, x=-line.y, y=line.x)
-    attributes = {k: a for k, a in flow.attributes.items() if k != "period_x"}
-    return replace(
-        flow, x=x, y=flow.x, u=u, v=v, c=c, surface=line, walls=None, attributes=attributes
-    )
+    given = _without_period(flow)
+    return replace(flow, x=x, y=flow.x, u=u, v=v, c=c, surface=line, walls=None, attributes=given)
+
+
+def _without_period(flow: Flow) -> dict[str, Any]:
+    return {name: value for name, value in flow.attributes.items() if name != PERIOD_X}
 
 
 def tilted(degrees: float) -> Change:
@@ -102,10 +110,8 @@ def transposed(flow: Flow) -> Flow:
     line = flow.surface
     new = {n: np.swapaxes(getattr(flow, n), 1, 2) for n in ("u", "v", "c")}
     line = None if line is None else replace(line, x=line.y, y=line.x)
-    attributes = {k: a for k, a in flow.attributes.items() if k != "period_x"}
-    return replace(
-        flow, x=flow.y, y=flow.x, surface=line, walls=None, attributes=attributes, **new
-    )
+    given = _without_period(flow)
+    return replace(flow, x=flow.y, y=flow.x, surface=line, walls=None, attributes=given, **new)
 
 
 def some_frames(k: np.ndarray, flow: Flow) -> Flow:
@@ -166,8 +172,13 @@ def gravity(factor: float) -> Change:
     return lambda flow: replace(flow, gravity=(flow.gravity[0] * factor, flow.gravity[1] * factor))
 
 
+def grain_density(factor: float) -> Change:
+    """The density of a grain, as a factor of the bulk density."""
+    return lambda flow: replace(flow, grain_density=flow.density * factor)
+
+
 def _frames(flow: Flow) -> float:
-    """Frames per unit of time; of steady frames at one time none."""
+    """Frames per unit of time."""
     return (flow.t.size - 1) / float(flow.t[-1] - flow.t[0])
 
 
@@ -182,11 +193,11 @@ PLANTS = (
     Plant("rate", "frame rate / 2", rate(0.5)),
     Plant("unit", "x, y in cm taken as m", scaled(x=100, y=100)),
     Plant("unit", "x, y in mm taken as m", scaled(x=1000, y=1000)),
-    Plant("unit", "x, y in px (150 to a mm, 0.15 mm) taken as m", scaled(x=6667, y=6667)),
+    Plant("unit", "x, y in px (of 0.15 mm) taken as m", scaled(x=6667, y=6667)),
     Plant("unit", "u, v in cm/s taken as m/s", scaled(velocity=100)),
     Plant(
         "unit",
-        "u, v in px/frame (0.15 mm) taken as m/s",
+        "u, v in px/frame (px of 0.15 mm) taken as m/s",
         lambda f: scaled(velocity=6667 / _frames(f))(f),
     ),
     Plant("unit", "t in frames taken as s", lambda f: scaled(t=_frames(f))(f)),
@@ -206,7 +217,7 @@ PLANTS = (
     Plant("frames", "a tenth of the frames lost in a row", gap),
     Plant("material", "grain diameter in mm taken as m", grains(1000)),
     Plant("material", "grain diameter / 10", grains(0.1)),
-    Plant("material", "density of a grain in g/cm^3", lambda f: replace(f, grain_density=2.5e-3 * f.density)),
+    Plant("material", "density of a grain in g/cm^3", grain_density(1e-3 / 0.6)),
     Plant("material", "gravity in mm/s^2 (x 1000)", gravity(1000)),
     Plant("surface", "line in other units (x 1000)", surface(factor=1000)),
     Plant("surface", "line a tenth of the picture too high", surface(offset=0.1)),
@@ -240,5 +251,5 @@ HIDDEN = (
     Plant("hidden", "mirrored", mirrored),
     Plant("hidden", "vectors shifted by half a spacing", half_a_window),
     Plant("hidden", "grain diameter x 2", grains(2)),
-    Plant("hidden", "solid fraction 0.5 for 0.6", lambda f: replace(f, density=f.density * 0.5 / 0.6)),
+    Plant("hidden", "solid fraction 0.5 for 0.6", grain_density(1 / 0.5)),
 )
