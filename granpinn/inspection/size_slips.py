@@ -91,7 +91,9 @@ def _gravity(flow: Flow) -> list[Slip]:
     if EARTH[0] <= g <= EARTH[1]:
         return []
     return [
-        Slip(IMPROBABLE, f"gravity is {g:.3g} m/s^2, and 9.81 on Earth: check its size and unit")
+        Slip(
+            IMPROBABLE, f"gravity is {digits(g)} m/s^2, and 9.81 on Earth: check its size and unit"
+        )
     ]
 
 

@@ -116,6 +116,8 @@ def transposed(flow: Flow) -> Flow:
 
 def some_frames(k: np.ndarray, flow: Flow) -> Flow:
     """The frames k, as if they were taken at the first times of the flow."""
+    if flow.steady:
+        raise LookupError("the frames of a steady flow have no order")
     t = flow.t[0] + np.arange(len(k)) * float(np.diff(flow.t).mean())
     line = flow.surface
     if line is not None:
@@ -179,6 +181,8 @@ def grain_density(factor: float) -> Change:
 
 def _frames(flow: Flow) -> float:
     """Frames per unit of time."""
+    if flow.steady:
+        raise LookupError("the frames of a steady flow have no times")
     return (flow.t.size - 1) / float(flow.t[-1] - flow.t[0])
 
 

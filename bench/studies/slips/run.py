@@ -71,7 +71,7 @@ def answer(flow: Flow, plant: Plant) -> dict[str, str] | None:
         found = slips(changed)
     except FlowFileError as error:
         return {"severity": "refused", "text": str(error)}
-    except (LookupError, ValueError, ZeroDivisionError):
+    except LookupError:
         return None
     if not found:
         return {"severity": "silent", "text": ""}
