@@ -46,11 +46,12 @@ class Body:
 def body_of(flow: Flow) -> Body:
     """The grains of a flow on a grid, or of the view of scattered vectors on a grid."""
     step = max(1, int(np.ceil(np.sqrt(flow.c[0].size / MOST_CELLS))))
-    x, y = flow.x[::step], flow.y[::step]
+    some = np.s_[:: min(step, flow.y.size // 2), :: min(step, flow.x.size // 2)]
+    y, x = flow.y[some[0]], flow.x[some[1]]
     weight = np.gradient(y)[:, None] * np.gradient(x)
     frames = []
     for u, v, c in zip(flow.u, flow.v, flow.c, strict=True):
-        u, v, c = (np.asarray(a[::step, ::step], np.float64) for a in (u, v, c))
+        u, v, c = (np.asarray(a[some], np.float64) for a in (u, v, c))
         there = (c >= 1) & np.isfinite(u) & np.isfinite(v)
         frames.append(_frame(x, y, u, v, c * weight, np.where(there, weight, 0.0)))
     place, velocity, energy, area, extent, sides = zip(*frames, strict=True)
