@@ -11,6 +11,7 @@ from granpinn.data import Flow
 from granpinn.inspection.body import Body
 from granpinn.results.slip import IMPROBABLE, Slip
 
+MANY = 0.1  # of the frames; fewer are an advice of the verdict
 UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
 # A jump of the center of mass: over the way of the mean velocity, over the scatter of all other
 # intervals, and over the size of a cell.
@@ -19,7 +20,7 @@ SOME = 8  # every so-many-th row
 
 
 def repeated(flow: Flow) -> list[Slip]:
-    """Frames with the vectors of the frame before, unless nothing moves or nothing changes."""
+    """Many frames with the vectors of the frame before, unless nothing moves or nothing changes."""
     if flow.steady:
         return []
     pairs = zip(flow.u[1:], flow.u[:-1], flow.v[1:], flow.v[:-1], strict=True)
@@ -31,7 +32,7 @@ def repeated(flow: Flow) -> list[Slip]:
         and _equal(v, v_0)
         and (np.nan_to_num(u).any() or np.nan_to_num(v).any())
     ]
-    if len(same) in (0, flow.t.size - 1):
+    if len(same) <= MANY * flow.t.size or len(same) == flow.t.size - 1:
         return []
     return [
         Slip(

@@ -89,7 +89,7 @@ def _data(found: Inspection) -> list[str]:
             f"{c.zero_share:.1%} of the vectors are exactly zero: if these are gaps, write NaN, "
             "because a zero looks like grains at rest."
         )
-    if c.repeated and not found.slips:
+    if c.repeated:
         lines.append(
             f"{len(c.repeated)} frames repeat the one before (first: t = "
             f"{found.flow.t[c.repeated[0]]:.4g}{unit}): leave them out."

@@ -18,41 +18,17 @@ from granpinn.inspection.size_slips import against_fall, not_dense, size_slips
 from granpinn.inspection.surface_slips import surface_slips
 from granpinn.inspection.wording import about, digits
 from tests.flows import make_chute, make_flow
-
-H, WIDTH, G = 1.0, 0.2, 9.81
-
-
-def falling(
-    acceleration: float = 1.0, degrees: float = 0.0, noise: float = 0.0, seed: int = 0
-) -> Flow:
-    """A block of grains that falls from rest with a part of g, seen through a window.
-
-    Its velocity is a t in a direction `degrees` from gravity, counter-clockwise; the block itself
-    moves straight down, so that the window stays the same.
-    """
-    t = np.linspace(0.0, 0.3, 31)
-    y, x = (np.arange(60) + 0.5) / 60 * 1.5, (np.arange(12) + 0.5) / 12 * 0.3
-    drop = acceleration * G * t**2 / 2
-    low = 0.5 - drop
-    inside = (y > low[:, None]) & (y < low[:, None] + H)
-    c = (inside[:, :, None] & (x < WIDTH)).astype(np.float32)
-    angle = math.radians(degrees)
-    scatter = np.random.default_rng(seed).normal(0, noise, (2, *c.shape))
-    u, v = (
-        np.where(c == 1, a * acceleration * G * t[:, None, None] + rest, np.nan).astype(np.float32)
-        for a, rest in zip((math.sin(angle), -math.cos(angle)), scatter, strict=True)
-    )
-    return make_flow(t=t, y=y, x=x, u=u, v=v, c=c, p=None, surface=None, grain_diameter=0.005)
+from tests.inspection.falling import WIDTH, G, H, falling
 
 
 def words(flow: Flow, closed: bool = True) -> list[str]:
     return [str(slip) for slip in gravity_slips(flow, body_of(flow), H, closed)]
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.5])
+@pytest.mark.parametrize("noise", [0.0, 0.2])
 @pytest.mark.parametrize(("acceleration", "degrees"), [(1.0, 0.0), (2.0, 4.0), (0.3, -6.0)])
 def test_the_fall_is_measured(acceleration: float, degrees: float, noise: float, seed: int) -> None:
-    """Within four standard errors, and with noise within 5 % of a largest speed of 3 m/s."""
+    """Within four standard errors, also with noise of a tenth to a third of the largest speed."""
     flow = falling(acceleration, degrees, noise, seed)
     fall = fall_of(flow, body_of(flow))
     assert fall is not None
@@ -94,7 +70,7 @@ def test_a_slender_column_falls_freely() -> None:
     aspect, heights = slender(body, column.gravity)
     assert aspect == pytest.approx(H / WIDTH, rel=0.15)
     assert heights[0] == 1
-    shrunk = replace(body, extent=body.extent * np.linspace(1, 0.5, 31)[:, None])
+    shrunk = replace(body, extent=body.extent * np.linspace(1, 0.5, 21)[:, None])
     (found,) = gravity_slips(column, shrunk, H, closed=True)
     assert "falls with 0.2 times the gravity of the file" in found.text
     wide = replace(shrunk, extent=shrunk.extent * [6, 1])
@@ -155,10 +131,11 @@ def frames(flow: Flow, kept: list[int]) -> Flow:
 def test_repeated_and_missing_frames() -> None:
     flow = falling()
     assert repeated(flow) == missing(flow, body_of(flow)) == []
-    assert repeated(frames(flow, [0, *range(31)])) == []  # all grains are at rest in both
-    (found,) = repeated(frames(flow, [*range(10), *range(9, 31)]))
-    assert found.text.startswith("1 of 32 frames repeat the one before (first: frame 11, t = 0.1)")
-    fewer = frames(flow, [*range(10), *range(18, 31)])
+    assert repeated(frames(flow, [0, *range(21)])) == []  # all grains are at rest in both
+    assert repeated(frames(flow, [*range(10), *range(9, 21)])) == []
+    (found,) = repeated(frames(flow, [0, *range(21), 20, 20, 20, 20]))
+    assert found.text.startswith("4 of 26 frames repeat the one before (first: frame 23, t = 0.22)")
+    fewer = frames(flow, [*range(10), *range(18, 21)])
     (found,) = missing(fewer, body_of(fewer))
     assert found.text.startswith("between frames 10 and 11 (t = 0.09) the center of mass moves")
 
