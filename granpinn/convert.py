@@ -21,8 +21,10 @@ from granpinn.command import flow_warnings
 from granpinn.command.parser import Parser
 from granpinn.config.fields import flag_of
 from granpinn.data import write_flow
+from granpinn.data.symmetry import with_layer
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
+from granpinn.inspection.slips import warn_of_slips
 from granpinn.output import objection_to_file
 
 EXAMPLES = """examples:
@@ -58,9 +60,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
-        write_flow(flow, out)
+            write_flow(flow, out)
+            slips = warn_of_slips(with_layer(flow))
         print(f"flow file: {out}")
-        print(f"next: python -m granpinn.train {out} --out run")
+        verb = "inspect" if slips else "train"
+        print(f"next: python -m granpinn.{verb} {out}{'' if slips else ' --out run'}")
         return 0
 
     return exit_codes.exit_code("convert", run)

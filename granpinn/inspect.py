@@ -74,7 +74,10 @@ def _run(argv: Sequence[str]) -> int:
     print("\n".join(lines_of(found, sentences)))
     if options["out"] is not None:
         print(f"figures and inspect.json: {options['out']}")
-    print(f"next: python -m granpinn.train {data} --out run")
+    if found.slips:
+        print("next: mend the flow file, or convert again with the right calibration")
+    else:
+        print(f"next: python -m granpinn.train {data} --out run")
     return 0
 
 

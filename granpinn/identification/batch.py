@@ -160,17 +160,17 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     """The cases; a repeated flow is read once, and without noise its cases share the data."""
     keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
-    read: dict[object, Flow] = {}
+    read: dict[object, tuple[Flow, tuple[str, ...]]] = {}
     clean: dict[object, Case] = {}
     for key, flow, config in zip(keys, flows, configs, strict=True):
         if key not in read:
             read[key] = sound(flow)
         if key not in clean and not config.noise:
-            clean[key] = posed(read[key], config)
+            clean[key] = posed(*read[key], config)
 
     def case(key: object, config: Config) -> Case:
         if config.noise:
-            return posed(read[key], config)
+            return posed(*read[key], config)
         first = clean[key]
         fixed = fixed_values(config, Facts(first.seen, first.scales))
         law = LAWS[config.law]

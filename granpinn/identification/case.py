@@ -44,6 +44,7 @@ class Case:
     """A flow, the settings to identify it with, and the part of it that training uses.
 
     Attributes:
+        slips: likely mistakes of the flow, which were warned of.
         config: with the seed and the I0 of this case.
         seen: the flow that training uses: with added noise and its partly filled cells under the
             surface, without the true values.
@@ -53,6 +54,7 @@ class Case:
     """
 
     flow: Flow
+    slips: tuple[str, ...]
     config: Config
     scales: Scales
     member: Member
@@ -92,11 +94,11 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
         FlowFileError: the flow breaks a rule, or contradicts the conservation of mass or energy.
     """
     choose_device(config.device)
-    return posed(sound(flow), config)
+    return posed(*sound(flow), config)
 
 
-def sound(flow: Flow | str | os.PathLike[str]) -> Flow:
-    """A flow that was read and checked, marked as a layer if it is one.
+def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
+    """A flow that was read and checked, marked as a layer if it is one, and its likely slips.
 
     Raises:
         FlowFileError: as `pose`.
@@ -106,12 +108,11 @@ def sound(flow: Flow | str | os.PathLike[str]) -> Flow:
     else:
         flow = read_flow(flow)
     flow = with_layer(flow)
-    refuse_slips(flow)
-    return flow
+    return flow, tuple(slip.text for slip in refuse_slips(flow))
 
 
-def posed(flow: Flow, config: Config) -> Case:
-    """The problem of a sound flow."""
+def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
+    """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
     seen = dataclasses.replace(flow, truth=None, p=None)
     seen = add_noise(seen, config.noise, config.seed)
@@ -127,7 +128,7 @@ def posed(flow: Flow, config: Config) -> Case:
         )
     member = Member(built, data, config.seed, law, fixed_values(config, Facts(seen, scales)), flow)
     balance = Balance(seen, config.side_walls)
-    return Case(flow, config, scales, member, seen, known_sd(seen), balance)
+    return Case(flow, slips, config, scales, member, seen, known_sd(seen), balance)
 
 
 def fixed_values(config: Config, facts: Facts) -> dict[str, float]:

@@ -83,6 +83,7 @@ def result(
             noise=config.noise,
             n_frames=int(flow.t.size),
             symmetries=case.member.problem.symmetries,
+            slips=case.slips,
         ),
         timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
         device=str(run.trainer.params.device),

@@ -13,6 +13,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
 from granpinn.importers.building import grid_flow, scattered_flow
+from granpinn.importers.displacement import warn_of_displacement
 from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
@@ -65,6 +66,7 @@ def convert(
     line = _given_line(fields, settings, frame)
     constants["walls"] = _given_walls(fields, settings, frame)
     si = frame.apply(fields)
+    warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, line, constants)
     for text in _summary(flow, material):

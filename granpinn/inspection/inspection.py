@@ -25,9 +25,11 @@ from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
 from granpinn.inspection.inertia import Inertia, InertialNumbers, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
-from granpinn.inspection.slips import Slip, slips
+from granpinn.inspection.size_slips import not_dense
+from granpinn.inspection.slips import slips
 from granpinn.physics.scales import Scales
 from granpinn.results.baseline import Baseline
+from granpinn.results.slip import Slip
 
 # With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING = 0.01
@@ -159,6 +161,8 @@ def inspect(
     law = law.in_units(scales.pressure).at_quantiles(numbers.quantiles)
     precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
+    inertia = numbers.summary(law)
+    likely = slips(flow) or ([] if inertia is None else not_dense(inertia.q50))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
     if refused is not None:
         precision, reason = None, refused
@@ -166,14 +170,14 @@ def inspect(
         flow=flow,
         scales=scales,
         symmetries=words(facts.invariant),
-        slips=slips(flow),
+        slips=likely,
         law=law,
         counts=counts(flow, view),
         noise=noise,
         stated_sigma=_stated(flow, scales),
         motion=motion(flow, view, found, speed),
         kinematics=_kinematics(found, gamma_dot, flows),
-        inertia=numbers.summary(law),
+        inertia=inertia,
         surface=_surface(flow),
         precision=precision,
         reason=reason,

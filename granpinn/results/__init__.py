@@ -17,10 +17,9 @@ from granpinn.results.fields import (
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
-from granpinn.results.records import NotDone, Zones
+from granpinn.results.records import DataSummary, NotDone, Zones
 from granpinn.results.result import (
     Covariance,
-    DataSummary,
     InertialNumber,
     Input,
     Parameter,

@@ -1,10 +1,28 @@
-"""Records of results.json beside the values: the ensemble, its error bars, verdict and zones."""
+"""Records of results.json beside the values: data, ensemble, error bars, verdict and zones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from granpinn.results.decoding import OTHERS
+
+
+@dataclass(frozen=True)
+class DataSummary:
+    """The data of the training.
+
+    Attributes:
+        noise: the added sd, relative to the maximum speed.
+        symmetries: in which directions the flow does not change, in words.
+        slips: likely mistakes of unit, sign, size or order in the flow file, a sentence each.
+    """
+
+    n_points: int
+    n_surface: int
+    noise: float
+    n_frames: int
+    symmetries: tuple[str, ...] = ()
+    slips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
 from granpinn.results.parts import Parts
-from granpinn.results.records import ErrorBars, Members, NotDone, Verdict, Zones
+from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 2
@@ -104,22 +104,6 @@ class InertialNumber:
     q05: float
     median: float
     q95: float
-
-
-@dataclass(frozen=True)
-class DataSummary:
-    """The data of the training.
-
-    Attributes:
-        noise: the added sd, relative to the maximum speed.
-        symmetries: in which directions the flow does not change, in words.
-    """
-
-    n_points: int
-    n_surface: int
-    noise: float
-    n_frames: int
-    symmetries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

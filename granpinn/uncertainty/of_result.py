@@ -35,6 +35,7 @@ class Assessment(NamedTuple):
 def assess(result: Result, summary: Summary) -> Assessment:
     """The verdict on a result."""
     bad, care, good = _training(result, summary)
+    care += [f"The data are improbable: {slip}." for slip in result.data.slips]
     for name in result.parameters:
         wide, sentence = _interval(result, name)
         if sentence:

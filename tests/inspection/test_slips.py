@@ -17,7 +17,8 @@ from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read
 from granpinn.identification.case import pose
-from granpinn.inspection.slips import UNSTEADY, slips
+from granpinn.inspection.frame_slips import UNSTEADY
+from granpinn.inspection.slips import slips
 from granpinn.simulation import demo_path, simulate
 from tests.flows import make_chute, make_flow
 
@@ -102,8 +103,8 @@ def test_collapses(name: str, noise: float, seed: int) -> None:
 
 def test_gravity_upside_down(demo: Flow) -> None:
     (found,) = slips(replace(demo, gravity=(0.0, 1.0)))
-    assert found.severity == "improbable"
-    assert "the center of mass rises by 43%" in found.text
+    assert found.severity == "impossible"
+    assert "the top of the grains falls with 1 times gravity, 180 degrees away" in found.text
 
 
 def cut(flow: Flow, t: slice, y: slice, x: slice) -> Flow:
@@ -225,14 +226,15 @@ def test_train_warns_in_one_line(
     path = tmp_path / "flow.h5"
     changed = replace(flow, gravity=(0.0, 9.81))
     write_flow(changed, path)
-    with pytest.warns(FlowFileWarning, match="the center of mass rises by 29%"):
+    with pytest.warns(FlowFileWarning, match="the grains gain speed while they rise"):
         pose(changed, Config())
     tiny = ("--steps", "1", "--network.widths", "6", "--batch.interior", "16")
     train.main([str(path), "--out", str(tmp_path / "run"), *tiny])
     lines = capsys.readouterr().err.splitlines()
-    assert [line for line in lines if "rises by" in line] == [
-        f"warning: {path}: the center of mass rises by 29% of the height of the grains, and "
-        "without moving walls it can only fall: check the signs of gravity, y and v"
+    assert [line for line in lines if "they rise" in line] == [
+        f"warning: {path}: the grains gain speed while they rise against gravity, and without "
+        "moving walls they can only fall: check the signs of gravity, y and v, and the order of "
+        "the frames"
     ]
 
 

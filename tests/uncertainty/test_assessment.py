@@ -54,6 +54,13 @@ def test_no_interval_asks_for_care() -> None:
     assert found.reasons[0] == "μ₂ has no interval: its digits are not its accuracy."
 
 
+def test_a_slip_of_the_flow_file_asks_for_care() -> None:
+    data = replace(make_result().data, slips=("gravity is 98 m/s^2, and 9.81 on Earth",))
+    found = verdict(data=data)
+    assert found.grade == "care"
+    assert found.reasons[0] == "The data are improbable: gravity is 98 m/s^2, and 9.81 on Earth."
+
+
 def test_a_wide_interval_asks_for_care() -> None:
     wide = Parameter(0.6, False, 0.1, (0.44, 0.76))
     found = verdict(parameters=Parameters(SURE | {"mu_2": wide}))

@@ -1,0 +1,1 @@
+"""Are slips of calibration caught before a training?"""
