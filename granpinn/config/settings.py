@@ -118,6 +118,11 @@ class Config:
     checkpoint_every: float = setting(
         30.0, "seconds between checkpoints", low=0, high=math.inf, free=True
     )
+    compare_laws: bool = setting(
+        False,
+        "train a free curve and a law with cohesion beside the law, and say which laws explain "
+        "the data",
+    )
     free_I0: bool = setting(
         False,
         "after the training, find which I0 the data allow (group profile); its time is not part "

@@ -16,6 +16,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.estimates.facts import Facts
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
+from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     Concluded,
     conclude,
@@ -104,13 +105,18 @@ def identify_many(
         K = config.members
         every = [member for case in cases for member in members(case)]
         places = [place for part in parts for place in histories(part, K)]
+        others = [companions(case) for case in cases]
+        every += [other for own in others for other in own]
+        places += [None] * (len(every) - len(places))
         listener = progress if group.rank == 0 else None
         run = start(every, config, folder, listener, begin, places)
         run.train()
-        ensembles = [every[first : first + K] for first in range(0, len(every), K)]
+        ensembles = [every[e * K : (e + 1) * K] for e in range(len(cases))]
+        behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
 
         def concluded(e: int) -> Concluded:
-            made = conclude(ensembles[e], run, e * K, parts[e], keep_fields, simulate=True)
+            own, after = ensembles[e], behind[e]
+            made = conclude(own, run, e * K, parts[e], keep_fields, simulate=True, others=after)
             # The fields of all members at once would not fit into memory.
             return made._replace(maps=None)
 

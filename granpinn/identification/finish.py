@@ -5,8 +5,7 @@ pending in the file until it is made:
 
 1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
    intervals. A law without uncertain assumptions has its intervals at once.
-2. `with_comparisons`: what needs the final intervals. These are the momentum balance beside the
-   law, the parameters that the range of I determines, the curve, and the law on parts of the data.
+2. `with_comparisons`: what needs the final intervals (judgement.py).
 3. `with_simulated_pressure`: the pressure that a simulator gives.
 """
 
@@ -18,22 +17,18 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from granpinn import results
-from granpinn.arrays import Floats
-from granpinn.data.surface_sd import SOLVER
 from granpinn.identification import (
     assumptions,
-    balance,
+    comparison,
     conclusion,
+    judgement,
     prediction,
     simulated_fields,
 )
 from granpinn.identification.assumptions import assumptions_of
 from granpinn.identification.case import Case, Model
-from granpinn.identification.law_curve import Shear, shear_of, with_law_curve
-from granpinn.inspection.confined import undetermined
+from granpinn.identification.law_curve import Shear, shear_of
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
 from granpinn.results import (
@@ -47,6 +42,7 @@ from granpinn.results import (
 from granpinn.results.attempt import (
     ASSUMPTIONS,
     BASELINE,
+    COMPARISON,
     DETERMINED,
     FIELDS,
     LAW_CURVE,
@@ -60,8 +56,6 @@ from granpinn.results.attempt import (
     pending,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import of_kind, of_parts
-from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
 from granpinn.uncertainty.of_assumptions import Assumption, without_effect
 
 
@@ -74,6 +68,7 @@ class Concluded(NamedTuple):
         uncertain: the assumptions whose effect is to come.
         maps: its fields; None if they were not made or not kept.
         shear: the points where grains shear; None without fields.
+        of_laws: place in the run of every law of a comparison.
         folder: where the result is written; None: nowhere.
         keep_fields: whether fields.h5 is written.
     """
@@ -85,6 +80,7 @@ class Concluded(NamedTuple):
     uncertain: tuple[Assumption, ...]
     maps: Fields | None
     shear: Shear | NotDone | None
+    of_laws: dict[str, int]
     folder: Path | None
     keep_fields: bool
 
@@ -96,6 +92,7 @@ def conclude(
     folder: Path | None = None,
     keep_fields: bool = True,
     simulate: bool = False,
+    others: int | None = None,
 ) -> Concluded:
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
@@ -104,6 +101,7 @@ def conclude(
 
     Args:
         simulate: whether a simulated pressure will follow if the settings ask for it.
+        others: place of the first companion of these cases (comparison.py), by default behind them.
 
     Raises:
         OutputError: a file cannot be written.
@@ -116,8 +114,10 @@ def conclude(
     assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)
     result = pending(result, *([ASSUMPTIONS] if uncertain else []), BASELINE)
-    if _has_parts(case, run, e):
+    if judgement.has_parts(case, run, e):
         result = pending(result, PARTS)
+    if case.config.compare_laws:
+        result = pending(result, COMPARISON)
     if folder is not None:
         _write_values(pending(result, FIELDS), folder)
         if len(cases) > 1:
@@ -139,7 +139,8 @@ def conclude(
         _write_values(result, folder)
         if keep_fields and maps is not None:
             write_fields(maps, folder / "fields.h5")
-    return Concluded(result, case, model, e, uncertain, maps, shear, folder, keep_fields)
+    of_laws = comparison.places(case, e, first + len(cases) if others is None else others)
+    return Concluded(result, case, model, e, uncertain, maps, shear, of_laws, folder, keep_fields)
 
 
 def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[Concluded]:
@@ -166,26 +167,13 @@ def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[
 
 
 def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
-    """The result with the momentum balance, what its range of I determines, its curve and its law
-    on parts of the data, written to its folder.
-    """
-    case, place, shear = concluded.case, concluded.place, concluded.shear
-    result = _with_baseline(concluded.result, case)
-    if isinstance(shear, NotDone):
-        result = having(lacking(result, shear), LAW_CURVE)
-    elif shear is not None:
-        result = with_law_curve(_with_range(result, case, shear.I), shear)
+    """The result with what its law is worth (judgement.py), written to its folder."""
+    c, case, place = concluded, concluded.case, concluded.place
+    result = judgement.with_law(c.result, case, run, place, c.shear, c.of_laws)
     concluded = _kept(concluded, result)
-    if not _has_parts(case, run, place):
+    if not judgement.has_parts(case, run, place):
         return concluded
-
-    def on_parts() -> Result:
-        level, kind = case.config.level, _kind(result, case)
-        return of_parts.judged(result, run.trainer.laws_on_parts(place), level, kind)
-
-    made = attempt(PARTS, on_parts)
-    made = lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
-    return _kept(concluded, made)
+    return _kept(concluded, judgement.with_parts(result, case, run, place))
 
 
 def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Result:
@@ -222,55 +210,6 @@ def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:
     if isinstance(scores, NotDone):
         return lacking(result, scores)
     return having(result, SCORES, **scores._asdict())
-
-
-def _with_range(result: Result, case: Case, number: Floats) -> Result:
-    """The result without the parameters that its range of I, or its walls, do not determine.
-
-    Kinds of flows with a known model error get their error bars first.
-
-    Args:
-        number: I of the grains that shear [n]; the loss weights every vector alike.
-    """
-
-    def of_shear() -> Result:
-        weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
-        if reason is not None:
-            return applied(result, unfixed(result, number, weight, reason))
-        made = _with_model_error(result, case, number)
-        found = determined(made, number, weight)
-        return made if found is None else applied(made, found)
-
-    made = attempt(DETERMINED, of_shear)
-    return lacking(result, made) if isinstance(made, NotDone) else having(made, DETERMINED)
-
-
-def _with_model_error(result: Result, case: Case, number: Floats) -> Result:
-    """The result with the error bars of its kind of flow; `number`: I of the grains that shear."""
-    if (I0 := result.parameters.get("I0")) is None:
-        return result
-    shear = range_of(number, np.ones(number.shape), I0.value)
-    if shear is None:
-        return result
-    return of_kind.with_model_error(result, case.config, _kind(result, case), shear)
-
-
-def _kind(result: Result, case: Case) -> str | None:
-    carried = result.baseline is not None and result.baseline.carried
-    return of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
-
-
-def _has_parts(case: Case, run: TrainingLoop, place: int) -> bool:
-    """Whether there is a law to solve for on parts of the data."""
-    return place in run.trainer.solved and undetermined(case.seen, case.config.level) is None
-
-
-def _with_baseline(result: Result, case: Case) -> Result:
-    """The result with the momentum balance beside it."""
-    found = attempt(BASELINE, lambda: balance.beside(case.balance, result))
-    if isinstance(found, NotDone):
-        return lacking(result, found)
-    return having(balance.judged(result, found), BASELINE)
 
 
 def _kept(concluded: Concluded, result: Result) -> Concluded:

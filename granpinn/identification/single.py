@@ -13,6 +13,7 @@ from granpinn.config.toml import to_toml
 from granpinn.data import Flow
 from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
+from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     conclude,
     parts_of,
@@ -74,10 +75,13 @@ def identify(
         prepare(folder, config, len(cases))
     together.barrier()
     parts = None if len(cases) == 1 else histories(folder, len(cases))
-    run = start(cases, config, folder, progress, begin, parts, together)
+    others = companions(cases[0])
+    if others:
+        parts = [*(parts or [folder]), *[None] * len(others)]
+    run = start([*cases, *others], config, folder, progress, begin, parts, together)
     run.train()
-    if len(run.trainer.diverged) == len(cases):
-        raise NonFiniteError(next(iter(run.trainer.diverged.values())))
+    if all(k in run.trainer.diverged for k in range(len(cases))):
+        raise NonFiniteError(run.trainer.diverged[0])
     if together.rank > 0:
         return conclude(cases, run, 0).result
     (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)

@@ -1,10 +1,12 @@
 """The result of a run and its files results.json, results.csv and fields.h5.
 
-In reading order: named (values by the names of parameters and loss terms), records (ensemble, error
+In reading order: named (values by the names of parameters and loss terms), parameters (of a law,
+with their errors), records (ensemble, error
 bars, verdict), baseline (the momentum balance), determined (what a narrow range of I leaves),
-identified_law (its curve over the I of the data), parts (the law on parts of the data), findings
-(checks and simulations), result (all of it, and results.json), decoding (its JSON), attempt (parts
-that may fail alone), summary (numbers behind the words of a report), results_csv, fields.
+identified_law (its curve over the I of the data), comparison (of laws), parts (the law on parts of
+the data), findings (checks and simulations), result (all of it, and results.json), decoding (its
+JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
+results_csv, fields.
 """
 
 from granpinn.results.fields import (
@@ -17,13 +19,11 @@ from granpinn.results.fields import (
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
+from granpinn.results.parameters import Covariance, Parameter, Parameters
 from granpinn.results.records import DataSummary, NotDone, Zones
 from granpinn.results.result import (
-    Covariance,
     InertialNumber,
     Input,
-    Parameter,
-    Parameters,
     Result,
     ResultsFileError,
     Timing,

@@ -10,7 +10,6 @@ Version 2 adds the friction law (mu(I) if a file names none) and `members.diverg
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,12 +22,14 @@ from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
 from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
+from granpinn.results.comparison import ComparedLaw, table
 from granpinn.results.decoding import decode, encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
-from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Named, Residuals, require_names
+from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
+from granpinn.results.parameters import Covariance, Parameters
 from granpinn.results.parts import Parts
 from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
 
@@ -38,63 +39,6 @@ FORMAT_VERSION = 2
 
 class ResultsFileError(BadInput):
     """results.json is missing, is not JSON, or breaks a rule of the format."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter of a friction law, dimensionless.
-
-    `fixed` marks a value that was given, not identified; it then has no uncertainty. A value that
-    is not `determined` extrapolates beyond the data: it describes the curve over the I of the data
-    together with the other parameters, and nothing by itself.
-    """
-
-    value: float
-    fixed: bool
-    std: float | None = None
-    interval_90: tuple[float, float] | None = None
-    determined: bool = True
-
-    def __post_init__(self) -> None:
-        if self.fixed and (self.std is not None or self.interval_90 is not None):
-            raise ValueError(
-                "a fixed parameter was not identified: expected std and interval_90 null, "
-                f"got std {self.std} and interval_90 {self.interval_90}"
-            )
-        if not self.determined and (self.fixed or self.std is not None or self.interval_90):
-            raise ValueError(
-                "a parameter that is not determined has no error bars and was not given: expected "
-                f"fixed false, std and interval_90 null, got {self}"
-            )
-        if self.std is not None and self.std < 0:
-            raise ValueError(f"std must not be negative, got {self.std}")
-        if self.interval_90 is not None and self.interval_90[0] > self.interval_90[1]:
-            raise ValueError(f"interval_90 must be (lower, upper), got {self.interval_90}")
-
-
-class Parameters(Named[Parameter]):
-    """The parameters of a friction law by name, in the order of the law."""
-
-
-@dataclass(frozen=True)
-class Covariance:
-    """Covariance matrix of the identified parameters, in the order of `names`."""
-
-    names: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        n = len(self.names)
-        if len(self.matrix) != n or any(len(row) != n for row in self.matrix):
-            shape = [len(row) for row in self.matrix]
-            raise ValueError(f"matrix must be {n} x {n} like names, got rows of length {shape}")
-        for i in range(n):
-            if self.matrix[i][i] < 0:
-                raise ValueError(f"the variance of {self.names[i]} is negative")
-            for j in range(i):
-                a, b = self.matrix[i][j], self.matrix[j][i]
-                if not math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-30):
-                    raise ValueError(f"matrix must be symmetric, got {a} and {b}")
 
 
 @dataclass(frozen=True)
@@ -166,6 +110,8 @@ class Result:
     not_done: tuple[NotDone, ...] = ()
     parts: Parts | None = None
     assumptions: tuple[Assumed, ...] = ()
+    comparison: tuple[ComparedLaw, ...] = ()
+    chosen: str | None = None
 
     def __post_init__(self) -> None:
         given = {"level": self.level, "form": self.form, "law": self.law.name}
@@ -230,6 +176,7 @@ class Result:
             lines.append(str(self.law))
         if self.verdict is not None:
             lines.append(self.verdict.words)
+        lines += table(self.comparison, self.chosen)
         lines += [str(assumed) for assumed in self.assumptions]
         parts = (self.baseline, self.simulated_pressure, self.profile, self.resimulation)
         lines += [str(part) for part in (*parts, *self.not_done) if part is not None]

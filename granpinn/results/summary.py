@@ -14,7 +14,8 @@ import torch
 
 from granpinn.arrays import Float64, Floats
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.result import Covariance, Result
+from granpinn.results.parameters import Covariance
+from granpinn.results.result import Result
 
 LAST_PART = 0.1  # of the steps: how much the parameters still changed
 BAND_POINTS = 200  # of laws that are compared over a range of I

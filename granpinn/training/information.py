@@ -1,11 +1,11 @@
-r"""What the data tell of a free curve and a cohesion: the loss around a trained network.
+r"""What the data tell of a friction law: the loss around a trained network.
 
 The outputs of the last hidden layer are given functions, as in the last-layer step
 (`last_layer.py`). The coefficients C of the network are eliminated: for every law they take their
 best values. So the loss is a function of the law alone. It is quadratic, and a sum over the points,
 
 $$ L(\theta + \delta) = L_0 + \sum_B \left( s_B^T \delta + \tfrac12 \delta^T H_B \delta \right),
-   \qquad s_B = \sum_{i \in B} \tilde J_i^T r_i, \quad H_B = \sum_{i \in B} \tilde J_i^T \tilde J_i, $$
+   \quad s_B = \sum_{i \in B} \tilde J_i^T r_i, \ H_B = \sum_{i \in B} \tilde J_i^T \tilde J_i, $$
 
 over boxes B in space and time. With $J = (J_C, J_\theta)$ the derivatives of a residual,
 $\tilde J = J_\theta - J_C A_{CC}^{-1} A_{C\theta}$, A = J^T J. The residuals r are those with the
@@ -23,11 +23,11 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.laws import free
+from granpinn.training.boxes import Boxes
 from granpinn.training.elimination import RIDGE, factor
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose, chunks
+from granpinn.training.last_layer import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.parts_system import Boxes
 from granpinn.training.rows import Row
 
 BOXES = 8  # along each axis
@@ -35,23 +35,27 @@ BOXES = 8  # along each axis
 
 @dataclass(frozen=True)
 class Information:
-    """The quadratic loss around a law of L free parameters: the coefficients, then the cohesion.
+    """The quadratic loss around a law of L free parameters.
 
     Attributes:
         theta: all parameters of the law [N].
+        free: those that are not fixed [L].
         scores: s of every box [B, L]; B = BOXES^3, x slowest, then y, then time.
         information: H of every box [B, L, L].
-        roughness: weight of |D theta|^2 / 2 beside this loss, the prior of a curve.
+        prior: curvature of the prior of a curve [L, L], of no box.
     """
 
     theta: Tensor
+    free: Tensor
     scores: Tensor
     information: Tensor
-    roughness: float
+    prior: Tensor
 
 
 def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Information | None:
-    """The loss around a network that was trained with a free curve; None: nothing is determined.
+    """The loss around a trained network, by its law; None: the data determine nothing.
+
+    A free curve gets a cohesion of 0 beside its coefficients.
 
     Args:
         member, params, theta, step: as for `last_layer.last_layer`, after that step.
@@ -72,9 +76,7 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
             return None
         sides = -torch.cat([b[:-L, None], A[:-L, -L:]], 1)
         X = torch.cholesky_solve(sides / found.scale[:, None], found.factor) / found.scale[:, None]
-        if len(sums.differences):
-            sums.expect_smooth(A, b, at)
-        boxes = Boxes(member, BOXES)
+        boxes = Boxes(member.data.lower, member.data.upper, BOXES)
         scores, squares = X.new_zeros(boxes.total, L), X.new_zeros(boxes.total, L, L)
 
         def add(where: Tensor, r: Tensor, J: Tensor) -> None:
@@ -87,7 +89,11 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
             moved = _along(row, X, at.C.shape[1])
             add(where[row.points], row.residual + moved[:, 0], row.by_theta + moved[:, 1:])
         _add_vectors(sums, at, X, add)
-    return Information(theta, scores, squares, sums.roughness)
+        D, roughness = sums.differences, 0.0
+        if len(D):
+            sums.expect_smooth(A, b, at)
+            roughness = sums.roughness
+    return Information(theta, theta[sums.free], scores, squares, roughness * D.T @ D)
 
 
 def _along(row: Row, X: Tensor, F: int) -> Tensor:
@@ -101,11 +107,9 @@ def _along(row: Row, X: Tensor, F: int) -> Tensor:
 
 def _add_vectors(sums: Sums, at: Unknowns, X: Tensor, add: Callable[..., None]) -> None:
     """The part of the measured velocity."""
-    F, (every, velocity, weights) = at.C.shape[1], sums.data.measured
-    for rows in chunks(every):
-        h = sums.features.jet(every[rows], 0)[0]
-        e = h @ at.C[:2].T - velocity[rows] / sums.physics.velocity_scale
-        w = (sums.velocity_weight * weights[rows] / len(every)).sqrt()[:, None]
+    F, points = at.C.shape[1], sums.data.measured[0]
+    for rows, h, e, weight in sums.vectors(at):
+        root = weight.sqrt()
         for k in (0, 1):
-            moved = w * (h @ X[k * F : (k + 1) * F])
-            add(every[rows], w[:, 0] * e[:, k] + moved[:, 0], moved[:, 1:])
+            moved = root * (h @ X[k * F : (k + 1) * F])
+            add(points[rows], root[:, 0] * e[:, k] + moved[:, 0], moved[:, 1:])

@@ -20,13 +20,11 @@ from granpinn.training.control_table import ControlTable, Position
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
-from granpinn.training.information import Information, information
 from granpinn.training.last_layer import last_layer
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
-from granpinn.training.parts import HalfLaws, laws_on_parts
 from granpinn.training.schedule import Schedule
 from granpinn.training.state import TrainingState
 
@@ -247,17 +245,11 @@ class Trainer:
             if e not in self.diverged:
                 self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step)
 
-    def laws_on_parts(self, member: int) -> list[HalfLaws]:
-        """The laws on parts of the data of a member; none without the last-layer step."""
-        if member not in self.solved:
-            return []
-        return laws_on_parts(self._at_end(member), *self.solved[member], self.step)
-
-    def curve_information(self, member: int) -> Information | None:
-        """What the data tell of the free curve of a member; None without the last-layer step."""
+    def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
+        """The arguments of `last_layer` for what follows that step; None without it."""
         if member not in self.solved:
             return None
-        return information(self._at_end(member), *self.solved[member], self.step)
+        return self._at_end(member), *self.solved[member], self.step
 
     def _at_end(self, e: int) -> Member:
         """A member with the weights of the end of the training, and its data on the device."""

@@ -78,6 +78,28 @@ class ModelError:
 
 
 @dataclass(frozen=True)
+class FreeCurveError:
+    """How wrong free curves were in simulated collapses of several laws (free_curve.py).
+
+    Attributes:
+        modes: rms of the parts of the relative error of mu: level, tilt, curvature, ... , the
+            Legendre polynomials over the range of I of a flow.
+        widening, farthest: half-widths of the bands that hold all of 90 % and of 99 % of the
+            curves, over the standard deviation.
+        cohesion: rms cohesion that was found in grains without any, over rho |g| H.
+        flows: number of flows behind them.
+        provenance: the trainings that gave the numbers.
+    """
+
+    modes: tuple[float, ...]
+    widening: float
+    farthest: float
+    cohesion: float
+    flows: int
+    provenance: str
+
+
+@dataclass(frozen=True)
 class Calibration:
     """
     Attributes:
@@ -97,6 +119,7 @@ class Calibration:
         valid_mu_s, valid_ratio: mu_s and mu_2 / mu_s of the materials in the study.
         largest_misfit: the residuals can test the law up to this misfit.
         model_error: of flows of grains, by their kind (`KINDS`); a kind without data is absent.
+        free_curve: error of the law `free`; None: not calibrated.
     """
 
     law: str
@@ -116,6 +139,7 @@ class Calibration:
     valid_ratio: tuple[float, float]
     largest_misfit: float
     model_error: dict[str, ModelError] = field(default_factory=dict)
+    free_curve: FreeCurveError | None = None
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")

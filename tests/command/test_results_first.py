@@ -14,14 +14,13 @@ from granpinn import identify, identify_many, results, train
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
 from granpinn.figures import album
-from granpinn.identification import finish, prediction, simulated_fields
+from granpinn.identification import finish, judgement, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
 from granpinn.results import NotDone
 from granpinn.results.attempt import ASSUMPTIONS, BASELINE, FIELDS, PARTS, PENDING, attempt
 from granpinn.second_opinion import resimulation, simulated_pressure
 from granpinn.simulation import SimulationError
-from granpinn.training.trainer import Trainer
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
@@ -75,7 +74,7 @@ def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
         raise MemoryError
 
     monkeypatch.setattr(prediction, "predict", look)
-    monkeypatch.setattr(Trainer, "laws_on_parts", look)
+    monkeypatch.setattr("granpinn.identification.judgement.laws_on_parts", look)
     last = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     without_fields, without_parts = found
     pending = (ASSUMPTIONS, BASELINE, FIELDS, PARTS)
@@ -88,8 +87,10 @@ def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
 
 
 def test_no_law_on_parts_where_there_is_none(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Trainer, "laws_on_parts", raising(AssertionError()))
-    monkeypatch.setattr(finish, "undetermined", lambda flow, level: "nothing fixes the pressure")
+    monkeypatch.setattr(
+        "granpinn.identification.judgement.laws_on_parts", raising(AssertionError())
+    )
+    monkeypatch.setattr(judgement, "undetermined", lambda flow, level: "nothing fixes the pressure")
     result = identify(flow, tiny(steps=3))
     assert (result.parts, result.not_done) == (None, ())
 

@@ -199,7 +199,7 @@ def test_every_training_compares_parts_and_keeps_its_law(
     assert [split.name for split in result.parts.splits] == ["time", "rate", "height", "side"]
     read = results.read_results(tmp_path / "results.json")
     assert read.parts == result.parts
-    monkeypatch.setattr("granpinn.training.trainer.laws_on_parts", lambda *_: [])
+    monkeypatch.setattr("granpinn.identification.judgement.laws_on_parts", lambda *_: [])
     without = identify(flow, tiny())
     assert without.parts is None
     assert without.parameters == result.parameters

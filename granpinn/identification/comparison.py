@@ -1,0 +1,177 @@
+"""The comparison of friction laws: members of a run with other laws, and what they tell.
+
+A free curve and the law with cohesion are trained beside the law of the settings, on the same data.
+All other laws are held against the free curve (uncertainty/law_choice.py).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.config import Config
+from granpinn.errors import CannotGoOn
+from granpinn.estimates.facts import Facts
+from granpinn.identification.case import Case, fixed_values
+from granpinn.physics.laws import LAWS, cohesive, free
+from granpinn.results import Parameter, Parameters, Result
+from granpinn.results.identified_law import Curve
+from granpinn.training.information import information
+from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty import calibration, error_bars, law_choice
+from granpinn.uncertainty.calibration import FreeCurveError, ModelError
+from granpinn.uncertainty.free_curve import Quadratic, basis, model_covariance, quadratic
+from granpinn.uncertainty.law_choice import Band, Cohesion
+
+COMPANIONS = (free.LAW.name, cohesive.LAW.name)
+LEAST = 1e-3  # of mu, beside its covariance: no curve is known better
+
+
+class ComparisonError(CannotGoOn):
+    """Laws cannot be compared; the message is one sentence."""
+
+
+def companions(case: Case) -> list[Case]:
+    """Members with the data of a case and the other laws that a comparison needs, if it is asked
+    for.
+    """
+    names = [name for name in COMPANIONS if name != case.config.law]
+    return [_with_law(case, name) for name in names] if case.config.compare_laws else []
+
+
+def _with_law(case: Case, name: str) -> Case:
+    config = dataclasses.replace(case.config, law=name)
+    fixed = fixed_values(config, Facts(case.seen, case.scales))
+    member = dataclasses.replace(case.member, law=LAWS[name], fixed=fixed)
+    return dataclasses.replace(case, config=config, member=member)
+
+
+def places(case: Case, own: int, first: int) -> dict[str, int]:
+    """The place in the run of every law of a comparison.
+
+    Args:
+        own: place of the member with the law of the settings.
+        first: of the first companion.
+    """
+    found = {case.config.law: own}
+    for k, companion in enumerate(companions(case)):
+        found[companion.config.law] = first + k
+    return found
+
+
+def with_free_band(
+    result: Result, case: Case, run: TrainingLoop, place: int, kind: str | None
+) -> Result:
+    """The result with the band of its free curve, where the error of such curves is known."""
+    curve = result.law.curve
+    if result.law.name != free.LAW.name or curve is None:
+        return result
+    try:
+        known = _FreeCurve(result, case.config, run, place, kind)
+    except ComparisonError as error:
+        law = dataclasses.replace(result.law, reason=str(error))
+        return dataclasses.replace(result, law=law)
+    band = known.band()
+    ends = ((band.mu - band.half).tolist(), (band.mu + band.half).tolist())
+    wide = Curve(curve.I, tuple(band.mu.tolist()), *(tuple(end) for end in ends))
+    law = dataclasses.replace(result.law, curve=wide, reason=None)
+    return dataclasses.replace(result, law=law)
+
+
+def compared(
+    result: Result, case: Case, run: TrainingLoop, of_laws: Mapping[str, int], kind: str | None
+) -> Result:
+    """The result with the comparison of all laws.
+
+    Args:
+        of_laws: place in the run of every trained law.
+        kind: of the flow (of_kind.kind_of).
+
+    Raises:
+        ComparisonError: the data, or what is known of such data, do not allow it.
+    """
+    curve = _FreeCurve(result, case.config, run, of_laws[free.LAW.name], kind)
+    fixed = {name: {"I0": case.config.I0} | case.config.rheology.fixed for name in LAWS}
+    band, knots = curve.band(), curve.knots()
+    found = law_choice.fits(curve.known, curve.ends, band, curve.covariance(knots), fixed)
+    records, chosen = law_choice.choice(found, band)
+    cohesion = _cohesion(case, run, of_laws[cohesive.LAW.name], curve.scale * curve.error.cohesion)
+    records, chosen = law_choice.with_cohesion(records, chosen, cohesion)
+    return dataclasses.replace(result, comparison=records, chosen=chosen)
+
+
+class _FreeCurve:
+    """The free curve of a run over the range of I of a result."""
+
+    def __init__(
+        self, result: Result, config: Config, run: TrainingLoop, place: int, kind: str | None
+    ) -> None:
+        table = calibration.of_level(config.level)
+        if table is None or table.free_curve is None:
+            raise ComparisonError(f"the error of a free curve is not known at level {config.level}")
+        if kind is not None and kind not in table.model_error:
+            raise ComparisonError(
+                f"the error of a law is not known for flows {calibration.KINDS[kind]}"
+            )
+        if result.law.I_range is None or result.residuals is None:
+            raise ComparisonError("the range of I of the data is not known")
+        if result.law.I_range[0] >= result.law.I_range[1]:
+            raise ComparisonError("the data hold one I alone, which any law explains")
+        self.error: FreeCurveError = table.free_curve
+        self.grains: ModelError | None = table.model_error.get(kind) if kind else None
+        steps = result.timing.steps
+        self.scale = error_bars.discrepancy_scale(result.residuals, steps, table)
+        self.I_range = result.law.I_range
+        known = _quadratic(run, place, len(free.LAW.curve))
+        if known is None:
+            raise ComparisonError("the training with a free curve did not end with its last layer")
+        self.known: Quadratic = known
+        theta = run.trainer.solution(place)[1].tolist()
+        self.ends = theta[-2], theta[-1]
+
+    def covariance(self, I: Float64) -> Float64:  # noqa: E741
+        """Covariance of mu at every I [n, n]."""
+        B = basis(I, *self.ends)
+        mu = B @ self.known.center
+        own = B @ self.known.covariance @ B.T
+        model = model_covariance(I, mu, self.I_range, self.error, self.scale, self.grains)
+        return own + model + np.diag((LEAST * mu) ** 2)
+
+    def band(self) -> Band:
+        """The curve with its errors over the range of I."""
+        I = np.geomspace(*self.I_range, law_choice.CURVE)  # noqa: E741
+        mu = basis(I, *self.ends) @ self.known.center
+        std = np.sqrt(np.diag(self.covariance(I)))
+        return Band(I, mu, self.error.widening * std, self.error.farthest * std)
+
+    def knots(self) -> Float64:
+        """The inertial numbers at which laws are fitted."""
+        return law_choice.knots(self.I_range)
+
+
+def _quadratic(run: TrainingLoop, place: int, L: int) -> Quadratic | None:
+    """The loss around the first L free parameters of a member."""
+    ended = run.trainer.ended(place)
+    found = information(*ended) if ended else None
+    return None if found is None else quadratic(found, L)
+
+
+def _cohesion(case: Case, run: TrainingLoop, place: int, usual: float) -> Cohesion:
+    """What the training with cohesion found; `usual` is found in grains without any."""
+    law = cohesive.LAW
+    known = _quadratic(run, place, len(law.free))
+    if known is None:
+        raise ComparisonError("the training with cohesion did not end with its last layer")
+    theta = run.trainer.solution(place)[1].tolist()
+    k = law.free.index("c")
+    c, std = known.center[k], float(np.hypot(np.sqrt(known.covariance[k, k]), usual))
+    unit = case.scales.pressure
+    values = Parameters(
+        (p.name, Parameter(value, fixed=p.fixed))
+        for p, value in zip(law.parameters, law.to_physical(theta, unit), strict=True)
+    )
+    gain = c**2 / (2 * np.linalg.inv(known.curvature)[k, k] * known.temperature)
+    return Cohesion(values, float(c) * unit, std * unit, float(gain))

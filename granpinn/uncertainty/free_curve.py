@@ -1,0 +1,131 @@
+r"""A free curve mu(I) with its error: what the laws of a comparison are held against.
+
+The coefficients c of the curve come from a training. Their covariance is
+
+$$ C = V + D, \qquad V = H^{-1} \Big( \sum_B s_B s_B^T \Big) H^{-1}: $$
+
+V holds the residuals, with the scores s_B of boxes in space and time that count as independent (the
+sandwich of White, Econometrica 48, 1980). Boxes of several sizes are tried; the largest V counts. D
+is the further error of simulated flows with known laws (calibration.FreeCurveError): the relative
+error of mu is a sum of Legendre polynomials over the range of log I, with independent amplitudes.
+In grains the level and the tilt of their kind are added (of_kind.py).
+
+Scores of blocks of time count as log likelihoods after a division by
+
+$$ \tau = \tfrac1N \operatorname{tr} H V, $$
+
+as neighboring residuals are correlated (training/curve_prior.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from granpinn.arrays import Float64
+from granpinn.physics.laws import free
+from granpinn.training.information import BOXES, Information
+from granpinn.uncertainty.calibration import FreeCurveError, ModelError
+
+N = free.COEFFICIENTS
+SHAPES = ((4, 4, 8), (2, 2, 4), (4, 4, 4), (8, 8, 8))  # boxes along x, y and t
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """The loss around the parameters of a law, by blocks of time.
+
+    Attributes:
+        center: L free parameters; the loss is least there.
+        scores, information: of every block of time [T, L] and [T, L, L], at the center.
+        curvature: H [L, L]: the information of all blocks, and the prior of a curve.
+        covariance: V [L, L].
+        temperature: tau.
+    """
+
+    center: Float64
+    scores: Float64
+    information: Float64
+    curvature: Float64
+    covariance: Float64
+    temperature: float
+
+    def loss(self, block: int, at: Float64) -> float:
+        """The part of a block of time in the loss at [L], less that at the center, over tau."""
+        d = at - self.center
+        slope = self.scores[block] + self.information[block] @ d / 2
+        return float(d @ slope) / self.temperature
+
+    def without(self, block: int) -> Float64:
+        """The least loss without a block of time [L]."""
+        left = self.curvature - self.information[block]
+        step: Float64 = np.linalg.lstsq(left, self.scores[block], rcond=1e-12)[0]
+        return self.center + step
+
+
+def quadratic(found: Information, L: int) -> Quadratic | None:
+    """The loss in the first L free parameters; None where the data do not determine them.
+
+    The trained parameters are taken as the least: one more step of Gauss and Newton from there
+    would follow the noise of the training.
+    """
+    scores = found.scores[:, :L].cpu().numpy()
+    information = found.information[:, :L, :L].cpu().numpy()
+    center = found.free[:L].cpu().numpy()
+    H = information.sum(0) + found.prior[:L, :L].cpu().numpy()
+    H += 1e-12 * np.trace(H) * np.eye(L)
+    if not (np.isfinite(H).all() and np.isfinite(scores).all() and np.linalg.eigvalsh(H)[0] > 0):
+        return None
+    scores = scores - information @ np.linalg.solve(H, scores.sum(0))
+    covariance, temperature = np.zeros((L, L)), 0.0
+    for shape in SHAPES:
+        influence = np.linalg.solve(H, joined(scores, shape).T)
+        V = influence @ influence.T
+        tau = float(np.trace(H @ V)) / L
+        if tau > temperature:
+            covariance, temperature = V, tau
+    if not temperature > 0:
+        return None
+    cube = (BOXES * BOXES, BOXES)
+    in_time = scores.reshape(*cube, L).sum(0), information.reshape(*cube, L, L).sum(0)
+    return Quadratic(center, *in_time, H, covariance, temperature)
+
+
+def joined(values: Float64, shape: tuple[int, int, int]) -> Float64:
+    """Sums [B, L] over larger boxes, of the values of all boxes [BOXES^3, L]."""
+    a, b, c = (BOXES // n for n in shape)
+    cube = values.reshape(shape[0], a, shape[1], b, shape[2], c, -1)
+    return np.asarray(cube.sum((1, 3, 5)).reshape(np.prod(shape), -1))
+
+
+def basis(I: Float64, I_low: float, I_high: float) -> Float64:  # noqa: E741
+    """mu of each coefficient at every I [n, N]."""
+    columns = [free.friction(I, *row, I_low, I_high) for row in np.eye(N)]
+    return np.stack(columns, axis=1)
+
+
+def model_covariance(
+    I: Float64,  # noqa: E741
+    mu: Float64,
+    I_range: tuple[float, float],
+    error: FreeCurveError,
+    scale: float,
+    grains: ModelError | None,
+) -> Float64:
+    """D at every I [n, n], beyond the residuals.
+
+    Args:
+        mu: friction there [n].
+        I_range: of the flow, 5th and 95th percentile.
+        scale: by which the errors are larger than in the study.
+        grains: error of flows of grains of this kind.
+    """
+    low, high = np.log(I_range)
+    xi = np.clip(2 * (np.log(I) - low) / (high - low) - 1, -1, 1)
+    variances = scale**2 * np.square(error.modes)
+    if grains is not None:
+        variances[:2] += np.square([grains.level, grains.tilt])
+    modes = mu[:, None] * legendre.legvander(xi, len(variances) - 1)
+    return np.asarray((modes * variances) @ modes.T)

@@ -1,0 +1,310 @@
+r"""Which friction law do data support?  Every law is fitted to a free curve with its error.
+
+**Fit.** Each law takes the parameters $\theta$ that are nearest to the free curve $m$ at N
+inertial numbers, evenly in log I over the range of the data,
+
+$$ \chi^2 = (\mu(\theta) - m)^T C^{-1} (\mu(\theta) - m) + \text{prior of } I_0, $$
+
+with the covariance C of free_curve.py. $I_0$ is free here, with a prior of 40 % around its usual
+value: the range of I of one flow rarely tells it.
+
+**Score.** A block of time is left out, the free curve and the fit follow the others, and the loss
+of that block at this fit counts as a log likelihood. The score of a law is the sum over the
+blocks, relative to that of the law with the least $\chi^2$. Points of one block are neighbors, so
+random points would be no test.
+
+**Told apart.** Two laws are told apart where their curves differ by more than the errors of the
+free curve in 99 % of simulated flows, and their $\chi^2$ by more than `CLEAR`. Of the laws that are
+not told apart from the nearest one, that with the fewest parameters is chosen.
+
+**Cohesion** is no part of a curve mu(I). It comes from a training of its own, with its error from
+the same sums; the law `cohesive` is told from the others where c is significant. Then the free
+curve, which has no cohesion, means nothing, and no other law is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from granpinn.arrays import Float64
+from granpinn.physics.laws import LAWS, Law, LawParameter, cohesive, free, mu_of_i
+from granpinn.results.comparison import ComparedLaw
+from granpinn.results.parameters import Parameter, Parameters
+from granpinn.results.summary import NORMAL_90
+from granpinn.uncertainty.free_curve import N, Quadratic, basis
+
+CURVE = 80  # inertial numbers at which curves are compared
+CLEAR = 4.0  # difference of chi^2: two standard deviations
+I0_SPREAD = 0.4  # of ln I0
+KNOWN = 0.5  # of the spread of its prior: a parameter that the data tell less is not determined
+REACH = 3.0  # of ln theta, around the start
+RULED_OUT = 3.0  # standard deviations of a cohesion that is not 0
+
+
+@dataclass(frozen=True)
+class Band:
+    """The free curve over the range of I of a flow.
+
+    Attributes:
+        I, mu: inertial numbers and friction [n].
+        half: half-width of the band that holds all of 90 % of the curves [n].
+        farthest: the same for 99 % [n].
+    """
+
+    I: Float64  # noqa: E741 (the inertial number's own symbol)
+    mu: Float64
+    half: Float64
+    farthest: Float64
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A law near the free curve.
+
+    Attributes:
+        theta: all parameters.
+        std: standard deviations of ln theta of the free ones, by name; none of a free curve.
+        mu: its curve at the I of the band.
+        chi2: distance from the free curve.
+        score: log likelihood of blocks of time that were left out.
+    """
+
+    law: Law
+    theta: tuple[float, ...]
+    std: dict[str, float]
+    mu: Float64
+    chi2: float
+    score: float
+
+    @property
+    def unknowns(self) -> int:
+        return len(self.law.free)
+
+
+class Fitter:
+    """Fits of one law to free curves.
+
+    Args:
+        fixed: values of fixed parameters, by name.
+        I: N inertial numbers at which the curves are compared [N].
+        root: R of C^-1 = R^T R [N, N].
+    """
+
+    def __init__(self, law: Law, fixed: dict[str, float], I: Float64, root: Float64) -> None:  # noqa: E741
+        scale = law.inertial_scale
+        self.law, self.I, self.root, self.fixed = law, I, root, fixed
+        self.names = [p.name for p in law.parameters if not p.fixed or p.name == scale]
+        self.prior = {scale: I0_SPREAD} if scale else {}
+
+    def theta(self, z: Float64) -> list[float]:
+        """All parameters at logarithms z of the unknown ones."""
+        values = dict(zip(self.names, np.exp(z).tolist(), strict=True))
+        theta: list[float] = []
+        for p in self.law.parameters:
+            value = values.get(p.name, self.fixed.get(p.name, p.start))
+            theta.append(theta[-1] + value if p.variable == "log_above" else value)
+        return theta
+
+    def curve(self, z: Float64, I: Float64) -> Float64:  # noqa: E741
+        return np.broadcast_to(self.law.friction(I, *self.theta(z)), I.shape)
+
+    def fit(self, m: Float64, start: Float64 | None = None) -> tuple[Float64, Float64, float]:
+        """z, its covariance, and chi^2, for a free curve m [N]."""
+        first = self._start(m) if start is None else start
+        usual = np.log([self._usual(name, m) for name in self.names])
+
+        def residuals(z: Float64) -> Float64:
+            priors = [
+                (z[k] - usual[k]) / self.prior[name]
+                for k, name in enumerate(self.names)
+                if name in self.prior
+            ]
+            return np.append(self.root @ (self.curve(z, self.I) - m), priors)
+
+        bounds = usual - REACH, usual + REACH
+        found = least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
+        normal = found.jac.T @ found.jac
+        # a direction that no data determine is as uncertain as the reach of the search
+        covariance = np.linalg.inv(normal + REACH**-2 * np.eye(len(normal)))
+        return found.x, covariance, 2 * float(found.cost)
+
+    def _start(self, m: Float64) -> Float64:
+        return np.log([self._usual(name, m) for name in self.names])
+
+    def _usual(self, name: str, m: Float64) -> float:
+        """The start of a parameter: of a coefficient of friction, from the free curve."""
+        p = self.law.parameter(name)
+        if p.name == self.law.names[0]:
+            return float(m.min())
+        if p.variable == "log_above":
+            return float(max(np.ptp(m), 0.02 * m.mean()))
+        return self.fixed.get(name, p.start)
+
+
+def fits(
+    curve: Quadratic,
+    ends: tuple[float, float],
+    band: Band,
+    covariance: Float64,
+    fixed: dict[str, dict[str, float]],
+) -> list[Fit]:
+    """The free curve itself, and every law without cohesion that is nearest to it.
+
+    Args:
+        ends: I_low and I_high of the free curve.
+        covariance: C of the free curve at `knots` [N, N].
+        fixed: values of fixed parameters of every law.
+    """
+    I = knots((band.I[0], band.I[-1]))  # noqa: E741
+    B = basis(I, *ends)
+    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    left = [curve.without(k) for k in range(len(curve.scores))]
+    own = -sum(curve.loss(k, at) for k, at in enumerate(left))
+    values = tuple(curve.center.tolist())
+    made = [Fit(free.LAW, (*values, *ends), {}, band.mu, 0.0, own)]
+    wide = np.geomspace(*ends, CURVE)
+    back = np.linalg.pinv(basis(wide, *ends), rcond=1e-6)
+    for law in LAWS.values():
+        if law.curve or law.cohesion or not law.compiled:
+            continue
+        fitter = Fitter(law, fixed.get(law.name, {}), I, root)
+        z, spread, chi2 = fitter.fit(B @ curve.center)
+        score = 0.0
+        for k, at in enumerate(left):
+            other, *_ = fitter.fit(B @ at, z)
+            score -= curve.loss(k, back @ fitter.curve(other, wide))
+        std = dict(zip(fitter.names, np.sqrt(np.diag(spread)).tolist(), strict=True))
+        theta = tuple(fitter.theta(z))
+        made.append(Fit(law, theta, std, fitter.curve(z, band.I), chi2, score))
+    return made
+
+
+def knots(I_range: tuple[float, float]) -> Float64:
+    """The N inertial numbers at which fits are made."""
+    return np.geomspace(*I_range, N)
+
+
+def apart(a: Fit, b: Fit, band: Band) -> bool:
+    """Whether two laws are told apart."""
+    return _differ(a, b, band) and abs(a.chi2 - b.chi2) > CLEAR
+
+
+def _differ(a: Fit, b: Fit, band: Band) -> bool:
+    return bool((np.abs(a.mu - b.mu) > band.farthest).any())
+
+
+def choice(found: Sequence[Fit], band: Band) -> tuple[tuple[ComparedLaw, ...], str]:
+    """The records of all laws, with the chosen one first, and its name."""
+    named = [fit for fit in found if fit.law is not free.LAW]
+    curve = next(fit for fit in found if fit.law is free.LAW)
+    best = min(named, key=lambda fit: fit.chi2)
+    if _differ(best, curve, band):
+        best = curve  # no named law is near the free curve
+    alike = [fit for fit in found if fit is best or not apart(fit, best, band)]
+    chosen = min(alike, key=lambda fit: fit.unknowns)
+    records = [
+        ComparedLaw(
+            fit.law.name,
+            parameters(fit),
+            fit.score - best.score,
+            tuple(o.law.name for o in found if o is not fit and not apart(o, fit, band)),
+        )
+        for fit in sorted(found, key=lambda fit: fit is not chosen)
+    ]
+    return tuple(records), chosen.law.name
+
+
+@dataclass(frozen=True)
+class Cohesion:
+    """What a training with cohesion found.
+
+    Attributes:
+        values: all parameters.
+        c, std: the cohesion and its standard deviation, in the unit of the pressure of the file.
+        gain: log likelihood by which c explains the data better than no cohesion.
+    """
+
+    values: Parameters
+    c: float
+    std: float
+    gain: float
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters with the error of c; `NOT_DETERMINED` where it may be 0."""
+        sure = self.c > RULED_OUT * self.std
+        interval = (self.c - NORMAL_90 * self.std, self.c + NORMAL_90 * self.std)
+        own = Parameter(self.c, False, self.std if sure else None, interval if sure else None, sure)
+        return Parameters({**dict(self.values.items()), cohesive.LAW.cohesion or "c": own})
+
+
+def with_cohesion(
+    records: Sequence[ComparedLaw], chosen: str, found: Cohesion
+) -> tuple[tuple[ComparedLaw, ...], str]:
+    """The records with the law `cohesive`, and the chosen law."""
+    own = cohesive.LAW.name
+    if found.c > RULED_OUT * found.std:
+        others = (replace(r, score=r.score - found.gain) for r in records)
+        return (ComparedLaw(own, found.parameters, 0.0), *others), own
+    base = next(r for r in records if r.law == mu_of_i.LAW.name)
+    alike = (base.law, *base.not_told_apart_from)
+    made = [
+        replace(r, not_told_apart_from=(*r.not_told_apart_from, own)) if r.law in alike else r
+        for r in records
+    ]
+    return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
+
+
+def parameters(self) -> Parameters:
+    """The parameters with the error of c; `NOT_DETERMINED` where it may be 0."""
+    sure = self.c > RULED_OUT * self.std
+    interval = (self.c - NORMAL_90 * self.std, self.c + NORMAL_90 * self.std)
+    own = Parameter(self.c, False, self.std if sure else None, interval if sure else None, sure)
+    return Parameters({**dict(self.values.items()), cohesive.LAW.cohesion or "c": own})
+
+
+def with_cohesion(
+    records: Sequence[ComparedLaw], chosen: str, found: Cohesion
+) -> tuple[tuple[ComparedLaw, ...], str]:
+    """The records with the law `cohesive`, and the chosen law."""
+    own = cohesive.LAW.name
+    if found.c > RULED_OUT * found.std:
+        others = (replace(r, score=r.score - found.gain) for r in records)
+        return (ComparedLaw(own, found.parameters, 0.0), *others), own
+    base = next(r for r in records if r.law == mu_of_i.LAW.name)
+    alike = (base.law, *base.not_told_apart_from)
+    made = [
+        replace(r, not_told_apart_from=(*r.not_told_apart_from, own)) if r.law in alike else r
+        for r in records
+    ]
+    return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
+
+
+def _spread(curve: Quadratic, values: tuple[float, ...]) -> dict[str, float]:
+    std = np.sqrt(np.diag(curve.covariance)) / np.array(values)
+    return dict(zip(free.LAW.curve, std.tolist(), strict=True))
+
+
+def parameters(fit: Fit) -> Parameters:
+    """The values of a fit with their errors."""
+    return Parameters(
+        (p.name, _parameter(p, value, fit.std.get(p.name), fit))
+        for p, value in zip(fit.law.parameters, fit.theta, strict=True)
+    )
+
+
+def _parameter(p: LawParameter, value: float, std: float | None, fit: Fit) -> Parameter:
+    if std is None:
+        return Parameter(value, fixed=p.fixed)
+    spread = I0_SPREAD if p.name == fit.law.inertial_scale else REACH
+    if std > KNOWN * spread:
+        return Parameter(value, fixed=False, determined=False)
+    if p.variable == "log_above":  # the unknown is the distance from the parameter before it
+        std *= 1 - fit.theta[fit.law.names.index(p.name) - 1] / value
+    ends = value * math.exp(-NORMAL_90 * std), value * math.exp(NORMAL_90 * std)
+    return Parameter(value, fixed=False, std=value * std, interval_90=ends)
