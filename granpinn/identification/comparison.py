@@ -7,6 +7,7 @@ All other laws are held against the free curve (uncertainty/law_choice.py).
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -25,6 +26,7 @@ from granpinn.uncertainty import calibration, error_bars, law_choice
 from granpinn.uncertainty.calibration import FreeCurveError, ModelError
 from granpinn.uncertainty.free_curve import Quadratic, basis, model_covariance, quadratic
 from granpinn.uncertainty.law_choice import Band, Cohesion
+from granpinn.uncertainty.of_training import uncalibrated
 
 COMPANIONS = (free.LAW.name, cohesive.LAW.name)
 LEAST = 1e-3  # of mu, beside its covariance: no curve is known better
@@ -98,7 +100,7 @@ def compared(
     band, knots = curve.band(), curve.knots()
     found = law_choice.fits(curve.known, curve.ends, band, curve.covariance(knots), fixed)
     records, chosen = law_choice.choice(found, band)
-    cohesion = _cohesion(case, run, of_laws[cohesive.LAW.name], curve.scale * curve.error.cohesion)
+    cohesion = _cohesion(case, run, of_laws[cohesive.LAW.name], curve)
     records, chosen = law_choice.with_cohesion(records, chosen, cohesion)
     return dataclasses.replace(result, comparison=records, chosen=chosen)
 
@@ -112,6 +114,11 @@ class _FreeCurve:
         table = calibration.of_level(config.level)
         if table is None or table.free_curve is None:
             raise ComparisonError(f"the error of a free curve is not known at level {config.level}")
+        if changed := uncalibrated(config):
+            raise ComparisonError(
+                "the error of a free curve is calibrated for the default recipe, and this run has "
+                f"another {', '.join(changed)}"
+            )
         if kind is not None and kind not in table.model_error:
             raise ComparisonError(
                 f"the error of a law is not known for flows {calibration.KINDS[kind]}"
@@ -159,19 +166,21 @@ def _quadratic(run: TrainingLoop, place: int, L: int) -> Quadratic | None:
     return None if found is None else quadratic(found, L)
 
 
-def _cohesion(case: Case, run: TrainingLoop, place: int, usual: float) -> Cohesion:
-    """What the training with cohesion found; `usual` is found in grains without any."""
+def _cohesion(case: Case, run: TrainingLoop, place: int, curve: _FreeCurve) -> Cohesion:
+    """What the training with cohesion found."""
     law = cohesive.LAW
     known = _quadratic(run, place, len(law.free))
     if known is None:
         raise ComparisonError("the training with cohesion did not end with its last layer")
     theta = run.trainer.solution(place)[1].tolist()
     k = law.free.index("c")
-    c, std = known.center[k], float(np.hypot(np.sqrt(known.covariance[k, k]), usual))
+    c = float(known.center[k])
+    least = float(np.hypot(np.sqrt(known.covariance[k, k]), curve.scale * curve.error.cohesion))
+    std = math.hypot(least, curve.scale * curve.error.cohesion_percent / 100 * c)
     unit = case.scales.pressure
     values = Parameters(
         (p.name, Parameter(value, fixed=p.fixed))
         for p, value in zip(law.parameters, law.to_physical(theta, unit), strict=True)
     )
     gain = c**2 / (2 * np.linalg.inv(known.curvature)[k, k] * known.temperature)
-    return Cohesion(values, float(c) * unit, std * unit, float(gain))
+    return Cohesion(values, c * unit, least * unit, std * unit, float(gain))

@@ -87,6 +87,7 @@ class FreeCurveError:
         widening, farthest: half-widths of the bands that hold all of 90 % and of 99 % of the
             curves, over the standard deviation.
         cohesion: rms cohesion that was found in grains without any, over rho |g| H.
+        cohesion_percent: rms relative error of the cohesion of cohesive grains.
         flows: number of flows behind them.
         provenance: the trainings that gave the numbers.
     """
@@ -95,6 +96,7 @@ class FreeCurveError:
     widening: float
     farthest: float
     cohesion: float
+    cohesion_percent: float
     flows: int
     provenance: str
 

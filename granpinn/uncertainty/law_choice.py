@@ -43,6 +43,7 @@ CLEAR = 4.0  # difference of chi^2: two standard deviations
 I0_SPREAD = 0.4  # of ln I0
 KNOWN = 0.5  # of the spread of its prior: a parameter that the data tell less is not determined
 REACH = 3.0  # of ln theta, around the start
+SINGULAR = 1e-12  # of the largest variance: no direction is known better
 RULED_OUT = 3.0  # standard deviations of a cohesion that is not 0
 
 
@@ -162,7 +163,8 @@ def fits(
     """
     I = knots((band.I[0], band.I[-1]))  # noqa: E741
     B = basis(I, *ends)
-    root = np.linalg.cholesky(np.linalg.inv(covariance)).T
+    variances, directions = np.linalg.eigh(covariance)
+    root = (directions / np.sqrt(np.maximum(variances, SINGULAR * variances[-1]))).T
     left = [curve.without(k) for k in range(len(curve.scores))]
     own = -sum(curve.loss(k, at) for k, at in enumerate(left))
     values = tuple(curve.center.tolist())
@@ -225,21 +227,32 @@ class Cohesion:
 
     Attributes:
         values: all parameters.
-        c, std: the cohesion and its standard deviation, in the unit of the pressure of the file.
+        c: the cohesion, in the unit of the pressure of the file.
+        least: its standard deviation if there is none.
+        std: its standard deviation.
         gain: log likelihood by which c explains the data better than no cohesion.
     """
 
     values: Parameters
     c: float
+    least: float
     std: float
     gain: float
 
     @property
+    def sure(self) -> bool:
+        """Whether there is cohesion."""
+        return self.c > RULED_OUT * self.least
+
+    @property
     def parameters(self) -> Parameters:
         """The parameters with the error of c; `NOT_DETERMINED` where it may be 0."""
-        sure = self.c > RULED_OUT * self.std
-        interval = (self.c - NORMAL_90 * self.std, self.c + NORMAL_90 * self.std)
-        own = Parameter(self.c, False, self.std if sure else None, interval if sure else None, sure)
+        reach = NORMAL_90 * self.std
+        own = (
+            Parameter(self.c, False, self.std, (max(0.0, self.c - reach), self.c + reach))
+            if self.sure
+            else Parameter(self.c, False, determined=False)
+        )
         return Parameters({**dict(self.values.items()), cohesive.LAW.cohesion or "c": own})
 
 
@@ -248,7 +261,7 @@ def with_cohesion(
 ) -> tuple[tuple[ComparedLaw, ...], str]:
     """The records with the law `cohesive`, and the chosen law."""
     own = cohesive.LAW.name
-    if found.c > RULED_OUT * found.std:
+    if found.sure:
         others = (replace(r, score=r.score - found.gain) for r in records)
         return (ComparedLaw(own, found.parameters, 0.0), *others), own
     base = next(r for r in records if r.law == mu_of_i.LAW.name)
@@ -258,36 +271,6 @@ def with_cohesion(
         for r in records
     ]
     return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
-
-
-def parameters(self) -> Parameters:
-    """The parameters with the error of c; `NOT_DETERMINED` where it may be 0."""
-    sure = self.c > RULED_OUT * self.std
-    interval = (self.c - NORMAL_90 * self.std, self.c + NORMAL_90 * self.std)
-    own = Parameter(self.c, False, self.std if sure else None, interval if sure else None, sure)
-    return Parameters({**dict(self.values.items()), cohesive.LAW.cohesion or "c": own})
-
-
-def with_cohesion(
-    records: Sequence[ComparedLaw], chosen: str, found: Cohesion
-) -> tuple[tuple[ComparedLaw, ...], str]:
-    """The records with the law `cohesive`, and the chosen law."""
-    own = cohesive.LAW.name
-    if found.c > RULED_OUT * found.std:
-        others = (replace(r, score=r.score - found.gain) for r in records)
-        return (ComparedLaw(own, found.parameters, 0.0), *others), own
-    base = next(r for r in records if r.law == mu_of_i.LAW.name)
-    alike = (base.law, *base.not_told_apart_from)
-    made = [
-        replace(r, not_told_apart_from=(*r.not_told_apart_from, own)) if r.law in alike else r
-        for r in records
-    ]
-    return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
-
-
-def _spread(curve: Quadratic, values: tuple[float, ...]) -> dict[str, float]:
-    std = np.sqrt(np.diag(curve.covariance)) / np.array(values)
-    return dict(zip(free.LAW.curve, std.tolist(), strict=True))
 
 
 def parameters(fit: Fit) -> Parameters:

@@ -44,13 +44,26 @@ def error_of(
     for row in plain:
         relative = np.array(row["mu"]) / np.array(row["true"]) - 1
         amplitudes.append(legendre.legfit(_xi(relative), relative, MODES - 1))
-        own = [c for c in row["comparison"] if c["law"] == COHESIVE]
-        cohesion += [c["parameters"]["c"]["value"] / row["pressure"] for c in own]
+        cohesion.append(_cohesion(row) / row["pressure"])
     modes = np.sqrt(np.mean(np.square(amplitudes), axis=0))
     ratios = [_farthest(row, before, modes) for row in plain]
     wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
-    c = float(np.sqrt(np.mean(np.square(cohesion))))
-    return FreeCurveError(tuple(modes.tolist()), wide, widest, c, len(plain), provenance)
+    wet = [_error_of_cohesion(row) for row in rows if row["law"] == COHESIVE]
+    c, percent = _rms(cohesion), 100 * _rms(wet)
+    return FreeCurveError(tuple(modes.tolist()), wide, widest, c, percent, len(plain), provenance)
+
+
+def _cohesion(row: dict[str, Any]) -> float:
+    own = next(c for c in row["comparison"] if c["law"] == COHESIVE)
+    return float(own["parameters"]["c"]["value"])
+
+
+def _error_of_cohesion(row: dict[str, Any]) -> float:
+    return _cohesion(row) / float(row["truth"]["c"]) - 1
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _farthest(row: dict[str, Any], before: FreeCurveError, modes: Float64) -> float:
