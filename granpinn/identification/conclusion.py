@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from granpinn import results
+from granpinn.estimates.facts import Facts
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
@@ -47,9 +48,20 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     if loss is None:
         return None
     rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
-    measured = math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
     noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
-    return Residuals(rms, velocity=rms["velocity"] / measured, noise=noise / measured)
+    speed = _rms_speed(case)
+    return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
+
+
+def measured_noise(case: Case) -> float | None:
+    """Noise that the vectors show, relative to their rms; None if they are too few."""
+    sigma = Facts(case.seen, case.scales).noise.sigma
+    return None if sigma is None else sigma * math.sqrt(2) / _rms_speed(case)
+
+
+def _rms_speed(case: Case) -> float:
+    """Root mean square of the fitted velocity, dimensionless; 1 for grains at rest."""
+    return math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
 
 
 def result(
@@ -121,7 +133,14 @@ def _law(
     """The law of an ensemble with its error bars and the verdict on it."""
     symmetries, fixed = case.member.problem.symmetries, case.member.fixed
     judged = of_training.judge(
-        members, residuals, steps, case.config, diverged, symmetries, assumed
+        members,
+        residuals,
+        steps,
+        case.config,
+        diverged,
+        symmetries,
+        assumed,
+        lambda: measured_noise(case),
     )
     parameters = Parameters(
         (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))

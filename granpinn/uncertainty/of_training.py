@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from granpinn.config import Config, flatten
@@ -38,12 +38,14 @@ def judge(
     diverged: bool,
     symmetries: Sequence[str] = (),
     assumed: Sequence[Assumed] = (),
+    noise: Callable[[], float | None] = lambda: None,
 ) -> Judgement:
     """Error bars and verdict; without error bars, the verdict gives the reason.
 
     Args:
         symmetries: of the flow, in words (granpinn/data/symmetry.py).
         assumed: assumptions whose effect enters the error bars.
+        noise: measures that of the vectors, in the unit of `residuals.noise`; None: not known.
     """
     law, changed = LAWS[config.law], uncalibrated(config)
     table = calibration.of_level(config.level) or calibration.load()
@@ -78,7 +80,8 @@ def judge(
         )
     }
     rows = tuple(tuple(row) for row in found.covariance.tolist())
-    verdict = of_law.verdict(found.mu, residuals, table)
+    long = steps >= table.steps  # a short training misses the velocity by more than the noise
+    verdict = of_law.verdict(found.mu, residuals, table, noise() if long else None)
     return Judgement(free, Covariance(law.free, rows), found.bars, verdict)
 
 

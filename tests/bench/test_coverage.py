@@ -29,6 +29,22 @@ OFFSET = np.array([0.006, -0.005])
 SPREAD = np.array([[1e-5, 0.0], [0.0, 3e-4]])
 
 
+@pytest.mark.parametrize(("level", "caught"), [("V1", 6), ("V0", 5)])
+def test_flows_of_other_laws_are_caught(level: str, caught: int) -> None:
+    """The trainings of the study, whose simulated vectors have no noise."""
+    table = calibration.of_level(level)
+    assert table is not None
+    name = "coverage.json" if level == "V1" else f"coverage_{level}.json"
+    rows = json.loads((Path(judge.__file__).parent / "results" / name).read_text())["rows"]
+    found: dict[bool, list[bool | None]] = {True: [], False: []}
+    for row in rows:
+        mu = tuple(row["members"][key][0] for key in ("mu_s", "mu_2"))
+        verdict = of_law.verdict(mu, Residuals(row["residuals"]), table, noise=0.0)
+        found[row["law"] == materials.LAW].append(verdict.follows)
+    assert (len(found[False]), found[False].count(False)) == (6, caught)
+    assert found[True] == [True] * 90
+
+
 def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[Case]:
     """Identifications with a common offset, a spread over materials, and a scatter over seeds."""
     cases = []

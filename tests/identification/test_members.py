@@ -17,6 +17,7 @@ from granpinn.data import Flow, known_sd, redraw
 from granpinn.identification import batch
 from granpinn.identification import case as case_module
 from granpinn.identification.case import member_seed, members, pose
+from granpinn.identification.conclusion import measured_noise
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import calibration, of_training
@@ -236,3 +237,4 @@ def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
     assert noisy.residuals is not None
     seen = noisy.residuals
     assert seen.noise == pytest.approx(seen.velocity, rel=0.25)
+    assert measured_noise(pose(flow, tiny(noise=0.3))) == pytest.approx(seen.noise, rel=0.15)

@@ -239,6 +239,22 @@ def test_the_verdict(
     assert words in found.words
 
 
+def test_a_misfit_beyond_the_noise_does_not_excuse_residuals() -> None:
+    """Where the parameters are unusual too; noise of that size does."""
+    large = Residuals(CLEAN, **{name: 8 * CLEAN[name] for name in ("velocity", *TABLE.residuals)})
+    unusual, usual = (0.9, 1.2), (0.4, 0.64)
+    assert of_law.verdict(unusual, large, TABLE).follows is None
+    assert of_law.verdict(usual, large, TABLE, 0.0) == of_law.verdict(usual, large, TABLE)
+    found = of_law.verdict(unusual, large, TABLE, 0.0)
+    assert found.follows is False
+    assert "mu_s = 0.9 lies outside of" in found.words
+    assert "with the misfit of the velocity that their noise explains the " in found.words
+    explaining = 10 * TABLE.misfit / TABLE.noise_part
+    noisy = of_law.verdict(unusual, Residuals(large, velocity=explaining), TABLE, explaining)
+    assert noisy.follows is None
+    assert of_law.verdict(unusual, CLEAN, TABLE, 0.0).follows is None
+
+
 def test_the_table_that_is_shipped_is_sound() -> None:
     table = calibration.load()
     assert table.mu_s == tuple(sorted(table.mu_s))

@@ -77,7 +77,7 @@ def verdicts(pairs: Sequence[tuple[Case, Calibration]]) -> list[str]:
     counts: dict[str, list[int]] = {}
     for case, table in pairs:
         mu = center(case.members)
-        follows = of_law.verdict(mu, case.residuals, table).follows
+        follows = of_law.verdict(mu, case.residuals, table, noise=0.0).follows
         counts.setdefault(case.law, [0, 0, 0])[(True, False, None).index(follows)] += 1
     return [
         f"{law}: {yes} follow mu(I), {no} contradict it, {open_} cannot be told"
