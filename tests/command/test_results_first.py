@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,6 @@ import pytest
 from granpinn import identify, identify_many, results, train
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
-from granpinn.figures import album
 from granpinn.identification import finish, judgement, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
@@ -187,49 +183,6 @@ def test_a_kill_in_the_profile_leaves_it_pending(
     }
 
 
-def test_a_figure_fails_alone(
-    flow_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    figures: Callable[..., None],
-) -> None:
-    figures("velocity", "evolution")
-    error = RecursionError("deep\nand\x1b[2J long")
-    title, _ = album.FIGURES["velocity"]
-    monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
-    monkeypatch.setattr("granpinn.report.film.shoot", raising(error))
-    assert run(flow_file, "--out", tmp_path / "run", "--simulated_pressure.frames", 0) == 0
-    page = (tmp_path / "run" / "report.html").read_text()
-    assert f"<li>{title}: " in page
-    assert "<li>Fields over time: " in page
-    assert not (tmp_path / "run" / "figures" / "velocity.png").exists()
-    assert (tmp_path / "run" / "figures" / "evolution.png").exists()
-
-
-def test_the_page_fails_alone(
-    flow_file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(train.report, "build", raising(RuntimeError("no page today")))
-    assert run(flow_file, "--out", tmp_path / "run") == 0
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(result) == {"report": "RuntimeError: no page today"}
-    assert "no report: RuntimeError: no page today" in capsys.readouterr().out
-
-
-def test_a_page_names_what_was_not_done(
-    flow_file: Path, tmp_path: Path, figures: Callable[..., None]
-) -> None:
-    figures()
-    result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
-    lacking = dataclasses.replace(result, not_done=(NotDone("profile of I0", "a <b> reason"),))
-    results.write_results(lacking, tmp_path / "results.json")
-    page = train.report.build(tmp_path).read_text()
-    assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
-
-
 def test_a_member_of_a_batch_fails_alone(
     flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -288,23 +241,3 @@ def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(KeyboardInterrupt):
         attempt("report", raising(KeyboardInterrupt()))
     assert attempt("report", lambda: 3) == 3
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_folder_that_vanishes_is_an_error(
-    flow_file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    folder = tmp_path / "run"
-
-    def removed(*args: object, **kwargs: object) -> Path:
-        shutil.rmtree(folder)
-        folder.mkdir()
-        return folder / "report.html"
-
-    monkeypatch.setattr(train.report, "build", removed)
-    assert run(flow_file, "--out", folder) == 1
-    err = capsys.readouterr().err.splitlines()[-1]
-    assert err.startswith(f"granpinn.train: {folder} was removed during the run")
