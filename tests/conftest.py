@@ -10,6 +10,8 @@ from pathlib import Path
 os.environ.setdefault("MPLBACKEND", "Agg")
 if "PYTEST_XDIST_WORKER" in os.environ:  # processes side by side: one thread each
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # Tests of two threads need the other core. Threads that spin would take it from its owner.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import numpy as np
 import pytest

@@ -117,7 +117,7 @@ def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any)
 
 
 def test_faults_hit_every_call(tmp_path: Path) -> None:
-    output_faults(["--case", "convert", "--every", "9", "--out", str(tmp_path / "a.json")])
+    output_faults(["--case", "convert", "--every", "20", "--out", str(tmp_path / "a.json")])
     found = read(tmp_path / "a.json")
     assert found["tried"] > 5
     assert set(found["details"]["cases"]) == {"convert"}

@@ -203,6 +203,8 @@ def test_the_command_shows_it(
         "6,5",
         "--batch.interior",
         "16",
+        "--simulated_pressure.frames",
+        "2",
     ]
     out = tmp_path / "run"
     assert train.main([str(flow_file), "--out", str(out), "--resimulate", *flags]) == 0
@@ -232,6 +234,7 @@ def test_a_free_I0_is_fitted_by_the_simulator_too(
     monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
     out = tmp_path / "run"
     few = ["--steps", "4", "--network.widths", "6,5", "--batch.interior", "16"]
+    few += ["--simulated_pressure.frames", "0"]
     assert train.main([str(flow_file), "--out", str(out), "--resimulate", "--free-I0", *few]) == 0
     found = results.read_results(out / "results.json").resimulation
     assert found is not None
