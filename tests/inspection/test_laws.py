@@ -22,12 +22,21 @@ def test_bound_of_one_parameter() -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_sensitivities_are_derivatives(name: str) -> None:
+    """With a cohesion, of ln(c + mu p) times mu; without, p has no effect."""
     law, step = AssumedLaw(law=name), 1e-6
-    I = np.geomspace(1e-3, 10, 20)  # noqa: E741
-    for k, derivative in enumerate(sensitivities(I, law).T):
-        change = step * np.eye(len(law.theta))[k]
-        up, down = (law.friction_law.friction(I, *(law.theta + s * change)) for s in (1, -1))
-        np.testing.assert_allclose(derivative, (up - down) / (2 * step), atol=1e-9)
+    I, p = np.geomspace(1e-3, 10, 20), np.geomspace(1, 0.1, 20)  # noqa: E741
+    friction, theta = law.friction_law.friction, np.array(law.theta)
+
+    def value(at: np.ndarray) -> np.ndarray:
+        mu = friction(I, *at)
+        if law.friction_law.cohesion is None:
+            return mu
+        return friction(I, *theta) * np.log(law.friction_law.cohesion_of(at) + mu * p)
+
+    for k, derivative in enumerate(sensitivities(I, law, p).T):
+        change = step * np.eye(len(theta))[k]
+        up, down = (value(theta + s * change) for s in (1, -1))
+        np.testing.assert_allclose(derivative, (up - down) / (2 * step), rtol=1e-6, atol=1e-9)
 
 
 def test_another_law(demo: Flow, seed: int) -> None:

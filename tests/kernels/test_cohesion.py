@@ -51,16 +51,25 @@ def test_cohesive_grains_at_rest(p: float, c: float, eta: float, ops: ModuleType
 
 
 @pytest.mark.parametrize("z", [-30.0, -120.0, -1e4])
-def test_the_residual_is_finite_without_pressure(z: float, ops: ModuleType) -> None:
-    """There, r = -w 2 D: the softplus of z is 0 in float32, and |s| = mu + c/p has no value."""
+def test_the_residual_without_pressure(z: float, ops: ModuleType) -> None:
+    """With p = 0, p / Y = 0: r = -w 2 D at any friction and any c, though |s| has no bound."""
     case = problem(small("mixed", points=40)).to(torch.float32)
     params = case.params.clone()
-    params[-3] = z  # bias of the output from which the pressure is made
+    # weights and bias of the output from which the pressure is made
+    width = case.widths[-2]
+    params[-5 * (width + 1) + 2 * width : -5 * (width + 1) + 3 * width] = 0
+    params[-3] = z
     arguments = list(case.loss)
-    arguments[0], arguments[-1] = params, "cohesive"
-    arguments[1] = torch.tensor([0.4, 0.6, 0.3, 0.1])
-    loss, terms, by_params, by_theta = ops.residual_loss(*arguments)
-    for result in (loss, terms, by_params, by_theta):
+    arguments[0] = params
+    expected = loss_at(ops, arguments, [0.4, 0.6, 0.3, 0.1], "cohesive")
+    for result in expected:
         assert result.isfinite().all()
-    arguments[1] = torch.tensor([0.4, 0.6, 0.3, 0.2])
-    torch.testing.assert_close(ops.residual_loss(*arguments)[1], terms, rtol=1e-4, atol=0)
+    found = loss_at(ops, arguments, [0.5, 0.7, 0.3, 0.2], "cohesive")
+    assert expected[1][4] > 0
+    torch.testing.assert_close(found[1][4], expected[1][4], rtol=1e-5, atol=0)
+
+
+def loss_at(ops: ModuleType, arguments: list[Any], theta: list[float], law: str) -> Any:
+    changed = [*arguments]
+    changed[1], changed[-1] = torch.tensor(theta), law
+    return ops.residual_loss(*changed)

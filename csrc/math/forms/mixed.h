@@ -12,11 +12,11 @@
 // k p v / |v| is the friction of side walls (side_walls.h).
 // Cohesive grains (cohesion.h) have the yield stress Y = c + mu(I) p in the place of mu(I) p, so that
 //   r = w [gamma_dot s p / Y - 2 (D_1, D_2)].
-// tau = p s still holds, though |s| = mu + c/p grows without bound as p -> 0; r is finite there. The
-// other choice, tau = (p + c) s with |s| = Y / (p + c), is finite everywhere, but then the law
-// demands |tau| = c at a surface that deforms, beside the given p = 0: a traction of the size of c
-// on a free surface, which shifts p everywhere below by it, and so the found c by about mu c. With
-// tau = p s the traction is zero, and the law fails only in a layer of the thickness c / (rho g).
+// tau = p s still holds, so that the free surface has no traction. There |s| = mu + c / p grows without
+// bound, which no network gives, and r = -2 w (D_1, D_2) demands rest. r is finite. So a c that is
+// found is too small, and its mu_s too large; grains without cohesion have c = 0. With
+// tau = (p + c / mu_s) s, |s| is bounded, but c takes a traction on the surface for granted: trials on
+// simulated collapses then found a c where there is none.
 #pragma once
 
 #include "../cohesion.h"

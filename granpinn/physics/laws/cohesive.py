@@ -2,10 +2,9 @@ r"""Cohesive grains: friction mu(I) and a cohesion c, a stress (Coulomb 1773, wi
 
 $$ |\tau| = c + \mu(I)\, p, \qquad \mu(I) = \mu_s + \frac{\mu_2 - \mu_s}{1 + I_0 / I}. $$
 
-The curve of this law is mu(I), without c. Cohesion shows where the pressure is small, and it
-enters the equations as a shift of the pressure does: for constant friction, grains with c under the
-pressure p move as grains without it under p + c / mu. So only the given pressure of the free
-surface tells c from friction.
+The curve of this law is mu(I), without c. Cohesion enters the equations as a level of the pressure
+does: for constant friction, grains with c under the pressure p move as grains without it under
+p + c / mu (Caquot 1934). So only the given pressure of the free surface tells c from friction.
 """
 
 from __future__ import annotations
