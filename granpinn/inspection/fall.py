@@ -3,7 +3,7 @@ r"""Gravity, as the grains of a collapse show it.
 - **Fall.** Dry grains push and do not pull. So a free side of the body moves inward, into the
   body, with the acceleration of gravity at most, and with all of it where nothing carries it: at
   the top of a slender column. The mean velocity of the layer there against time has this slope. It
-  is within 0.4 % and 0.3 degrees of gravity in columns six times as high as wide, and the mean over
+  is within 0.4 % and 0.2 degrees of gravity in columns six times as high as wide, and the mean over
   hundreds of vectors hides the noise (bench/studies/slips).
 - **Energy.** Friction takes energy and no wall at rest gives any: the kinetic energy that the
   grains gain is a part of the work of gravity on them, $\int \rho\, g \cdot v$. With lengths or

@@ -6,11 +6,11 @@ r^2. The bounds have these margins:
 
 - A side falls with gravity at most. 1.2 g is improbable, 1.8 g impossible.
 - Grains that nothing carries fall along gravity. The sideways push of the grains below turns the
-  fall by 1.8 degrees in columns three times as high as wide; 3 degrees are improbable.
-- Kinetic energy is at most the work of gravity. It is 0.36 to 0.69 of it in collapses of columns
+  fall by 1.6 degrees in columns three times as high as wide; 3 degrees are improbable.
+- Kinetic energy is at most the work of gravity. It is 0.37 to 0.69 of it in collapses of columns
   of 0.5 to 10 times their width, from simulations of mu(I) and of grains with any friction. 1.1 is
   improbable, 1.5 impossible; less than 0.15 is improbable in a column that spreads.
-- The top of a column that is four times as high as wide falls with 0.86 g or more; 0.7 g is
+- The top of a column that is four times as high as wide falls with 0.87 g or more; 0.7 g is
   improbable.
 
 Error bars of three standard errors count on top. Walls that move give energy: the energy is left

@@ -21,8 +21,10 @@ from granpinn.estimates.gradients import Gradients
 from granpinn.estimates.noise import Noise
 from granpinn.estimates.view import View
 from granpinn.inspection.baseline import I0, baseline
+from granpinn.inspection.body import body_of
 from granpinn.inspection.checks import Counts, Motion, counts, motion
 from granpinn.inspection.confined import undetermined
+from granpinn.inspection.fall import Fall, fall_of
 from granpinn.inspection.inertia import Inertia, InertialNumbers, inertial_numbers
 from granpinn.inspection.precision import AssumedLaw, Precision, expected_precision
 from granpinn.inspection.size_slips import not_dense
@@ -78,6 +80,7 @@ class Inspection:
         flows: whether these cells flow [K].
         noise_cells: noise of every cell [Y, X], dimensionless.
         baseline: the friction from the momentum balance alone.
+        fall: the fastest acceleration of a side of the grains into the body, over |g|, or None.
         walls: what the vectors show of each wall of the file.
         undetermined: why the flow gives no friction coefficient, or None (confined.py).
     """
@@ -102,12 +105,13 @@ class Inspection:
     flows: Bool
     noise_cells: Float64
     baseline: Baseline
+    fall: Fall | None
     walls: tuple[WallFacts, ...] = ()
     undetermined: str | None = None
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, for inspect.json; `noise` in units of the file and of the largest speed."""
-        plain = ("counts", "motion", "kinematics", "inertia", "surface")
+        plain = ("counts", "motion", "fall", "kinematics", "inertia", "surface")
         found: dict[str, Any] = {"symmetries": list(self.symmetries)}
         found["slips"] = [dataclasses.asdict(slip) for slip in self.slips]
         for name in plain:
@@ -187,6 +191,7 @@ def inspect(
         flows=flows,
         noise_cells=facts.noise_cells,
         baseline=baseline(flow, law.inertial_scale or I0, side_walls),
+        fall=None if flow.steady else fall_of(flow, body_of(flow)),
         walls=() if walls is None else tuple(walls[2]),
         undetermined=refused,
     )

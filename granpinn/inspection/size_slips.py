@@ -4,8 +4,6 @@ The bounds are those of any laboratory and field, with margins:
 
 - A flow is a continuum from about 10 grains across it; thin layers on slopes flow from 5 on. The
   largest flows of small grains, 2,000 diameters, are columns of a metre of sand.
-- The vectors of a picture come from windows as large as a grain or larger, which overlap by 75 % at
-  most: a grain covers up to 4 vectors in a row.
 - Grains fill 0.5 to 0.65 of a dense flow, and disks in a plane up to 0.91 of it.
 - On Earth |g| is 9.81 m/s^2. Its part along a plane that leans may be smaller.
 - Grains that fall a height H reach sqrt(2 |g| H). Those at a front are pushed, and reach
@@ -27,7 +25,6 @@ from granpinn.inspection.wording import about, digits
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
 
 FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
-VECTORS = 4.0  # along a grain
 EMPTY = 0.2  # share of the space that grains fill
 EARTH = (0.5, 11.0)  # m/s^2
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -47,23 +44,14 @@ def size_slips(flow: Flow) -> list[Slip]:
 def _grains(flow: Flow) -> list[Slip]:
     count = initial_height(flow) / flow.grain_diameter
     few = FEW_IN_LAYERS if flow.periodic else FEW_GRAINS
-    if not few <= count <= MOST_GRAINS:
-        what = "layer is" if flow.periodic else "grains are"
-        return [
-            Slip(
-                IMPOSSIBLE if count < FEWEST_GRAINS else IMPROBABLE,
-                f"the {what} {digits(count)} diameters high in the first frame, and flows of "
-                f"{few:g} to {MOST_GRAINS:,.0f} are usual: check the grain diameter and the scale",
-            )
-        ]
-    spacing = min(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
-    if flow.particles is not None or flow.grain_diameter <= VECTORS * spacing:
+    if few <= count <= MOST_GRAINS:
         return []
+    what = "layer is" if flow.periodic else "grains are"
     return [
         Slip(
-            IMPROBABLE,
-            f"a grain covers {flow.grain_diameter / spacing:.2g} vectors in a row, and windows of "
-            f"a picture show {VECTORS:g} at most: check the grain diameter and the scale",
+            IMPOSSIBLE if count < FEWEST_GRAINS else IMPROBABLE,
+            f"the {what} {digits(count)} diameters high in the first frame, and flows of "
+            f"{few:g} to {MOST_GRAINS:,.0f} are usual: check the grain diameter and the scale",
         )
     ]
 

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,38 +27,74 @@ FEWEST = 50  # vectors
 FRAMES = 24  # at most
 
 
+@dataclass(frozen=True)
+class Line:
+    """The line of the free surface against the vectors.
+
+    Attributes:
+        above: share of the vectors more than CELLS above the line.
+        gap: height of the line over the uppermost full cells, median, in cells.
+        down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
+    """
+
+    above: float
+    gap: float
+    down: float | None
+
+
 def surface_slips(flow: Flow) -> list[Slip]:
-    """Slips of the line first; without one, grains that run uphill."""
-    pose = "" if flow.surface is None else upright(_some_frames(flow, flow.surface), 0)
-    if isinstance(pose, str):
+    """A slip of the line; without one, grains that run uphill."""
+    line = line_of(flow)
+    if line is None:
         return []
+    if line.above > ABOVE:
+        return [
+            Slip(
+                IMPOSSIBLE if line.above > FAR_ABOVE else IMPROBABLE,
+                f"{line.above:.0%} of the vectors lie more than {CELLS:g} cells above the line of "
+                "the free surface, measured against gravity: check the unit, the origin and the "
+                "sign of surface_y, and the direction of gravity",
+            )
+        ]
+    if abs(line.gap) > CELLS:
+        side = "above" if line.gap > 0 else "below"
+        return [
+            Slip(
+                IMPROBABLE,
+                f"the line of the free surface lies {abs(line.gap):.2g} cells {side} the uppermost "
+                "vectors: check its origin and unit, and its direction of y",
+            )
+        ]
+    if line.down is None or line.down > UPHILL:
+        return []
+    return [
+        Slip(
+            IMPROBABLE,
+            f"the grains at the free surface run uphill ({-line.down:.2f} of their speed is "
+            "against gravity): check the signs of u, v, x and y, the direction of gravity, and "
+            "the order of the frames",
+        )
+    ]
+
+
+def line_of(flow: Flow) -> Line | None:
+    """The line of a flow on a grid; None without a line, or with few vectors below it."""
+    if flow.surface is None:
+        return None
+    pose = upright(_some_frames(flow, flow.surface), 0)
+    if isinstance(pose, str):
+        return None
     dy = float(np.diff(pose.y).mean())
     height, y = pose.height[:, None, :], pose.y[:, None]
     grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
-        return []
-    above = float(np.mean((y > height + CELLS * dy)[grains]))
+        return None
     top = np.where(grains, y, -np.inf).max(axis=1)
-    gap = float(np.median((pose.height - top)[np.isfinite(top)]) / dy)
-    if above > ABOVE:
-        return [
-            Slip(
-                IMPOSSIBLE if above > FAR_ABOVE else IMPROBABLE,
-                f"{above:.0%} of the vectors lie more than {CELLS:g} cells above the line of the "
-                "free surface, measured against gravity: check the unit, the origin and the sign "
-                "of surface_y, and the direction of gravity",
-            )
-        ]
-    if abs(gap) > CELLS:
-        side = "above" if gap > 0 else "below"
-        return [
-            Slip(
-                IMPROBABLE,
-                f"the line of the free surface lies {abs(gap):.2g} cells {side} the uppermost "
-                "vectors: check its origin and unit, and its direction of y",
-            )
-        ]
-    return _uphill(pose, grains & (y > height - LAYER * dy))
+    return Line(
+        above=float(np.mean((y > height + CELLS * dy)[grains])),
+        gap=float(np.median((pose.height - top)[np.isfinite(top)]) / dy),
+        down=_downhill(pose, grains & (y > height - LAYER * dy)),
+    )
 
 
 def _some_frames(flow: Flow, line: Surface) -> Flow:
@@ -72,21 +108,11 @@ def _some_frames(flow: Flow, line: Surface) -> Flow:
     return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=None, surface=line)
 
 
-def _uphill(pose: Upright, layer: Bool) -> list[Slip]:
-    """Grains of the uppermost layer [T, Y, X] that move against gravity."""
+def _downhill(pose: Upright, layer: Bool) -> float | None:
+    """The mean of v . g over that of |v| |g| in a layer [T, Y, X]."""
     u, v = (np.asarray(a[layer], np.float64) for a in (pose.u, pose.v))
     g_x, g_y = pose.gravity
     speed = float(np.hypot(u, v).sum()) * math.hypot(g_x, g_y)
     if u.size < FEWEST or not speed > 0:
-        return []
-    down = float((g_x * u + g_y * v).sum()) / speed
-    if down > UPHILL:
-        return []
-    return [
-        Slip(
-            IMPROBABLE,
-            f"the grains at the free surface run uphill ({-down:.2f} of their speed is against "
-            "gravity): check the signs of u, v, x and y, the direction of gravity, and the order "
-            "of the frames",
-        )
-    ]
+        return None
+    return float((g_x * u + g_y * v).sum()) / speed

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from granpinn.inspection.checks import FREE_FALL, NEGLIGIBLE_NOISE, Motion
+from granpinn.inspection.gravity_slips import ASIDE
 from granpinn.inspection.inspection import Inspection
 
 WIDTH = 100
@@ -70,7 +71,12 @@ def _moves(motion: Motion) -> str:
 
 
 def _gravity(found: Inspection) -> str:
-    a = found.motion.acceleration
+    a, fall = found.motion.acceleration, found.fall
+    if fall is not None and fall.pull > ASIDE and fall.size >= FREE_FALL[0]:
+        return (
+            f"the {fall.side} of the grains falls with {fall.size:.3f} +- {fall.error:.1g} g, "
+            f"{fall.tilt(found.flow.gravity):+.1f} degrees from it"
+        )
     if a is None:
         return "not checked: noise hides the acceleration, or there are too few vectors"
     if a < FREE_FALL[0]:

@@ -18,6 +18,7 @@ from granpinn.identification import batch
 from granpinn.identification import case as case_module
 from granpinn.identification.case import member_seed, members, pose
 from granpinn.identification.conclusion import measured_noise
+from granpinn.results.slip import Slip
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import calibration, of_training
@@ -56,7 +57,12 @@ def test_a_repeated_flow_of_a_batch_is_checked_once(
     noise: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checked: list[Flow] = []
-    monkeypatch.setattr(case_module, "refuse_slips", checked.append)
+
+    def check(flow: Flow) -> list[Slip]:
+        checked.append(flow)
+        return []
+
+    monkeypatch.setattr(case_module, "refuse_slips", check)
     configs = [tiny(noise=noise, seed=seed, I0=0.3 - seed / 20, device="cpu") for seed in (0, 1)]
     made = batch._pose([flow, flow], configs)
     assert len(checked) == 1

@@ -1,6 +1,6 @@
 """Are slips of calibration caught before a training?
 
-python -m bench.studies.slips.run --reference COLLAPSE.h5 --scenes SCENES --json slips.json
+python -m bench.studies.slips.run --reference FLOW.h5 --scenes SCENES --columns 96 --json OUT.json
 
 Plants every slip of plants.py in the data of the tutorial, in reference collapses and in flows of
 simulated grains (bench/studies/grains), and says what the checks of inspect, convert and train give
@@ -27,8 +27,11 @@ from bench.studies import raw
 from bench.studies.slips.plants import HIDDEN, PLANTS, Plant
 from granpinn.data import Flow, FlowFileError, add_noise, check_flow, read_flow
 from granpinn.importers import Settings, convert
+from granpinn.inspection.body import body_of
+from granpinn.inspection.fall import energy_of, fall_of, slender
 from granpinn.inspection.slips import slips
-from granpinn.simulation import demo_path
+from granpinn.inspection.surface_slips import line_of
+from granpinn.simulation import demo_path, simulate
 
 NOISES = (0.0, 0.02, 0.2)  # standard deviation over the largest speed
 LENGTH, SCALE, PIXELS = 12.8e-3, 0.15e-3, 0.05  # of the tutorial: m, m/px, error in px
@@ -87,9 +90,38 @@ def sound(flow: Flow) -> list[str]:
     return [str(slip) for each in variants for slip in slips(each)]
 
 
+def measures(flow: Flow) -> dict[str, float | str | None]:
+    """What the checks measure in a sound flow, beside their bounds."""
+    body, line = body_of(flow), line_of(flow)
+    fall = None if flow.steady else fall_of(flow, body)
+    energy = None if flow.steady else energy_of(flow, body, 1.0)
+    return {
+        "side": None if fall is None else fall.side,
+        "acceleration": None if fall is None else fall.inward,
+        "tilt_degrees": None if fall is None else fall.tilt(flow.gravity),
+        "energy_share": None if energy is None else energy.share,
+        "height_over_width": slender(body, flow.gravity)[0],
+        "line_gap_cells": None if line is None else line.gap,
+        "downhill": None if line is None else line.down,
+    }
+
+
+def columns(cells: int) -> dict[str, Flow]:
+    """Simulated collapses of columns of 0.5 to 4 times their width, of low and high friction."""
+    flows = {}
+    for aspect, width in ((0.5, 4.0), (1.0, 4.0), (2.0, 3.0), (3.0, 2.5), (4.0, 2.0)):
+        for mu_s, mu_2 in ((0.2, 0.44), (0.6, 0.84)):
+            settings: dict[str, Any] = {"box_width": width, "box_height": 1.5, "height": 1.0}
+            settings |= {"aspect": aspect, "mu_s": mu_s, "mu_2": mu_2, "d": 0.0125}
+            settings |= {"cells": cells, "t_end": 2.0, "frames": 80, "stride": 2}
+            flows[f"column {aspect:g}, mu_s {mu_s:g}"] = simulate(**settings)
+    return flows
+
+
 def study(flows: Mapping[str, Flow]) -> dict[str, Any]:
     """Answers of all slips and the false alarms, by flow."""
     return {
+        "measured": {name: measures(flow) for name, flow in flows.items()},
         "named": {p.name: {n: answer(f, p) for n, f in flows.items()} for p in PLANTS},
         "hidden": {p.name: {n: answer(f, p) for n, f in flows.items()} for p in HIDDEN},
         "false_alarms": {name: sound(flow) for name, flow in flows.items()},
@@ -115,6 +147,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--reference", nargs="*", type=Path, default=[], help="flow files")
     parser.add_argument("--scenes", type=Path, help="folder of grain scenes, each with flow.h5")
+    parser.add_argument("--columns", type=int, help="cells of simulated columns; none without")
     parser.add_argument("--json", type=Path, help="file for the results")
     arguments = parser.parse_args(argv)
     warnings.simplefilter("ignore")
@@ -124,6 +157,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.scenes is not None:
         paths = sorted(arguments.scenes.glob("*/flow.h5"))
         flows |= {path.parent.name: read_flow(path) for path in paths}
+    if arguments.columns is not None:
+        flows |= columns(arguments.columns)
     # The checks see neither the pressure nor the law of a simulation.
     flows = {name: replace(flow, p=None, truth=None) for name, flow in flows.items()}
     found = study(flows) | {"seconds": round(time.monotonic() - begin, 1)}
