@@ -7,14 +7,14 @@ unless the help of a field says otherwise.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, make_dataclass
+from dataclasses import make_dataclass
 from typing import Any, Literal
 
-from granpinn.config.fields import ConfigError, setting
+from granpinn.config.fields import ConfigError, setting, settings_group
 from granpinn.physics.terms import TERMS
 
 
-@dataclass(frozen=True)
+@settings_group
 class Network:
     """The network (x, y, t) -> fields."""
 
@@ -33,7 +33,7 @@ class Network:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Rheology:
     """The parameters of the friction law as unknowns."""
 
@@ -82,7 +82,7 @@ _Sigmas: Any = make_dataclass(
 )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
@@ -107,7 +107,7 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
         return float(getattr(self, f"sigma_{term}"))
 
 
-@dataclass(frozen=True)
+@settings_group
 class SideWalls:
     """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
 
@@ -130,7 +130,7 @@ class SideWalls:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
 
@@ -145,7 +145,7 @@ class Batch:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Optimizer:
     """How the loss is minimised."""
 
@@ -181,7 +181,7 @@ class Optimizer:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Profile:
     """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
 
@@ -211,7 +211,7 @@ class Profile:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class SimulatedPressure:
     """The pressure of a simulation, where the grains are at rest."""
 
@@ -229,7 +229,7 @@ class SimulatedPressure:
     )
 
 
-@dataclass(frozen=True)
+@settings_group
 class Resimulation:
     """The simulation that --resimulate compares with the data."""
 
