@@ -24,13 +24,13 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.identification.scoring import after_start, flowing
 from granpinn.physics.laws import mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.identified_law import StressPoints
 from granpinn.results.summary import true_friction
+from granpinn.results.zones import after_start, flowing
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order

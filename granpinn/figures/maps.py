@@ -25,8 +25,8 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.identification.scoring import after_start
 from granpinn.results import Fields
+from granpinn.results.zones import after_start
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
 RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
