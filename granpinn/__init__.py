@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
     from granpinn.identification.batch import identify_many
+    from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
     from granpinn.results import Result
     from granpinn.simulation import simulate
@@ -23,10 +24,12 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 __all__ = [
     "Config",
+    "Identification",
     "Result",
     "__version__",
     "identify",
     "identify_many",
+    "load",
     "read_flow",
     "simulate",
     "write_flow",
@@ -34,9 +37,11 @@ __all__ = [
 
 _HOMES = {
     "Config": "granpinn.config",
+    "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
+    "load": "granpinn.identification.identified",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",

@@ -15,12 +15,15 @@ from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
+    Concluded,
     conclude,
     parts_of,
     with_assumptions,
     with_comparisons,
     with_simulated_pressure,
 )
+from granpinn.identification.identified import Identification, InMemory
+from granpinn.identification.network import TrainedNetwork
 from granpinn.inspection.confined import undetermined
 from granpinn.laws import register
 from granpinn.output import make_folder, objection_to_folder, write_text
@@ -42,7 +45,7 @@ def identify(
     progress: Progress | None = None,
     law: Law | None = None,
     known: Callable[[Result], None] | None = None,
-) -> Result:
+) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields.
 
     In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
@@ -55,6 +58,9 @@ def identify(
         progress: a listener, by default none; `granpinn.training.progress.automatic()` shows a bar.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
         known: called with the result once its law is known, before the simulated pressure.
+
+    Returns:
+        The result, with the network, its fields, the history and figures.
 
     Raises:
         FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
@@ -83,13 +89,21 @@ def identify(
     if all(k in run.trainer.diverged for k in range(len(cases))):
         raise NonFiniteError(run.trainer.diverged[0])
     if together.rank > 0:
-        return conclude(cases, run, 0).result
+        return kept(conclude(cases, run, 0), run)
     (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
     concluded = with_comparisons(concluded, run)
     if known is not None:
         known(concluded.result)
     with threads(len(os.sched_getaffinity(0))) as pool:
-        return with_simulated_pressure(concluded, run, pool)
+        return kept(with_simulated_pressure(concluded, run, pool), run)
+
+
+def kept(concluded: Concluded, run: TrainingLoop) -> Identification:
+    """The result with its network, and with its fields if these are in memory."""
+    case, model = concluded.case, concluded.model
+    trained, rows = TrainedNetwork.of(model, case.flow), run.histories[concluded.place].rows
+    parts = InMemory(trained, case.flow, model.law, rows, concluded.maps)
+    return Identification.of(concluded.result, parts)
 
 
 def histories(folder: Path | None, count: int) -> list[Path | None]:
