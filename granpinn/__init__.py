@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
+    from granpinn.importers import flow
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -27,6 +28,7 @@ __all__ = [
     "Identification",
     "Result",
     "__version__",
+    "flow",
     "identify",
     "identify_many",
     "load",
@@ -39,6 +41,7 @@ _HOMES = {
     "Config": "granpinn.config",
     "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
+    "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
     "load": "granpinn.identification.identified",
