@@ -61,7 +61,7 @@ def identify_many(
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
         keep_fields: whether to write fields.h5, tens of megabytes for each member.
-        progress: a listener; it gets the medians over the members.
+        progress: a listener, as in `identify`; it gets the medians over the members.
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others

@@ -34,7 +34,7 @@ from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes, processes
-from granpinn.training.progress import Progress, Silent
+from granpinn.training.progress import Progress, by_default
 
 
 def identify(
@@ -55,7 +55,8 @@ def identify(
         config: settings, by default the default recipe; its `flow` and `out` are not used.
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
-        progress: a listener, by default none; `granpinn.training.progress.automatic()` shows a bar.
+        progress: a listener; by default a bar in a notebook, and none elsewhere.
+            `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
         known: called with the result once its law is known, before the simulated pressure.
 
@@ -131,7 +132,7 @@ def start(
         limit = config.max_time - simulated_fields.kept_after_training(config, len(cases))
         later = assumptions.seconds(cases, limit)
         deadline = begin + limit - later
-    progress = progress or Silent()
+    progress = progress or by_default()
     run = TrainingLoop(objective, config, folder, progress, deadline, members, together, later)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
