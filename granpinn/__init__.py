@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
     from granpinn.importers import flow
+    from granpinn.kernels.swish_network import SwishNetwork
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -27,6 +28,7 @@ __all__ = [
     "Config",
     "Identification",
     "Result",
+    "SwishNetwork",
     "__version__",
     "flow",
     "identify",
@@ -41,6 +43,7 @@ _HOMES = {
     "Config": "granpinn.config",
     "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
+    "SwishNetwork": "granpinn.kernels.swish_network",
     "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
