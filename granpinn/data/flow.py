@@ -200,7 +200,7 @@ class Flow:
             return float(value)
         return None
 
-    def facts(self) -> dict[str, str]:
+    def described(self) -> dict[str, str]:
         """Size, extent and material in words, by their names."""
         length, time = (f" {u}" if u != "1" else "" for u in (self.length_unit, self.time_unit))
         span = f"{self.t[0]:.4g} to {self.t[-1]:.4g}{time}"
@@ -229,11 +229,11 @@ class Flow:
 
     def __repr__(self) -> str:
         """One line: source, time, frames, vectors and free surface."""
-        facts = self.facts()
+        texts = self.described()
         shown = ("time", "frames", "vectors", "free surface")
-        found = "; ".join(f"{name}: {facts[name]}" for name in shown)
-        return f"Flow({facts['source']}; {found})"
+        found = "; ".join(f"{name}: {texts[name]}" for name in shown)
+        return f"Flow({texts['source']}; {found})"
 
     def _repr_html_(self) -> str:
         """The facts as a table, for notebooks."""
-        return html.table(self.facts().items())
+        return html.table(self.described().items())
