@@ -65,8 +65,9 @@ def identify_many(
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue. Each is an `Identification`, whose fields are predicted when they are asked for,
-        without the simulated pressure. In a group of processes each is a plain `Result`.
+        continue. Each is an `Identification`; without a folder its fields are predicted when they
+        are asked for, without the simulated pressure. In a group of processes each is a plain
+        `Result`.
 
     Raises:
         As `identify`, except NonFiniteError.

@@ -22,7 +22,7 @@ from granpinn.identification.finish import (
     with_comparisons,
     with_simulated_pressure,
 )
-from granpinn.identification.identified import Identification, InMemory
+from granpinn.identification.identified import Identification, InFolder, InMemory
 from granpinn.identification.network import TrainedNetwork
 from granpinn.inspection.confined import undetermined
 from granpinn.laws import register
@@ -100,8 +100,10 @@ def identify(
 
 
 def kept(concluded: Concluded, run: TrainingLoop) -> Identification:
-    """The result with its network, and with its fields if these are in memory."""
+    """The result with its network, fields and history: those of its folder, else in memory."""
     case, model = concluded.case, concluded.model
+    if concluded.folder is not None and concluded.keep_fields:
+        return Identification.of(concluded.result, InFolder(concluded.folder, model.law))
     trained, rows = TrainedNetwork.of(model, case.flow), run.histories[concluded.place].rows
     parts = InMemory(trained, case.flow, model.law, rows, concluded.maps)
     return Identification.of(concluded.result, parts)
