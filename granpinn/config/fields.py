@@ -12,7 +12,7 @@ import math
 import types
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from granpinn.errors import BadInput
 
@@ -89,10 +89,9 @@ def section(kind: type, *, free: bool = False) -> Any:
     return field(default_factory=kind, metadata={"free": free})
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(setting,))
 def settings_group(cls: type[C]) -> type[C]:
-    """A frozen dataclass of settings, which refuses unknown names in one sentence."""
-    made: Any = dataclass(frozen=True)(cls)
+    """A dataclass of settings that refuses unknown names in one sentence."""
+    made: Any = cls
     plain = made.__init__
     known = [f.name for f in dataclasses.fields(made)]
 
@@ -106,8 +105,7 @@ def settings_group(cls: type[C]) -> type[C]:
         plain(self, *values, **given)
 
     made.__init__ = init
-    group: type[C] = made
-    return group
+    return cls
 
 
 def unknown(shown: str, name: str, known: Iterable[str]) -> str:

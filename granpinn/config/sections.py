@@ -7,7 +7,7 @@ unless the help of a field says otherwise.
 from __future__ import annotations
 
 import math
-from dataclasses import make_dataclass
+from dataclasses import dataclass, make_dataclass
 from typing import Any, Literal
 
 from granpinn.config.fields import ConfigError, setting, settings_group
@@ -15,6 +15,7 @@ from granpinn.physics.terms import TERMS
 
 
 @settings_group
+@dataclass(frozen=True)
 class Network:
     """The network (x, y, t) -> fields."""
 
@@ -34,6 +35,7 @@ class Network:
 
 
 @settings_group
+@dataclass(frozen=True)
 class Rheology:
     """The parameters of the friction law as unknowns."""
 
@@ -83,6 +85,7 @@ _Sigmas: Any = make_dataclass(
 
 
 @settings_group
+@dataclass(frozen=True)
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
@@ -108,6 +111,7 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
 
 
 @settings_group
+@dataclass(frozen=True)
 class SideWalls:
     """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
 
@@ -131,6 +135,7 @@ class SideWalls:
 
 
 @settings_group
+@dataclass(frozen=True)
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
 
@@ -146,6 +151,7 @@ class Batch:
 
 
 @settings_group
+@dataclass(frozen=True)
 class Optimizer:
     """How the loss is minimised."""
 
@@ -182,6 +188,7 @@ class Optimizer:
 
 
 @settings_group
+@dataclass(frozen=True)
 class Profile:
     """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
 
@@ -212,6 +219,7 @@ class Profile:
 
 
 @settings_group
+@dataclass(frozen=True)
 class SimulatedPressure:
     """The pressure of a simulation, where the grains are at rest."""
 
@@ -230,6 +238,7 @@ class SimulatedPressure:
 
 
 @settings_group
+@dataclass(frozen=True)
 class Resimulation:
     """The simulation that --resimulate compares with the data."""
 
