@@ -20,7 +20,7 @@ from bench.steps import ETA_MAX, ETA_MIN, P_FLOOR, D, Task, U, adam
 Jet = list[Tensor]  # value, x, y, t (, xx, xy, yy)
 
 
-def _network(params: Tensor, points: Tensor, widths: list[int], channels: int) -> Jet:
+def taylor_network(params: Tensor, points: Tensor, widths: list[int], channels: int) -> Jet:
     """Raw outputs [B, K] of each channel."""
     start = 0
     jet: Jet = []
@@ -72,7 +72,7 @@ def jets_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
     widths = task.widths
 
     def loss(params: Tensor, theta: Tensor, points: Tensor, velocity: Tensor) -> Tensor:
-        jet = _network(params, points, widths, channels)
+        jet = taylor_network(params, points, widths, channels)
         e = [U * jet[0][:, k] - velocity[:, k] for k in (0, 1)] + residuals(jet, theta)
         return torch.stack([(r**2).mean() for r in e]).sum() / 2
 

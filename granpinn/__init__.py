@@ -16,17 +16,24 @@ if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
     from granpinn.identification.batch import identify_many
+    from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
+    from granpinn.importers import flow
+    from granpinn.kernels.swish_network import SwishNetwork
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
 __version__ = "0.2.0"
 __all__ = [
     "Config",
+    "Identification",
     "Result",
+    "SwishNetwork",
     "__version__",
+    "flow",
     "identify",
     "identify_many",
+    "load",
     "read_flow",
     "simulate",
     "write_flow",
@@ -34,9 +41,13 @@ __all__ = [
 
 _HOMES = {
     "Config": "granpinn.config",
+    "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
+    "SwishNetwork": "granpinn.kernels.swish_network",
+    "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
+    "load": "granpinn.identification.identified",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",

@@ -92,7 +92,9 @@ def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     flow = config.flow
-    result = identify(flow, config, run_dir=folder, progress=listener, known=answer.show)
+    result: results.Result = identify(
+        flow, config, run_dir=folder, progress=listener, known=answer.show
+    )
     if config.resimulate:
         result = pending(result, RESIMULATION)
     if not config.free_I0:

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn import identify, report
+from granpinn import identify
 from granpinn.config import Config
 from granpinn.results import Fields, Result, read_fields, read_results
+from granpinn.training.history import read_history
 from tests.flows import make_flow
 
 Array = npt.NDArray[np.floating]
@@ -44,7 +45,7 @@ def read_run(folder: Path) -> Contents:
     return Contents(
         read_results(folder / "results.json"),
         read_fields(folder / "fields.h5"),
-        report.read_history(folder / "history.csv"),
+        read_history(folder / "history.csv"),
     )
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 import torch
 
+import granpinn
 from granpinn import reference
 from granpinn.data import write_flow
 from granpinn.physics.laws import LAWS
@@ -29,16 +32,67 @@ def load(name: str) -> ModuleType:
 def test_a_residual_in_torch_on_fused_jets() -> None:
     """The loss falls, and the residual is that of nested differentiation."""
     example = load("residual_in_torch")
-    params, losses = example.train(60)
+    net, losses = example.train(60)
     assert sum(losses[-5:]) < 0.5 * sum(losses[:5])
 
     where = example.points(torch.rand(20), torch.rand(20)).double().requires_grad_()
-    u = reference.network_value(where, params.double(), *example.NETWORK)[:, 0]
+    net = net.double()
+    network = net.widths, net.input_shift, net.input_scale
+    u = reference.network_value(where, net.params, *network)[:, 0]
     (first,) = torch.autograd.grad(u.sum(), where, create_graph=True)
     (second,) = torch.autograd.grad(first[:, 0].sum(), where)
     expected = first[:, 2] + u * first[:, 0] - example.NU * second[:, 0]
-    found = example.residual(params.double(), where.detach())
-    torch.testing.assert_close(found, expected.detach(), rtol=1e-9, atol=1e-9)
+    found = example.residual(net, where.detach())
+    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_an_inverse_problem_of_another_equation() -> None:
+    """The fused jets are those of nested differentiation, and nu comes nearer to the truth."""
+    example = load("navier_stokes")
+    draw = torch.Generator().manual_seed(3)
+    where, net = example.points(30, draw).double(), example.network(1).double()
+    for own, expected in zip(example.fused(net, where), example.nested(net, where), strict=True):
+        torch.testing.assert_close(own, expected, rtol=1e-9, atol=1e-9)
+    data, nu = example.velocity(where), torch.tensor(-3.0, dtype=torch.float64)
+    gradients = []
+    for jets in (example.fused, example.nested):
+        value = example.loss(net, nu, where, data, jets)
+        gradients += torch.autograd.grad(value, net.params)
+    torch.testing.assert_close(gradients[0], gradients[1], rtol=1e-7, atol=1e-9)
+
+    _, found = example.train(100, count=256)
+    assert example.NU < found[-1] < 0.7 * found[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"hidden": (0,)}, "outputs and hidden widths must be positive"),
+        ({"lower": (0, 0)}, "three finite numbers each"),
+        ({"lower": (2, 0, 0)}, "lower <= upper"),
+        ({"upper": (math.inf, 1, 1)}, "three finite numbers each"),
+    ],
+    ids=str,
+)
+def test_an_impossible_network_is_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        granpinn.SwishNetwork(**({"outputs": 1} | given))
+
+
+def test_a_network_of_any_outputs(device: torch.device) -> None:
+    """Values and derivatives of each order; a coordinate without extent has no derivative."""
+    net = granpinn.SwishNetwork(7, (9,), (0, 2, 0), (1, 2, 5), seed=4).to(device)
+    where = torch.rand(5, 3, device=device)
+    jet = net.jet(where)
+    torch.testing.assert_close(net(where), jet.value)
+    assert [part is None for part in net.jet(where, 1)] == [False] * 4 + [True] * 3
+    assert jet.value.shape == jet.xx.shape == (5, 7)
+    assert not jet.y.any()
+    assert jet.x.any()
+    twin = granpinn.SwishNetwork(7, (9,), (0, 2, 0), (1, 2, 5), seed=4)
+    assert torch.equal(twin.params, net.params.cpu())
+    with pytest.raises(ValueError, match="points must not require a gradient"):
+        net.jet(where.requires_grad_())
 
 
 def test_a_law_of_your_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

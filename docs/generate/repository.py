@@ -1,8 +1,9 @@
 """Files of the repository outside docs/ on the site, so that links to them work.
 
-README.md, CONTRIBUTING.md, CHANGELOG.md, SECURITY.md and the notes of the studies become pages. Any
-other file that a page links to, such as ../bench/results/cpu_step.json, is copied. Of links to a
-folder only the text stays, because a site has no folders.
+README.md, CONTRIBUTING.md, CHANGELOG.md, SECURITY.md, the notes of the studies and the notebooks of
+examples/ (notebooks.py) become pages. Any other file that a page links to, such as
+../bench/results/cpu_step.json, is copied. Of links to a folder only the text stays, because a site
+has no folders.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ PAGES = {
     "SECURITY.md": "security.md",
 }
 COPIES = "repository"  # folder of the copies on the site
+NOTEBOOKS = "examples/*.ipynb"
 NOTES = "bench/studies/**/note.md"  # that of simulator_fit is evidence/simulator-fit.md
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
@@ -58,9 +60,11 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 def pages(root: Path) -> dict[str, str]:
     """The page of every file of the repository that becomes one."""
     notes = [path.relative_to(root) for path in sorted(root.glob(NOTES))]
-    return PAGES | {
-        note.as_posix(): f"evidence/{note.parent.name.replace('_', '-')}.md" for note in notes
+    found = {note: f"evidence/{note.parent.name}" for note in notes}
+    found |= {
+        path.relative_to(root): f"notebooks/{path.stem}" for path in sorted(root.glob(NOTEBOOKS))
     }
+    return PAGES | {path.as_posix(): f"{page.replace('_', '-')}.md" for path, page in found.items()}
 
 
 def place_on_site(target: str, root: Path) -> str | None:

@@ -6,14 +6,17 @@ Command line, TOML files, checks and messages read them from there.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import functools
 import math
 import types
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from granpinn.errors import BadInput
+
+C = TypeVar("C")
 
 TINY = 1e-30  # least positive number: float32 would round a much smaller one to 0
 
@@ -84,6 +87,37 @@ def setting(default: Any, help: str, **stated: Any) -> Any:
 def section(kind: type, *, free: bool = False) -> Any:
     """A dataclass field that is a group of settings; `free` holds for all of them."""
     return field(default_factory=kind, metadata={"free": free})
+
+
+def settings_group(cls: type[C]) -> type[C]:
+    """A dataclass of settings that refuses unknown names in one sentence."""
+    made: Any = cls
+    plain = made.__init__
+    known = [f.name for f in dataclasses.fields(made)]
+
+    @functools.wraps(plain)
+    def init(self: Any, *values: Any, **given: Any) -> None:
+        for name in given:
+            if name not in known:
+                raise ConfigError(unknown(f"{cls.__name__}.{name}", name, known))
+        if len(values) > len(known):
+            raise ConfigError(f"{cls.__name__} has {len(known)} settings, got {len(values)} values")
+        plain(self, *values, **given)
+
+    made.__init__ = init
+    return cls
+
+
+def unknown(shown: str, name: str, known: Iterable[str]) -> str:
+    """The sentence about a setting that does not exist, with the nearest of the known names."""
+    names = {key: key for key in known}
+    for key in [*names]:
+        names.setdefault(key.rpartition(".")[2], key)  # a name alone may lack its section
+    near = difflib.get_close_matches(name, names, n=1)
+    if not near and "." in name:
+        near = difflib.get_close_matches(name.rpartition(".")[2], names, n=1)
+    hint = f"did you mean {names[near[0]]}?" if near else "granpinn train --help lists them"
+    return f"unknown setting {shown}: {hint}"
 
 
 @functools.cache

@@ -10,10 +10,11 @@ import math
 from dataclasses import dataclass, make_dataclass
 from typing import Any, Literal
 
-from granpinn.config.fields import ConfigError, setting
+from granpinn.config.fields import ConfigError, setting, settings_group
 from granpinn.physics.terms import TERMS
 
 
+@settings_group
 @dataclass(frozen=True)
 class Network:
     """The network (x, y, t) -> fields."""
@@ -33,6 +34,7 @@ class Network:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Rheology:
     """The parameters of the friction law as unknowns."""
@@ -82,6 +84,7 @@ _Sigmas: Any = make_dataclass(
 )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
@@ -107,6 +110,7 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
         return float(getattr(self, f"sigma_{term}"))
 
 
+@settings_group
 @dataclass(frozen=True)
 class SideWalls:
     """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
@@ -130,6 +134,7 @@ class SideWalls:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
@@ -145,6 +150,7 @@ class Batch:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Optimizer:
     """How the loss is minimised."""
@@ -181,6 +187,7 @@ class Optimizer:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Profile:
     """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
@@ -211,6 +218,7 @@ class Profile:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class SimulatedPressure:
     """The pressure of a simulation, where the grains are at rest."""
@@ -229,6 +237,7 @@ class SimulatedPressure:
     )
 
 
+@settings_group
 @dataclass(frozen=True)
 class Resimulation:
     """The simulation that --resimulate compares with the data."""

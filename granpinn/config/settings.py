@@ -20,6 +20,7 @@ from granpinn.config.fields import (
     sections_of,
     setting,
     settings_of,
+    unknown,
 )
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
@@ -49,8 +50,10 @@ class Config:
         Config(recipe="paper", level="V1", batch=Batch(interior=256, surface=64))
         Config(recipe="paper", **{"batch.interior": 256})
 
-    A section that is given replaces that of the recipe as a whole. One setting of a section is
-    given by its dotted name, as in TOML, or as a keyword with two underscores: `batch__interior`.
+    A section that is given replaces that of the recipe as a whole; a dict changes only the settings
+    that it names: `batch={"interior": 256}`. So `Config(**settings)` takes nested dicts, such as
+    `Result.settings`. One setting of a section is also given by its dotted name, as in TOML, or as
+    a keyword with two underscores: `batch__interior`.
     `dataclasses.replace(config, seed=3)` changes one setting and takes the same names; it cannot
     change the recipe.
 
@@ -151,7 +154,12 @@ class Config:
 
     if not TYPE_CHECKING:  # type checkers see the signature of the fields
 
-        def __init__(self, *, _copied: str = "", **given: Any) -> None:
+        def __init__(self, *values: Any, _copied: str = "", **given: Any) -> None:
+            if values:
+                raise ConfigError(
+                    "Config takes settings by their names, such as Config(steps=4000), or a dict "
+                    f"as Config(**settings), got {values[0]!r}"
+                )
             flat = _resolve(given)
             for name in self.__dataclass_fields__:
                 if name in flat:
@@ -176,16 +184,20 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
     recipe = given.get("recipe", flat["recipe"])
     known["recipe"].check(recipe, flag_of("recipe"))
     flat |= RECIPES[recipe]
-    whole = {name: value for name, value in given.items() if name in sections}
-    for name, value in whole.items():
-        if not isinstance(value, sections[name]):
-            kind = sections[name].__name__
-            raise ConfigError(f"{name} must be a granpinn.config.{kind}, got {value!r}")
-        flat |= flatten(value, f"{name}.")
     single = {k.replace("__", "."): v for k, v in given.items() if k not in sections}
+    for name, value in given.items():
+        if name not in sections:
+            continue
+        if isinstance(value, sections[name]):
+            flat |= flatten(value, f"{name}.")
+        elif isinstance(value, Mapping):
+            single = {f"{name}.{inner}": item for inner, item in value.items()} | single
+        else:
+            kind = sections[name].__name__
+            raise ConfigError(f"{name} must be a granpinn.config.{kind} or a dict, got {value!r}")
     for key in single:
         if key not in known:
-            raise ConfigError(f"unknown setting {key}: python -m granpinn.train --help lists them")
+            raise ConfigError(unknown(key, key, [*known, *sections]))
     flat |= single
     for key, stated in known.items():
         flat[key] = typed(flat[key], stated.kind, flag_of(key))

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from granpinn.config.fields import ConfigError, flatten, settings_of, without_none
+from granpinn.config.fields import ConfigError, flatten, settings_of, unknown, without_none
 from granpinn.config.settings import Config
 from granpinn.config.values import NONE, typed
 
@@ -57,8 +57,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             )
         if key not in known:
             raise OtherVersionError(
-                f"{path} has the unknown setting {key}: --help lists them all",
-                f"the unknown setting {key}",
+                f"{path} has the {unknown(key, key, known)}", f"the unknown setting {key}"
             )
         _, optional = without_none(known[key].kind)
         value = None if optional and value == NONE else value

@@ -25,7 +25,7 @@ def typed(value: Any, kind: Any, name: str) -> Any:
             raise _wrong(name, kind, value)
         return tuple(typed(item, get_args(kind)[0], name) for item in value)
     if get_origin(kind) is Literal:
-        fits = value in get_args(kind)
+        fits = isinstance(value, str) and value in get_args(kind)
     elif kind in (int, float):
         number = isinstance(value, Integral if kind is int else Real)
         huge = isinstance(value, Integral) and abs(int(value)) > LARGEST

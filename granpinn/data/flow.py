@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats
 from granpinn.errors import BadInput
+from granpinn.output import html
 from granpinn.physics.law_values import LawValues
 
 # Numbers of the material in any units; float32 holds all of them.
@@ -198,3 +199,41 @@ class Flow:
         if isinstance(value, (int, float, np.number)) and LEAST <= value <= LARGEST:
             return float(value)
         return None
+
+    def described(self) -> dict[str, str]:
+        """Size, extent and material in words, by their names."""
+        length, time = (f" {u}" if u != "1" else "" for u in (self.length_unit, self.time_unit))
+        span = f"{self.t[0]:.4g} to {self.t[-1]:.4g}{time}"
+        if self.particles is None:
+            vectors = f"{self.y.size} x {self.x.size} grid, {int(self.valid.sum())} in the grains"
+        else:
+            vectors = f"{self.particles.u.size} scattered"
+        x, y = ((float(axis.min()), float(axis.max())) for axis in (self.x, self.y))
+        surface = "none (level V0)" if self.surface is None else f"{self.surface.t.size} points"
+        found = {
+            "source": self.path.name if self.path else "in memory",
+            "time": "steady" if self.steady else span,
+            "frames": str(self.t.size),
+            "vectors": vectors,
+            "extent": f"x {x[0]:.4g} to {x[1]:.4g}, y {y[0]:.4g} to {y[1]:.4g}{length}",
+            "grain diameter": f"{self.grain_diameter:.4g}{length}",
+            "bulk density": f"{self.density:.4g} {self.density_unit or ''}".strip(),
+            "gravity": f"({self.gravity[0]:.4g}, {self.gravity[1]:.4g})",
+            "free surface": surface,
+        }
+        if self.walls is not None:
+            found["walls"] = f"{int(np.isfinite(self.walls.x).sum())} points"
+        if self.p is not None:
+            found["reference pressure"] = "for scoring, not for training"
+        return found
+
+    def __repr__(self) -> str:
+        """One line: source, time, frames, vectors and free surface."""
+        texts = self.described()
+        shown = ("time", "frames", "vectors", "free surface")
+        found = "; ".join(f"{name}: {texts[name]}" for name in shown)
+        return f"Flow({texts['source']}; {found})"
+
+    def _repr_html_(self) -> str:
+        """The facts as a table, for notebooks."""
+        return html.table(self.described().items())

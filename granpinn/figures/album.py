@@ -10,11 +10,11 @@ from typing import NamedTuple
 from granpinn.arrays import Floats
 from granpinn.figures import checks, curves, maps, parts, profiles
 from granpinn.figures.style import Drawing, NothingToDraw, save
-from granpinn.identification.scoring import after_start
 from granpinn.output import make_folder
 from granpinn.results import Fields, NotDone, Result
 from granpinn.results.attempt import attempt
 from granpinn.results.fields import VARIABLES
+from granpinn.results.zones import after_start
 from granpinn.second_opinion.comparison import Comparison
 
 History = Mapping[str, Floats]

@@ -24,13 +24,13 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.identification.scoring import after_start, flowing
 from granpinn.physics.laws import mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.identified_law import StressPoints
 from granpinn.results.summary import true_friction
+from granpinn.results.zones import after_start, flowing
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
@@ -40,11 +40,20 @@ PARAMETER_COLORS = (BLUE, ORANGE, GREEN, PURPLE)  # of the identified parameters
 @styled
 def friction_law(result: Result, fields: Fields) -> Drawing:
     """The law with its band, the points of the fit and the true law; the share of each I below."""
-    found, law = result.law, result.friction_law
-    if found.I_range is None:
-        raise NothingToDraw(f"the range of I is not known: {found.reason or 'an earlier version'}")
     figure = new_figure(5.4)
     curve, histogram = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    caption = draw_law(curve, result)
+    curve.set_title(f"(a) friction law: {result.friction_law.title}")
+    _histogram_of_I(histogram, fields)
+    histogram.set_title("(b) share of the grain points")
+    return Drawing(figure, f"{caption}. {_share_below(fields)}")
+
+
+def draw_law(curve: Axes, result: Result) -> str:
+    """The law with its band, the points of the fit and the true law on one panel; its caption."""
+    found = result.law
+    if found.I_range is None:
+        raise NothingToDraw(f"the range of I is not known: {found.reason or 'an earlier version'}")
     low, high = found.I_range
     caption = f"Friction law over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
     caption += f"{high:.2g}"
@@ -62,14 +71,12 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     if found.reason is not None:
         what = "curve" if found.curve is None else "90 % band"
         caption += f". The {what} is {NOT_DETERMINED}: {found.reason}"
+    curve.set_xscale("log")
     curve.set_ylabel(r"$\mu(I)$")
-    curve.set_title(f"(a) friction law: {law.title}")
     if curve.get_legend_handles_labels()[1]:
         curve.legend(loc="upper left")
     curve.grid(True)
-    _histogram_of_I(histogram, fields)
-    histogram.set_title("(b) share of the grain points")
-    return Drawing(figure, f"{caption}. {_share_below(fields)}")
+    return caption
 
 
 def _stress_points(axes: Axes, points: StressPoints, form: str) -> str:
@@ -95,7 +102,11 @@ def _stress_points(axes: Axes, points: StressPoints, form: str) -> str:
 def inertial_number(result: Result, fields: Fields) -> Drawing:
     """Histogram of I in the grains, with the median and I0 of mu(I)."""
     figure = new_figure(3.0)
-    axes = figure.subplots()
+    return Drawing(figure, draw_inertial_number(figure.subplots(), result, fields))
+
+
+def draw_inertial_number(axes: Axes, result: Result, fields: Fields) -> str:
+    """The same on one panel; its caption."""
     _histogram_of_I(axes, fields)
     caption = f"Inertial number in the grains. {_share_below(fields)}"
     if result.law.name == mu_of_i.LAW.name:
@@ -106,7 +117,7 @@ def inertial_number(result: Result, fields: Fields) -> Drawing:
     if median > I_EDGES[0]:
         axes.axvline(median, color=ORANGE, lw=1.2, label=f"median {median:.2g}")
     axes.legend()
-    return Drawing(figure, caption)
+    return caption
 
 
 def _histogram_of_I(axes: Axes, fields: Fields) -> None:
@@ -131,11 +142,26 @@ def _share_below(fields: Fields) -> str:
 @styled
 def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
     """The identified parameters and the terms of the loss against the step."""
+    figure = new_figure(5.6)
+    scalars, terms = figure.subplots(2, 1, sharex=True)
+    draw_evolution(scalars, terms, result, history)
+    scalars.set_title("(a) identified parameters")
+    terms.set_title("(b) loss and its terms before weighting")
+    return Drawing(
+        figure,
+        "Course of the training: the identified parameters"
+        + (" with their true values (dashed)" if result.truth is not None else "")
+        + ", and the loss with its terms.",
+    )
+
+
+def draw_evolution(
+    scalars: Axes, terms: Axes, result: Result, history: Mapping[str, Floats]
+) -> None:
+    """The same on two panels, for the parameters and for the terms."""
     step = history["step"]
     if step.size == 0:
         raise NothingToDraw("history.csv has no rows")
-    figure = new_figure(5.6)
-    scalars, terms = figure.subplots(2, 1, sharex=True)
     law = result.friction_law
     for name, color in zip(law.free, itertools.cycle(PARAMETER_COLORS), strict=False):
         symbol = f"${law.parameter(name).symbol}$"
@@ -144,7 +170,6 @@ def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
         if true is not None:
             scalars.axhline(true, color=color, lw=1.2, ls=(0, (4, 3)), label=f"{symbol} true")
     scalars.set_ylabel("friction coefficient")
-    scalars.set_title("(a) identified parameters")
     scalars.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     lines = [("loss", BLACK), *zip(NAMES, itertools.cycle(COLORS), strict=False)]
     for name, color in lines:
@@ -155,14 +180,7 @@ def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
     terms.set_yscale("log")
     terms.set_xlabel("optimisation step")
     terms.set_ylabel("mean square")
-    terms.set_title("(b) loss and its terms before weighting")
     terms.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     for axes in (scalars, terms):
         axes.grid(True)
         axes.set_xlim(step.min(), max(step.max(), step.min() + 1))
-    return Drawing(
-        figure,
-        "Course of the training: the identified parameters"
-        + (" with their true values (dashed)" if result.truth is not None else "")
-        + ", and the loss with its terms.",
-    )

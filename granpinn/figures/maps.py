@@ -25,10 +25,12 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.identification.scoring import after_start
 from granpinn.results import Fields
+from granpinn.results.zones import after_start
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
+RESIDUALS = ("momentum_residual_x", "momentum_residual_y")
+RESIDUAL_LABEL = r"$|e| / (\rho |g|)$"
 RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
 RESIDUAL_RANGE = (1e-3, 1e1)  # of the map
 UNCERTAINTY_MAP = "magma"
@@ -106,7 +108,7 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
     simulated, has_reference = fields.frame("p_simulated", k), "p_reference" in fields.values
     gap = np.abs(fields.frame("p", k) - simulated)
     figure, panels = new_maps(fields, window, 3 if has_reference else 2)
-    values = Normalize(min(0.0, _quantile(simulated, 0.002)), _quantile(simulated, 0.998))
+    values = value_norm(simulated)
     draw_map(panels[0], fields, window, simulated, values, VALUE_MAP, label("$p$", unit))
     panels[0].set_title("(a) simulated")
     reach = _quantile(gap, 0.99) or 1.0
@@ -156,7 +158,7 @@ def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
     known = quantity.known
     figure, panels = new_maps(fields, window, 1 if known is None else 3)
     both = quantity.predicted if known is None else np.stack([quantity.predicted, known])
-    values = Normalize(min(0.0, _quantile(both, 0.002)), _quantile(both, 0.998))
+    values = value_norm(both)
     text = label(quantity.symbol, quantity.unit)
     draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
     panels[0].set_title("(a) predicted")
@@ -232,6 +234,11 @@ def draw_surface(axes: Axes, fields: Fields, window: Window) -> None:
         axes.contour(x, y, c, levels=[0.5], colors=BLACK, linewidths=0.9)
 
 
+def value_norm(values: Floats) -> Normalize:
+    """From 0, or the smallest value below it, to the largest, without outliers."""
+    return Normalize(min(0.0, _quantile(values, 0.002)), _quantile(values, 0.998))
+
+
 def _quantile(values: Floats, share: float) -> float:
     finite = values[np.isfinite(values)]
     return float(np.quantile(finite, share)) if finite.size else 0.0
@@ -248,16 +255,11 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     else:
         figure = new_figure(4.2)
         field_map, histogram = figure.subplots(1, 2)
-    names = ("momentum_residual_x", "momentum_residual_y")
-    text = r"$|e| / (\rho |g|)$"
-    on_map = np.hypot(*(fields.frame(name, k) for name in names))
-    norm = LogNorm(*RESIDUAL_RANGE)
-    draw_map(field_map, fields, window, on_map, norm, "cividis", text, extend="both")
-    label_axes(field_map, fields)
+    draw_residual(field_map, fields, window)
     field_map.set_title(f"(a) t = {fields.t[k]:.3g}")
 
     counted = after_start(fields)
-    size = np.hypot(*(fields.values[name][counted] for name in names))
+    size = np.hypot(*(fields.values[name][counted] for name in RESIDUALS))
     size = size[np.isfinite(size)]
     if size.size == 0:
         raise NothingToDraw("the momentum residual is not finite anywhere")
@@ -266,7 +268,7 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     histogram.axvline(median, color=BLACK, lw=1.2, label=f"median {median:.2g}")
     histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
     histogram.set_xscale("log")
-    histogram.set_xlabel(text)
+    histogram.set_xlabel(RESIDUAL_LABEL)
     histogram.set_title("(b) share of the grain points")
     histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     histogram.legend(loc="upper right")
@@ -276,3 +278,11 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
         f" eta of the identified law), in units of the weight: (a) at t = {fields.t[k]:.3g},"
         " (b) at all times.",
     )
+
+
+def draw_residual(axes: Axes, fields: Fields, window: Window) -> None:
+    """The map of |e| / (rho |g|) alone."""
+    size = np.hypot(*(fields.frame(name, window.k) for name in RESIDUALS))
+    norm = LogNorm(*RESIDUAL_RANGE)
+    draw_map(axes, fields, window, size, norm, "cividis", RESIDUAL_LABEL, extend="both")
+    label_axes(axes, fields)

@@ -24,7 +24,7 @@ from granpinn.identification.finish import (
     with_comparisons,
     with_simulated_pressure,
 )
-from granpinn.identification.single import histories, prepare, start
+from granpinn.identification.single import histories, kept, prepare, start
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -61,11 +61,13 @@ def identify_many(
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
         keep_fields: whether to write fields.h5, tens of megabytes for each member.
-        progress: a listener; it gets the medians over the members.
+        progress: a listener, as in `identify`; it gets the medians over the members.
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue.
+        continue. Each is an `Identification`; without a folder its fields are predicted when they
+        are asked for, without the simulated pressure. In a group of processes each is a plain
+        `Result`.
 
     Raises:
         As `identify`, except NonFiniteError.
@@ -126,7 +128,8 @@ def identify_many(
         with threads(max(1, _cores() // group.size)) as pool:
 
             def finished(member: Concluded) -> Result:
-                return with_simulated_pressure(with_comparisons(member, run), run, pool)
+                made = with_simulated_pressure(with_comparisons(member, run), run, pool)
+                return kept(made._replace(maps=None), run)
 
             found = _side_by_side(finished, written, config.device)
     return found if group.size == 1 else _in_order(found, len(flows))

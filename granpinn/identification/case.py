@@ -31,12 +31,12 @@ from granpinn.estimates.facts import Facts
 from granpinn.identification.balance import Balance
 from granpinn.inspection.inertia import inertial_numbers
 from granpinn.inspection.slips import refuse_slips
+from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
-from granpinn.training.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,19 @@ class Model:
     """A trained network with the friction law that was identified with it.
 
     Attributes:
-        problem: network and constants of the residuals.
+        spec: widths, input map and form of the network.
+        physics: constants of the equations.
         params: parameters of the network [P].
         theta: parameters of the law, in its order [N], dimensionless.
         scales: units of everything dimensionless.
     """
 
-    problem: Problem
+    spec: NetworkSpec
+    physics: Physics
     params: Tensor
     theta: Tensor
     scales: Scales
     law: Law
-
-    @property
-    def physics(self) -> Physics:
-        """The constants of the equations by name."""
-        return Physics(*self.problem.physics)
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:

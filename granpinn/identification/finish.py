@@ -29,6 +29,7 @@ from granpinn.identification import (
 from granpinn.identification.assumptions import assumptions_of
 from granpinn.identification.case import Case, Model
 from granpinn.identification.law_curve import Shear, shear_of
+from granpinn.identification.network import FILE, TrainedNetwork, write_network
 from granpinn.output import OutputError, replacing
 from granpinn.physics.laws import LAWS
 from granpinn.results import (
@@ -109,7 +110,8 @@ def conclude(
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
     law = LAWS[case.config.law]
-    model = Model(case.member.problem, *run.trainer.solution(e), case.scales, law)
+    problem = case.member.problem
+    model = Model(problem.spec, problem.physics, *run.trainer.solution(e), case.scales, law)
     uncertain = () if e in run.trainer.diverged else assumptions_of(case)
     assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)
@@ -120,6 +122,7 @@ def conclude(
         result = pending(result, COMPARISON)
     if folder is not None:
         _write_values(pending(result, FIELDS), folder)
+        write_network(TrainedNetwork.of(model, case.flow), folder / FILE)
         if len(cases) > 1:
             shown = parts_of(folder, len(cases))[place]
             with replacing(folder / "history.csv") as temporary:
@@ -176,14 +179,14 @@ def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
     return _kept(concluded, judgement.with_parts(result, case, run, place))
 
 
-def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Result:
+def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Concluded:
     """The result with the simulated pressure if it is pending, written to its folder.
 
-    The threads of `pool` simulate the frames.
+    Its fields then hold this pressure. The threads of `pool` simulate the frames.
     """
     result, case, model = concluded.result, concluded.case, concluded.model
     if all(part.what != SIMULATED_PRESSURE for part in result.not_done):
-        return result
+        return concluded
 
     def simulated() -> tuple[Result, Fields | None]:
         pressures, record = simulated_fields.pressures(case, run, model, pool)
@@ -201,7 +204,7 @@ def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Execu
         if concluded.keep_fields and maps is not None:
             append_variable(maps, "p_simulated", folder / "fields.h5")
         _write_values(result, folder)
-    return result
+    return concluded._replace(result=result, maps=maps or concluded.maps)
 
 
 def _scored(result: Result, case: Case, model: Model, maps: Fields) -> Result:

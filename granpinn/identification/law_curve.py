@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Floats
-from granpinn.identification import scoring
 from granpinn.results import Fields, NotDone, Result
 from granpinn.results.attempt import LAW_CURVE, attempt, having, lacking
+from granpinn.results.zones import shearing
 from granpinn.uncertainty.curve import with_curve
 
 
@@ -31,7 +31,7 @@ def shear_of(fields: Fields, cohesion: float = 0.0) -> Shear:
     Args:
         cohesion: of the law, in the units of the fields.
     """
-    points = scoring.shearing(fields)
+    points = shearing(fields)
     number, p, tau_xx, tau_xy = (
         fields.values[name][points].astype(np.float64) for name in ("I", "p", "tau_xx", "tau_xy")
     )

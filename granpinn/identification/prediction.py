@@ -43,19 +43,8 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
         flow: the file's own flow, without added noise: u, v and p become the reference values.
         chunk: points per evaluation.
     """
-    scales, network = model.scales, (model.problem.spec, model.params)
-    grid, axes = test_grid(flow, scales), axes_of(flow)
-    values: dict[str, Float32] = {}
-    for start in range(0, len(grid.points), chunk):
-        points = _turned(grid.points[start : start + chunk], axes).to(model.params)
-        found = evaluate(points, *network, model.law, model.theta, model.physics)
-        for name, value in _turned_back(found, axes).items():
-            if name not in values:
-                values[name] = np.empty(len(grid.points), np.float32)
-            kind = VARIABLES[name][0]
-            if kind in get_args(Quantity):
-                value = scales.to_physical(value, kind)  # type: ignore[arg-type]
-            values[name][start : start + chunk] = value.cpu().numpy()
+    scales, grid = model.scales, test_grid(flow, model.scales)
+    values = values_at(grid.points, axes_of(flow), model, chunk)
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         if known is not None:
             values[f"{name}_reference"] = known[grid.indices].astype(np.float32)
@@ -71,6 +60,28 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
         pressure=scales.pressure,
         steady=flow.steady,
     )
+
+
+def values_at(points: Tensor, axes: Axes, model: Model, chunk: int = CHUNK) -> dict[str, Float32]:
+    """The predicted `fields.VARIABLES` [N] in the units and axes of a flow.
+
+    Args:
+        points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
+        axes: of the training.
+        chunk: points per evaluation.
+    """
+    values: dict[str, Float32] = {}
+    for start in range(0, len(points), chunk):
+        part = _turned(points[start : start + chunk], axes).to(model.params)
+        found = evaluate(part, model.spec, model.params, model.law, model.theta, model.physics)
+        for name, value in _turned_back(found, axes).items():
+            if name not in values:
+                values[name] = np.empty(len(points), np.float32)
+            kind = VARIABLES[name][0]
+            if kind in get_args(Quantity):
+                value = model.scales.to_physical(value, kind)  # type: ignore[arg-type]
+            values[name][start : start + chunk] = value.cpu().numpy()
+    return values
 
 
 def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
@@ -91,7 +102,7 @@ def velocity(points: Float64, axes: Axes, model: Model) -> Float64:
         axes: of the training.
     """
     turned_points = _turned(torch.as_tensor(points), axes)
-    spec, params = model.problem.spec, model.params
+    spec, params = model.spec, model.params
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     parts = [
         ops.network_value(part.to(params), params, *network)[:, :2].cpu()

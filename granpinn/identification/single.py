@@ -15,12 +15,15 @@ from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
+    Concluded,
     conclude,
     parts_of,
     with_assumptions,
     with_comparisons,
     with_simulated_pressure,
 )
+from granpinn.identification.identified import Identification, InFolder, InMemory
+from granpinn.identification.network import TrainedNetwork
 from granpinn.inspection.confined import undetermined
 from granpinn.laws import register
 from granpinn.output import make_folder, objection_to_folder, write_text
@@ -31,7 +34,7 @@ from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes, processes
-from granpinn.training.progress import Progress, Silent
+from granpinn.training.progress import Progress, by_default
 
 
 def identify(
@@ -42,7 +45,7 @@ def identify(
     progress: Progress | None = None,
     law: Law | None = None,
     known: Callable[[Result], None] | None = None,
-) -> Result:
+) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields.
 
     In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
@@ -52,9 +55,13 @@ def identify(
         config: settings, by default the default recipe; its `flow` and `out` are not used.
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
-        progress: a listener, by default none; `granpinn.training.progress.automatic()` shows a bar.
+        progress: a listener; by default a bar in a notebook, and none elsewhere.
+            `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
         known: called with the result once its law is known, before the simulated pressure.
+
+    Returns:
+        The result, with the network, its fields, the history and figures.
 
     Raises:
         FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
@@ -83,13 +90,23 @@ def identify(
     if all(k in run.trainer.diverged for k in range(len(cases))):
         raise NonFiniteError(run.trainer.diverged[0])
     if together.rank > 0:
-        return conclude(cases, run, 0).result
+        return kept(conclude(cases, run, 0), run)
     (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
     concluded = with_comparisons(concluded, run)
     if known is not None:
         known(concluded.result)
     with threads(len(os.sched_getaffinity(0))) as pool:
-        return with_simulated_pressure(concluded, run, pool)
+        return kept(with_simulated_pressure(concluded, run, pool), run)
+
+
+def kept(concluded: Concluded, run: TrainingLoop) -> Identification:
+    """The result with its network, fields and history: those of its folder, else in memory."""
+    case, model = concluded.case, concluded.model
+    if concluded.folder is not None and concluded.keep_fields:
+        return Identification.of(concluded.result, InFolder(concluded.folder, model.law))
+    trained, rows = TrainedNetwork.of(model, case.flow), run.histories[concluded.place].rows
+    parts = InMemory(trained, case.flow, model.law, rows, concluded.maps)
+    return Identification.of(concluded.result, parts)
 
 
 def histories(folder: Path | None, count: int) -> list[Path | None]:
@@ -117,7 +134,7 @@ def start(
         limit = config.max_time - simulated_fields.kept_after_training(config, len(cases))
         later = assumptions.seconds(cases, limit)
         deadline = begin + limit - later
-    progress = progress or Silent()
+    progress = progress or by_default()
     run = TrainingLoop(objective, config, folder, progress, deadline, members, together, later)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""

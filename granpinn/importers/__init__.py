@@ -6,7 +6,7 @@ converts them to SI, grains.py and surface.py locate the grains, and conversion.
 
 from granpinn.importers.arrays import from_arrays
 from granpinn.importers.conversion import convert
-from granpinn.importers.reading import read
+from granpinn.importers.reading import flow, read
 from granpinn.importers.series import read_vectors
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -17,6 +17,7 @@ __all__ = [
     "Validity",
     "VectorFields",
     "convert",
+    "flow",
     "from_arrays",
     "read",
     "read_vectors",

@@ -20,6 +20,7 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 
 REQUIRED = ("t", "y", "x", "u", "v")
 OPTIONAL = ("sigma_u", "sigma_v", "c", "p")
+ARRAYS = (*REQUIRED, *OPTIONAL, "validity", "mask", "y_down")
 TEXTS = ("length_unit", "time_unit", "velocity_unit")
 
 
@@ -40,7 +41,7 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         raise DataFileError(
             f"{path} must hold {', '.join(REQUIRED)}, got no {', '.join(missing)}: add them"
         )
-    known = {*REQUIRED, *OPTIONAL, *TEXTS, "validity", "mask", "y_down"}
+    known = {*ARRAYS, *TEXTS}
     unknown = sorted(set(arrays) - known)
     if unknown:
         raise DataFileError(

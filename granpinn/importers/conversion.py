@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, WALL_GAP, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
@@ -25,7 +26,10 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, wa
 
 
 def convert(
-    source: Source, settings: Settings | None = None, report: Callable[[str], None] | None = None
+    source: Source,
+    settings: Settings | None = None,
+    report: Callable[[str], None] | None = None,
+    line: Sequence[npt.ArrayLike] | None = None,
 ) -> Flow:
     """A flow in SI units (or none) from measurement files.
 
@@ -34,6 +38,8 @@ def convert(
             arrays as in importers/arrays.py.
         settings: calibration, material and the rest.
         report: called with every line of a report.
+        line: t, x, y [n] of the free surface, in the units and axes of the source, in place of
+            the setting `surface`.
 
     Raises:
         DataFileError: files or settings cannot be used; the message is one sentence.
@@ -63,16 +69,16 @@ def convert(
         "density_unit": None if settings.dimensionless else "kg/m^3",
         "attributes": _attributes(fields, settings, material),
     }
-    line = _given_line(fields, settings, frame)
+    given = _given_line(fields, settings, frame, line)
     constants["walls"] = _given_walls(fields, settings, frame)
     si = frame.apply(fields)
     warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
-    flow = make(si, settings, frame, line, constants)
+    flow = make(si, settings, frame, given, constants)
     for text in _summary(flow, material):
         tell(text)
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
-    if inferred and line is None and flow.surface is not None:
+    if inferred and given is None and flow.surface is not None:
         tell(
             "the files do not say what is masked: the free surface is the edge of the vectors; "
             "give --mask or --surface if the PIV program lost vectors there"
@@ -80,8 +86,15 @@ def convert(
     return flow
 
 
-def _given_line(fields: VectorFields, settings: Settings, frame: Frame) -> Surface | None:
-    """The free surface of --surface FILE."""
+def _given_line(
+    fields: VectorFields,
+    settings: Settings,
+    frame: Frame,
+    line: Sequence[npt.ArrayLike] | None,
+) -> Surface | None:
+    """The free surface in memory, or of --surface FILE."""
+    if line is not None:
+        return surfaces.from_arrays(line, frame)
     if settings.surface in ("auto", "mask", "fraction", "none"):
         return None
     rate = frame.time if fields.time_unit == "frame" else None

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy.typing as npt
+
 from granpinn.data.flow import Flow
+from granpinn.importers.arrays import ARRAYS
 from granpinn.importers.conversion import convert
+from granpinn.importers.netcdf import from_dataset
 from granpinn.importers.settings import Settings
 from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError
@@ -32,8 +39,83 @@ def read(source: Source, **settings: Any) -> Flow:
     Raises:
         granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
     """
+    return convert(source, settings_of(settings))
+
+
+def flow(
+    data: Any = None, /, *, surface: Sequence[npt.ArrayLike] | None = None, **given: Any
+) -> Flow:
+    """A flow from arrays in memory, or from xarray.
+
+        flow = granpinn.flow(
+            t=t, y=y, x=x, u=u, v=v,
+            length_unit="mm", time_unit="s", velocity_unit="m/s",
+            grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3",
+            solid_fraction=0.6,
+        )
+        flow = granpinn.flow(dataset, grain_diameter="0.8 mm", ...)
+
+    The result is in SI. `dimensionless=True` takes arrays without units.
+
+    Args:
+        data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read; u and v may
+            also be given as xarray.DataArray.
+        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays.
+        given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
+            where there is no vector; optional ones as in granpinn.importers.arrays (c, mask,
+            sigma_u, ...); and settings, as of `granpinn convert` with _ for -, numbers with units
+            as text.
+
+    Raises:
+        DataFileError: arrays or settings cannot be used; the message is one sentence.
+    """
+    source: Source
+    parts = {name: given.pop(name) for name in [*given] if _is_array(name, given[name])}
+    if data is None and hasattr(parts.get("u"), "dims"):
+        data = _dataset(parts)
+        parts = {}
+    if data is None:
+        source = parts
+    elif parts or not hasattr(data, "data_vars"):
+        found = ", ".join(parts) or type(data).__name__
+        raise DataFileError(
+            "flow takes one xarray.Dataset with u and v, or arrays by their names as "
+            f"flow(t=t, y=y, x=x, u=u, v=v, ...), got {found}"
+        )
+    else:
+        source = from_dataset(data)
+    return convert(source, settings_of(given), line=surface)
+
+
+def _is_array(name: str, value: Any) -> bool:
+    """Whether an argument belongs to the arrays; the setting `mask` is the name of a file."""
+    return name in ARRAYS and not (name == "mask" and isinstance(value, str))
+
+
+def _dataset(parts: dict[str, Any]) -> Any:
+    """The data set of arrays of xarray, which bring their coordinates."""
+    import xarray
+
+    plain = [name for name, part in parts.items() if not isinstance(part, xarray.DataArray)]
+    if plain:
+        raise DataFileError(
+            f"{', '.join(plain)} must be xarray.DataArray like u, got {type(parts[plain[0]])}: "
+            "give all arrays as one kind"
+        )
     try:
-        chosen = Settings(**settings)
-    except TypeError as error:
-        raise DataFileError(f"{error}: granpinn.importers.Settings has them all") from None
-    return convert(source, chosen)
+        return xarray.Dataset(parts)
+    except ValueError as error:
+        reason = " ".join(str(error).split())[:160]
+        raise DataFileError(f"u, v and the others do not fit together: {reason}") from None
+
+
+def settings_of(given: Mapping[str, Any]) -> Settings:
+    """The settings of a conversion; DataFileError for an unknown name."""
+    known = [f.name for f in dataclasses.fields(Settings)]
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, [*known, *ARRAYS], n=1)
+            hint = f"did you mean {near[0]}?" if near else "granpinn.importers.Settings has them"
+            raise DataFileError(f"unknown setting {name}: {hint}")
+    return Settings(**given)

@@ -10,9 +10,11 @@ never counts.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
@@ -105,11 +107,26 @@ def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
         seconds = t * factor
     else:
         seconds = frame.times(t)
-    x, y = frame.place(columns["x"], columns["y"])
-    for name, values in ((time, seconds), ("x", x), ("y", y)):
+    return _finite(str(path), Surface(seconds, *frame.place(columns["x"], columns["y"])), time)
+
+
+def from_arrays(points: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
+    """The points t, x, y [n] in the units and axes of the vectors."""
+    try:
+        t, x, y = (np.asarray(values, np.float64) for values in points)
+    except (TypeError, ValueError) as error:
+        raise DataFileError(f"surface must be three arrays t, x, y of numbers: {error}") from None
+    if t.ndim != 1 or not t.shape == x.shape == y.shape or t.size == 0:
+        shapes = ", ".join(str(list(values.shape)) for values in (t, x, y))
+        raise DataFileError(f"surface must be t, x, y of one length [n], got {shapes}")
+    return _finite("surface", Surface(frame.times(t), *frame.place(x, y)), "t")
+
+
+def _finite(where: str, surface: Surface, time: str) -> Surface:
+    for name, values in ((time, surface.t), ("x", surface.x), ("y", surface.y)):
         if not np.isfinite(values).all() or largest(values) > LARGEST:
             raise DataFileError(
-                f"{path} must have a finite {name} of at most {LARGEST:g} in every row, got "
+                f"{where} must have a finite {name} of at most {LARGEST:g} in every row, got "
                 f"{values[~(np.abs(values) <= LARGEST)][0]:g}: leave this point out"
             )
-    return Surface(t=seconds, x=x, y=y)
+    return surface

@@ -70,14 +70,25 @@ def views(params: Tensor, widths: Sequence[int]) -> list[tuple[Tensor, Tensor]]:
 def initial_parameters(spec: NetworkSpec, seed: int, distribution: str = "wide") -> Tensor:
     """params [P] float64, a function of the arguments alone.
 
+    As `drawn_parameters`; with "wide", outputs for pressure and stress are smaller than u and v.
+    """
+    params = drawn_parameters(spec.widths, seed, distribution)
+    if distribution == "wide":
+        W, _ = views(params, spec.widths)[-1]
+        W[2:] *= 0.3
+    return params
+
+
+def drawn_parameters(widths: Sequence[int], seed: int, distribution: str = "wide") -> Tensor:
+    """params [P] float64 for any widths, a function of the arguments alone.
+
     "glorot_uniform": variance 2 / (n_in + n_out), zero biases (Glorot & Bengio, AISTATS 2010).
     "wide": inputs in [-1, 1] are spread over the bend of swish, W ~ N(0, 1), b ~ U(-1, 1) in the
-    first layer; gain 1.4 against the contraction of swish in the hidden ones; outputs of order 1
-    for u, v and smaller ones for pressure and stress.
+    first layer; gain 1.4 against the contraction of swish in the hidden ones; outputs of order 1.
     """
     generator = torch.Generator().manual_seed(seed)
-    params = torch.zeros(spec.n_params, dtype=torch.float64)
-    layers = views(params, spec.widths)
+    params = torch.zeros(n_params(widths), dtype=torch.float64)
+    layers = views(params, widths)
     for i, (W, b) in enumerate(layers):
         n_out, n_in = W.shape
         if distribution == "glorot_uniform":
@@ -89,6 +100,4 @@ def initial_parameters(spec: NetworkSpec, seed: int, distribution: str = "wide")
         else:
             last = i == len(layers) - 1
             W.normal_(0, (1 if last else 1.4) / math.sqrt(n_in), generator=generator)
-            if last:
-                W[2:] *= 0.3
     return params

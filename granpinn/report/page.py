@@ -7,7 +7,6 @@ The page lists what is missing.
 from __future__ import annotations
 
 import base64
-import csv
 import hashlib
 import math
 import sys
@@ -17,15 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 from markupsafe import Markup, escape
 
-from granpinn.arrays import Float64
-from granpinn.errors import BadInput
 from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
-from granpinn.physics.laws import DEFAULT, Law
 from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
@@ -41,17 +36,13 @@ from granpinn.results import (
 from granpinn.results.attempt import attempt
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
-from granpinn.training.history import columns
+from granpinn.training.history import HistoryFileError, read_history
 from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
 FILM = "Fields over time"
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
-
-
-class HistoryFileError(BadInput):
-    """history.csv is missing or not a table of numbers."""
 
 
 def build(run_dir: str | Path, time: float | None = None) -> Path:
@@ -109,31 +100,6 @@ def for_paraview(run_dir: str | Path) -> Path:
             file=sys.stderr,
         )
     return path
-
-
-def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
-    """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
-    names = columns(law)
-    try:
-        text = path.read_text(encoding="utf-8")
-        rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
-    except FileNotFoundError:
-        raise HistoryFileError(f"{path.name} does not exist") from None
-    except (OSError, ValueError, csv.Error) as error:
-        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    if not rows or tuple(rows[0]) != names:
-        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(names)}")
-    for row in rows[1:]:
-        if len(row) != len(names):
-            raise HistoryFileError(f"{path.name} must have {len(names)} cells a line, got {row}")
-    try:
-        table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
-    except ValueError as error:
-        raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
-    table = table.reshape(-1, len(names))
-    if not np.isfinite(table[:, 0]).all():
-        raise HistoryFileError(f"{path.name} must have a step in every line")
-    return dict(zip(names, table.T, strict=True))
 
 
 def render(

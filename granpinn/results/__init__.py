@@ -4,9 +4,9 @@ In reading order: named (values by the names of parameters and loss terms), para
 with their errors), records (ensemble, error
 bars, verdict), baseline (the momentum balance), determined (what a narrow range of I leaves),
 identified_law (its curve over the I of the data), comparison (of laws), parts (the law on parts of
-the data), findings (checks and simulations), result (all of it, and results.json), decoding (its
-JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
-results_csv, fields.
+the data), findings (checks and simulations), result (all of it), results_file (results.json),
+decoding (its JSON), attempt (parts that may fail alone), summary (numbers behind the words of a
+report), results_csv, fields, zones (which of their points flow).
 """
 
 from granpinn.results.fields import (
@@ -25,14 +25,16 @@ from granpinn.results.result import (
     InertialNumber,
     Input,
     Result,
-    ResultsFileError,
     Timing,
-    from_dict,
     number,
+)
+from granpinn.results.results_csv import write_csv
+from granpinn.results.results_file import (
+    ResultsFileError,
+    from_dict,
     read_results,
     write_results,
 )
-from granpinn.results.results_csv import write_csv
 from granpinn.results.versions import versions
 
 __all__ = [

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from granpinn.physics.laws import LAWS, coulomb
 from granpinn.results.parameters import Parameters
 
+HEAD = ("law", "score", "parameters")
 MOST = 4  # parameters in a line: more are a curve
 CONSTANT = coulomb.LAW.name
 
@@ -34,9 +35,13 @@ def table(comparison: Sequence[ComparedLaw], chosen: str | None) -> list[str]:
     """The lines for a terminal; the last one is the sentence."""
     if not comparison or chosen is None:
         return []
-    lines = [f"{'law':12s}{'score':>9s}  parameters"]
-    lines += [f"{c.law:12s}{c.score:9.1f}  {values(c.parameters)}" for c in comparison]
+    lines = [f"{law:12s}{score:>9s}  {found}" for law, score, found in (HEAD, *rows_of(comparison))]
     return [*lines, sentence(comparison, chosen)]
+
+
+def rows_of(comparison: Sequence[ComparedLaw]) -> list[tuple[str, str, str]]:
+    """The texts of a line for each law, in the columns of `HEAD`."""
+    return [(c.law, f"{c.score:.1f}", values(c.parameters)) for c in comparison]
 
 
 def values(parameters: Parameters) -> str:

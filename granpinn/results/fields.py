@@ -122,6 +122,12 @@ class Fields:
         grid[self.index[first:last] - k * size] = self.values[name][first:last]
         return grid.reshape(self.y.size, self.x.size)
 
+    def grid(self, name: str) -> Float32:
+        """One variable at all frames [T, Y, X], NaN outside the grains."""
+        grid = np.full(self.c.size, np.nan, np.float32)
+        grid[self.index] = self.values[name]
+        return grid.reshape(self.shape)
+
 
 def write_fields(fields: Fields, path: str | Path) -> None:
     """Write fields.h5 frame by frame: the full grid of a variable is never in memory."""

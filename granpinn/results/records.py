@@ -110,7 +110,7 @@ class NotDone:
 
 @dataclass(frozen=True)
 class Zones:
-    """How the test points were split into flowing and stagnant (identification/scoring.py)."""
+    """How the test points were split into flowing and stagnant (zones.py)."""
 
     d2_threshold: float
     source: str

@@ -1,4 +1,4 @@
-"""The result of an identification, and its file results.json.
+"""The result of an identification, which results.json holds (results_file.py).
 
 A number without a meaning is None here and null in the file, never 0: an error without a reference.
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
@@ -9,36 +9,30 @@ Version 2 adds the friction law (mu(I) if a file names none) and `members.diverg
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from granpinn.config import LEVELS
 from granpinn.data import Truth
-from granpinn.errors import BadInput
-from granpinn.output import write_text
+from granpinn.output import html
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
 from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
-from granpinn.results.comparison import ComparedLaw, table
-from granpinn.results.decoding import decode, encode
+from granpinn.results.comparison import HEAD, ComparedLaw, rows_of, table
+from granpinn.results.decoding import encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
 from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
-from granpinn.results.parameters import Covariance, Parameters
+from granpinn.results.parameters import Covariance, Parameter, Parameters
 from granpinn.results.parts import Parts
 from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 2
-
-
-class ResultsFileError(BadInput):
-    """results.json is missing, is not JSON, or breaks a rule of the format."""
+TABLE_HEAD = ("", "value", "std", "90 % interval", "true", "error %")
 
 
 @dataclass(frozen=True)
@@ -154,78 +148,73 @@ class Result:
         values: dict[str, Any] = plain(content | encode(self))
         return values
 
+    def __repr__(self) -> str:
+        """One line: the input, the level and the parameters."""
+        found = ", ".join(f"{name} = {_value(p)}" for name, p in self.parameters.items())
+        return f"{type(self).__name__}({self.input.name}, level {self.level}: {found})"
+
     def __str__(self) -> str:
         """The lines that a terminal shows at the end of a run."""
         lines = [
-            f"{'':6s}{'value':>9s}{'std':>10s}{'90 % interval':>19s}{'true':>9s}{'error %':>10s}"
+            f"{name:6s}{value:>9s}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}"
+            if value != NOT_DETERMINED
+            else f"{name:6s}{value:>19s}{interval:>19s}{true:>9s}{error:>10s}"
+            for name, value, std, interval, true, error in (TABLE_HEAD, *self._table())
         ]
+        for name, error in self._field_errors():
+            lines.append(f"{name:53s}{error:>10s}")
+        return "\n".join(lines + self._sentences(table(self.comparison, self.chosen)))
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks, with the verdict first."""
+        verdict = [] if self.verdict is None else [self.verdict.words]
+        compared = table(self.comparison, self.chosen)[-1:]  # its sentence
+        sentences = [text for text in self._sentences(compared) if text not in verdict]
+        rows = self._table()
+        rows += [(name, "", "", "", "", error) for name, error in self._field_errors()]
+        parts = [html.paragraphs(verdict), html.table(rows, TABLE_HEAD)]
+        parts += [html.table(rows_of(self.comparison), HEAD)] if compared else []
+        return "\n".join([*parts, html.paragraphs(sentences)])
+
+    def _table(self) -> list[tuple[str, ...]]:
+        """The texts of a line for each parameter, in the columns of `TABLE_HEAD`."""
+        rows: list[tuple[str, ...]] = []
         for name, p in self.parameters.items():
             std = "fixed" if p.fixed else number(p.std, ".4f")
             interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
             error = number(self.error_percent.get(name), ".2f")
-            head = f"{p.value:9.4f}{std:>10s}" if p.determined else f"{NOT_DETERMINED:>19s}"
-            lines.append(f"{name:6s}{head}{interval:>19s}{true:>9s}{error:>10s}")
-        for name in FIELD_ERRORS:
-            error = number(self.error_percent[name], ".2f")
-            if error != "-" or "simulated" not in name:
-                lines.append(f"{name.replace('_', ', '):53s}{error:>10s}")
-        if self.determined is not None and self.determined.lost:
-            lines.append(str(self.determined))
-        if self.law.I_range is not None:
-            lines.append(str(self.law))
-        if self.verdict is not None:
-            lines.append(self.verdict.words)
-        lines += table(self.comparison, self.chosen)
-        lines += [str(assumed) for assumed in self.assumptions]
-        parts = (self.baseline, self.simulated_pressure, self.profile, self.resimulation)
-        lines += [str(part) for part in (*parts, *self.not_done) if part is not None]
-        return "\n".join(lines)
+            value, std = (f"{p.value:.4f}", std) if p.determined else (NOT_DETERMINED, "")
+            rows.append((name, value, std, interval, true, error))
+        return rows
+
+    def _field_errors(self) -> list[tuple[str, str]]:
+        """Names of fields and their errors; those of the simulated pressure where there are any."""
+        errors = {name: number(self.error_percent[name], ".2f") for name in FIELD_ERRORS}
+        return [
+            (name.replace("_", ", "), error)
+            for name, error in errors.items()
+            if error != "-" or "simulated" not in name
+        ]
+
+    def _sentences(self, compared: list[str]) -> list[str]:
+        """What there is to say beside the numbers; `compared`: of laws."""
+        parts: list[object] = [self.determined] if self.determined and self.determined.lost else []
+        parts += [] if self.law.I_range is None else [self.law]
+        parts += [] if self.verdict is None else [self.verdict.words]
+        parts += [*compared, *self.assumptions, self.baseline, self.simulated_pressure]
+        parts += [self.profile, self.resimulation, *self.not_done]
+        return [str(part) for part in parts if part is not None]
+
+
+def _value(p: Parameter) -> str:
+    if not p.determined:
+        return NOT_DETERMINED
+    if p.interval_90 is None:
+        return f"{p.value:.4g} ({'fixed' if p.fixed else 'no interval'})"
+    return f"{p.value:.4g} ({p.interval_90[0]:.4g} to {p.interval_90[1]:.4g})"
 
 
 def number(value: float | None, spec: str) -> str:
     """`value` formatted, a dash where there is none."""
     return "-" if value is None else format(value, spec)
-
-
-def write_results(result: Result, path: str | Path) -> None:
-    """Write results.json.  The result is decoded first, so that the file can be read back."""
-    content = result.to_dict()
-    from_dict(content)
-    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
-    write_text(path, text + "\n")
-
-
-def read_results(path: str | Path) -> Result:
-    """Read and validate results.json; the message of ResultsFileError is one sentence."""
-    path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    except FileNotFoundError:
-        raise ResultsFileError(
-            f"{path} does not exist: give the folder of a finished run of granpinn.train"
-        ) from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise ResultsFileError(f"{path} could not be read as strict JSON: {error}") from None
-    return from_dict(content, path.name)
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is not a JSON number, expected null")
-
-
-def from_dict(content: Any, where: str = "the result") -> Result:
-    """The inverse of `Result.to_dict`; the message of ResultsFileError is one sentence."""
-    if not isinstance(content, dict):
-        raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
-    content = dict(content)
-    found = (content.pop("format_name", None), content.pop("format_version", None))
-    if found != (FORMAT_NAME, FORMAT_VERSION):
-        raise ResultsFileError(
-            f"{where} must have format_name {FORMAT_NAME!r} and format_version {FORMAT_VERSION}, "
-            f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
-        )
-    try:
-        return decode(Result, content)
-    except ValueError as error:
-        raise ResultsFileError(f"{where}: {error}") from None

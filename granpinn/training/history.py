@@ -19,8 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.arrays import Float64
+from granpinn.errors import BadInput
 from granpinn.output import OutputError, naming, objection_to_file
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import DEFAULT, Law
 from granpinn.physics.terms import NAMES
 
 
@@ -68,6 +70,10 @@ def median(rows: Sequence[Row]) -> Row:
     alike = [row for row in rows if row.law is rows[0].law]
     table = zip(*(row.values().values() for row in alike), strict=True)
     return Row.of(rows[0].law, (float(np.median(column)) for column in table))
+
+
+class HistoryFileError(BadInput):
+    """history.csv is missing or not a table of numbers."""
 
 
 class History:
@@ -160,3 +166,28 @@ def _rows(content: bytes, law: Law) -> list[Row]:
         return [Row.of(law, (float(v or math.nan) for v in cells)) for cells in lines]
     except (csv.Error, OverflowError) as error:
         raise ValueError(str(error)) from None
+
+
+def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
+    """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
+    names = columns(law)
+    try:
+        text = path.read_text(encoding="utf-8")
+        rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
+    except FileNotFoundError:
+        raise HistoryFileError(f"{path.name} does not exist") from None
+    except (OSError, ValueError, csv.Error) as error:
+        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
+    if not rows or tuple(rows[0]) != names:
+        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(names)}")
+    for row in rows[1:]:
+        if len(row) != len(names):
+            raise HistoryFileError(f"{path.name} must have {len(names)} cells a line, got {row}")
+    try:
+        table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
+    except ValueError as error:
+        raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
+    table = table.reshape(-1, len(names))
+    if not np.isfinite(table[:, 0]).all():
+        raise HistoryFileError(f"{path.name} must have a step in every line")
+    return dict(zip(names, table.T, strict=True))

@@ -1,4 +1,5 @@
-"""The progress of a run: a bar in a terminal, plain lines elsewhere, events for TensorBoard.
+"""The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere, events for
+TensorBoard.
 
 A run calls its listener: `start`, then `show` for every row of the history, then `stop`.
 """
@@ -8,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from html import escape
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,6 +19,7 @@ from granpinn.physics.terms import TERMS
 from granpinn.training.history import Row
 
 LINE_EVERY = 10.0  # seconds between plain lines
+UPDATE_EVERY = 0.5  # seconds between updates in a notebook
 
 
 class Progress:
@@ -108,6 +111,52 @@ class Bar(Silent):
         self.live.stop()
 
 
+class Notebook(Silent):
+    """One line with a bar in the output of a notebook cell, updated in place. By IPython."""
+
+    def __init__(self, every: float = UPDATE_EVERY) -> None:
+        from IPython import display
+
+        self.display: Any = display.display
+        self.every = every
+        self.last = -math.inf
+        self.handle: Any = None
+        self.text = ""
+
+    def start(self, total: int, done: int) -> None:
+        self.steps, self.step, self.done = total, done, done
+        self.begin = time.monotonic()
+        self.handle = self.display(self._content(), raw=True, display_id=True)
+
+    def total(self, steps: int) -> None:
+        self.steps = steps
+
+    def show(self, row: Row) -> None:
+        now = time.monotonic()
+        left = (now - self.begin) / max(1, row.step - self.done) * (self.steps - row.step)
+        self.step = row.step
+        self.text = f"  {describe(row)}  {duration(left)} left"
+        if now - self.last >= self.every:
+            self.last = now
+            self._update()
+
+    def message(self, text: str) -> None:
+        print(text, flush=True)
+
+    def stop(self) -> None:
+        if self.handle is not None:
+            self.text = self.text.rpartition("  ")[0] if self.step >= self.steps else self.text
+            self._update()
+
+    def _update(self) -> None:
+        self.handle.update(self._content(), raw=True)
+
+    def _content(self) -> dict[str, str]:
+        line = f"step {self.step}/{self.steps}{self.text}"
+        bar = f'<progress value="{self.step}" max="{self.steps}"></progress>'
+        return {"text/plain": line, "text/html": f"{bar} {escape(line)}"}
+
+
 class TensorBoard(Silent):
     """Writes events for TensorBoard, if it is installed, and calls the listener `inner` too."""
 
@@ -151,6 +200,13 @@ class TensorBoard(Silent):
 def automatic() -> Progress:
     """A bar in a terminal, lines otherwise."""
     return Bar() if sys.stderr.isatty() else Lines()
+
+
+def by_default() -> Progress:
+    """A line with a bar in a notebook, nothing elsewhere."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    # The application of a kernel: IPython in a terminal has none.
+    return Notebook() if "IPKernelApp" in getattr(shell, "config", {}) else Silent()
 
 
 def describe(row: Row) -> str:

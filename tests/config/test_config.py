@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import json
 import math
 import pickle
 import re
@@ -55,6 +56,8 @@ def test_a_config_has_the_settings_of_its_recipe(recipe: str) -> None:
         {"batch__interior": 256},
         {"batch": Batch(surface=64), "batch.interior": 256},
         {"network.widths": [8, 8], "noise": 1},
+        {"batch": {"interior": 256, "surface": 64}},
+        {"network": {"widths": [8, 8]}, "batch": {"interior": 256}, "batch__surface": 64},
     ],
     ids=str,
 )
@@ -63,7 +66,10 @@ def test_what_is_given_changes_the_recipe_and_the_rest_stays(given: dict[str, An
     expected = flatten(Config(recipe="paper"))
     for name, value in given.items():
         key = name.replace("__", ".")
-        expected |= flatten(value, "batch.") if key == "batch" else {key: value}
+        if isinstance(value, dict):
+            expected |= {f"{key}.{inner}": item for inner, item in value.items()}
+        else:
+            expected |= flatten(value, "batch.") if key == "batch" else {key: value}
     expected["batch.interior"] = given.get("batch.interior", expected["batch.interior"])
     expected["network.widths"] = tuple(expected["network.widths"])
     assert found == expected
@@ -110,9 +116,22 @@ BAD = {
         {"law": "tresca"},
         "--law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'tresca'",
     ),
-    "unknown": ({"stepz": 3}, "unknown setting stepz"),
+    "unknown": ({"stepz": 3}, "unknown setting stepz: did you mean steps?"),
+    "without its section": (
+        {"learning_rates": 1e-3},
+        "unknown setting learning_rates: did you mean optimizer.learning_rate?",
+    ),
     "unknown in a section": ({"network__depth": 3}, "unknown setting network.depth"),
-    "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch, got 512"),
+    "unknown in a dict": (
+        {"network": {"width": (8,)}},
+        "unknown setting network.width: did you mean network.widths?",
+    ),
+    "no name": ({"network": {3: (8,)}}, "unknown setting network.3"),
+    "another section": ({"bach": {"interior": 3}}, "unknown setting bach: did you mean batch?"),
+    "nothing like it": ({"qqqq": 3}, "unknown setting qqqq: granpinn train --help lists them"),
+    "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch or a dict, got 512"),
+    "dict in a dict": ({"network": {"widths": {}}}, "--network.widths must be whole numbers"),
+    "list": ({"level": ["V1"]}, "--level must be one of V0, V1, V2, got ['V1']"),
     "text": ({"steps": "3"}, "--steps must be a whole number, got '3'"),
     "fraction": ({"steps": 2.5}, "--steps must be a whole number, got 2.5"),
     "none": ({"seed": None}, "--seed must be a whole number, got None"),
@@ -140,6 +159,22 @@ def test_an_impossible_setting_is_refused_in_one_sentence(case: str) -> None:
         with pytest.raises(ConfigError, match=re.escape(expected)) as error:
             make(**given)
         assert "\n" not in str(error.value)
+
+
+def test_a_group_of_settings_refuses_unknown_names() -> None:
+    with pytest.raises(ConfigError, match=r"Batch\.interor: did you mean interior\?"):
+        Batch(interor=3)  # type: ignore[call-arg]
+    with pytest.raises(ConfigError, match="Batch has 3 settings, got 4 values"):
+        Batch(1, 2, 3, 4)  # type: ignore[call-arg]
+    with pytest.raises(ConfigError, match=r"by their names.*got 'paper'"):
+        Config("paper")  # type: ignore[misc]
+    assert Batch(5) == Batch(interior=5)
+
+
+def test_the_settings_of_a_result_are_a_config_again() -> None:
+    config = Config(recipe="paper", network__widths=(8, 9), rheology__fix=None, seed=3)
+    as_json = json.loads(json.dumps(dataclasses.asdict(config)))
+    assert Config(**as_json) == config
 
 
 def test_numbers_of_other_libraries_become_plain_ones() -> None:

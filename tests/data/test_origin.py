@@ -27,7 +27,6 @@ from granpinn.identification.case import Model
 from granpinn.identification.prediction import predict, velocity_at_particles
 from granpinn.inspection import inspect
 from granpinn.results.fields import read_fields, write_fields
-from granpinn.training.problem import Problem
 from tests.examples import make_model
 from tests.flows import make_flow
 
@@ -57,7 +56,7 @@ def moved(flow: Flow, offset: tuple[float, float, float]) -> Flow:
 def trained(flow: Flow, form: str = "mixed") -> Model:
     """A random network with the scales of a flow."""
     spec, params, law, theta, physics = make_model(form)
-    return Model(Problem(spec, list(physics), [], 0.0), params, theta, scales_of(flow), law)
+    return Model(spec, physics, params, theta, scales_of(flow), law)
 
 
 def scattered() -> Flow:

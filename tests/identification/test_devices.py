@@ -60,7 +60,8 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
     for e, case in enumerate(cases):
         params, theta = run.trainer.solution(e)
         assert params.device.type == theta.device.type == device
-        there = Model(case.member.problem, params, theta, case.scales, DEFAULT)
+        problem = case.member.problem
+        there = Model(problem.spec, problem.physics, params, theta, case.scales, DEFAULT)
         here = dataclasses.replace(there, params=params.cpu(), theta=theta.cpu())
         maps, same = predict(flow, there), predict(flow, here)
         for name in ("u", "v", "p", "tau_xx", "tau_xy", "D2", "I", "eta"):

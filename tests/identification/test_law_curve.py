@@ -12,9 +12,9 @@ import pytest
 
 from granpinn import report
 from granpinn.identification.law_curve import with_law_curve
-from granpinn.identification.scoring import D2_STAGNANT
 from granpinn.results import IdentifiedLaw
 from granpinn.results.attempt import LAW_CURVE
+from granpinn.results.zones import D2_STAGNANT
 from tests.run_folder import Contents, make_run, read_run, with_values
 
 

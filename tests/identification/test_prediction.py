@@ -18,7 +18,6 @@ from granpinn.identification.prediction import evaluate, predict
 from granpinn.reference.equations import pressure
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
-from granpinn.training.problem import Problem
 from tests.examples import Model, make_model
 from tests.flows import make_flow
 
@@ -34,8 +33,7 @@ def flow() -> Flow:
 
 def run(flow: Flow, model: Model, chunk: int = prediction.CHUNK) -> Fields:
     spec, params, law, theta, physics = model
-    problem = Problem(spec, list(physics), [], 0.0)
-    return predict(flow, case.Model(problem, params, theta, scales_of(flow), law), chunk)
+    return predict(flow, case.Model(spec, physics, params, theta, scales_of(flow), law), chunk)
 
 
 def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:

@@ -11,14 +11,12 @@ import pytest
 from granpinn.data import Flow, Truth
 from granpinn.data.norms import relative_l2
 from granpinn.identification.scoring import (
-    D2_STAGNANT,
-    after_start,
-    flowing,
     scalar_error,
     score,
     strain_rate,
 )
 from granpinn.results import Parameter, Parameters
+from granpinn.results.zones import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
 

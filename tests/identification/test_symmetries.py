@@ -14,10 +14,10 @@ from granpinn.config import Config
 from granpinn.data import Flow, write_flow
 from granpinn.identification.batch import identify_many
 from granpinn.identification.case import pose
-from granpinn.identification.scoring import after_start
 from granpinn.identification.single import identify
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import read_fields
+from granpinn.results.zones import after_start
 from granpinn.second_opinion.resimulation import resimulate
 from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.train import main

@@ -215,7 +215,7 @@ def test_wrong_input_is_one_sentence(
 
 
 def test_settings_in_python_are_checked() -> None:
-    with pytest.raises(DataFileError, match="unexpected keyword argument 'scael'"):
+    with pytest.raises(DataFileError, match="unknown setting scael: did you mean scale"):
         read({}, scael="1")
     with pytest.raises(DataFileError, match="--scale must be text such as"):
         Settings(scale=0.12)  # type: ignore[arg-type]

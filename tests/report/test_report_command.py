@@ -16,10 +16,9 @@ from granpinn.command import exit_codes
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
 from granpinn.physics.laws import DEFAULT
-from granpinn.report import HistoryFileError
 from granpinn.report.__main__ import main
 from granpinn.results import write_results
-from granpinn.training.history import columns
+from granpinn.training.history import HistoryFileError, columns, read_history
 from tests.examples import make_result
 from tests.page import Page
 
@@ -212,7 +211,7 @@ def test_it_runs_as_a_module(
 @pytest.mark.parametrize("end", ["13,14", ROW[:-1], "2,3,4e-", "2,3,,,,,,,,,,"])
 def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, end: str) -> None:
     (tmp_path / "history.csv").write_text(HEADER + ROW + end)
-    history = report.read_history(tmp_path / "history.csv")
+    history = read_history(tmp_path / "history.csv")
     assert list(history) == list(COLUMNS)
     assert {name: column.tolist() for name, column in history.items()} == {
         name: [i] for i, name in enumerate(COLUMNS, start=1)
@@ -222,10 +221,10 @@ def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, end: str) -> No
 def test_empty_cells_are_nan_and_a_header_alone_is_no_row(tmp_path: Path) -> None:
     path = tmp_path / "history.csv"
     path.write_text(HEADER + "1,2" + 10 * "," + "\n")
-    history = report.read_history(path)
+    history = read_history(path)
     assert np.isnan(history["loss"]).all()
     path.write_text(HEADER)
-    assert {column.size for column in report.read_history(path).values()} == {0}
+    assert {column.size for column in read_history(path).values()} == {0}
 
 
 @pytest.mark.parametrize(
@@ -244,5 +243,5 @@ def test_empty_cells_are_nan_and_a_header_alone_is_no_row(tmp_path: Path) -> Non
 def test_what_is_no_history(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "history.csv").write_text(text)
     with pytest.raises(HistoryFileError) as caught:
-        report.read_history(tmp_path / "history.csv")
+        read_history(tmp_path / "history.csv")
     assert words in str(caught.value)

@@ -19,8 +19,9 @@ from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.identification import simulated_fields
-from granpinn.identification.scoring import D2_STAGNANT, strain_rate
+from granpinn.identification.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
+from granpinn.results.zones import D2_STAGNANT
 from granpinn.second_opinion import simulated_pressure
 from granpinn.second_opinion.resimulation import Column, collapse_of
 from granpinn.simulation import Collapse, Engine, SimulationError, State

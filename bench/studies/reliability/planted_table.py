@@ -185,13 +185,13 @@ MISTAKES = [
         ("factor", "prediction.py", "D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2",
          "D_xy = U * (z_y[:, 0] + z_x[:, 1])"),
         ("factor", "scoring.py", "0.5 * (u_y + v_x) ** 2", "(u_y + v_x) ** 2"),
-        ("unit", "scoring.py", "d2 * fields.time >= D2_STAGNANT",
-         "d2 / fields.time >= D2_STAGNANT"),
     ]),
     *_rows("results", "granpinn/results", [
         ("factor", "summary.py", "slope = (mu_2 - mu_s) / I0", "slope = (mu_2 - mu_s) * I0"),
         ("index", "fields.py", "np.searchsorted(self.index, (k * size, (k + 1) * size))",
          "np.searchsorted(self.index, (k * size, (k + 2) * size))"),
+        ("unit", "zones.py", "d2 * fields.time >= D2_STAGNANT",
+         "d2 / fields.time >= D2_STAGNANT"),
     ]),
     *_rows("simulation", "granpinn/simulation", [
         ("index", "engine.py", "0.5 * (self.v[1:] + self.v[:-1])",

@@ -112,7 +112,8 @@ def study(
         scored = dataclasses.replace(flow, **parts)
         for seed in range(seeds):
             params, theta = (tensors[name][i * seeds + seed] for name in ("params", "theta"))
-            model = Model(case.member.problem, params, theta, case.scales, DEFAULT)
+            problem = case.member.problem
+            model = Model(problem.spec, problem.physics, params, theta, case.scales, DEFAULT)
             maps = predict(scored, model)
             for how in [USUAL, *(others if seed == 0 else ())]:
                 found, used, seconds = frames_of(flow, usable, chosen, model, cells, how)

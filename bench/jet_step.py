@@ -1,0 +1,100 @@
+"""The fused jets of `granpinn.SwishNetwork` beside torch, on another equation.
+
+Claim (docs/guides/other-equations.md): loss and gradient of examples/navier_stokes.py take a small
+part of the CPU time of nested automatic differentiation with the fused jets, and less than with
+Taylor jets written by hand. Compiled by torch.compile, the jets by hand take about as long.
+
+    python -m bench.jet_step --out bench/results/jet_step.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import runpy
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from bench.jets import taylor_network
+from bench.machine import describe
+from granpinn import SwishNetwork
+from granpinn.kernels.swish_network import Jet
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "navier_stokes.py"
+POINTS = 1024
+CHANNELS = 7
+PAIRS = ((0, 0), (0, 1), (1, 1))
+
+Step = Callable[[], Tensor]
+
+
+def by_hand(net: SwishNetwork, where: Tensor) -> Jet:
+    """The jets of `bench.jets`, in the units of the points."""
+    shift, scale = (where.new_tensor(values) for values in (net.input_shift, net.input_scale))
+    raw = taylor_network(net.params, (where - shift) * scale, net.widths, CHANNELS)
+    first = (raw[1 + i] * scale[i] for i in range(3))
+    second = (channel * scale[i] * scale[j] for channel, (i, j) in zip(raw[4:], PAIRS, strict=True))
+    return Jet(raw[0], *first, *second)
+
+
+def steps(compiled: bool = False) -> dict[str, Step]:
+    """Loss and gradient by each way of differentiation, on the same points.
+
+    Args:
+        compiled: whether to have those of torch.compile too.
+    """
+    example: dict[str, Any] = runpy.run_path(str(EXAMPLE))
+    draw = torch.Generator().manual_seed(0)
+    net, log_nu = example["network"](), torch.tensor(-3.0, requires_grad=True)
+    where = example["points"](POINTS, draw)
+    data = example["velocity"](where)
+
+    def step(jets: Any, loss: Any = example["loss"]) -> Step:
+        def advance() -> Tensor:
+            value = loss(net, log_nu, where, data, jets)
+            by_params, _ = torch.autograd.grad(value, (net.params, log_nu))
+            return by_params
+
+        return advance
+
+    ways = {"fused": example["fused"], "nested": example["nested"], "by hand": by_hand}
+    found = {name: step(jets) for name, jets in ways.items()}
+    if compiled:
+        loss: Any = torch.compile(example["loss"], dynamic=False)
+        found |= {f"{name}, compiled": step(ways[name], loss) for name in ("fused", "by hand")}
+    return found
+
+
+def milliseconds(step: Step, rounds: int) -> float:
+    """Median CPU time of a step, after two for warming up."""
+    found = []
+    for _ in range(rounds + 2):
+        begin = time.process_time()
+        step()
+        found.append(1e3 * (time.process_time() - begin))
+    return statistics.median(found[2:])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=40)
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    found = {
+        name: round(milliseconds(step, args.rounds), 2)
+        for name, step in steps(compiled=True).items()
+    }
+    row = describe() | {"threads": torch.get_num_threads(), "points": POINTS, "cpu_ms": found}
+    print(json.dumps(row, indent=2))
+    if args.out is not None:
+        args.out.write_text(json.dumps(row, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

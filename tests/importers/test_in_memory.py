@@ -1,0 +1,127 @@
+"""`granpinn.flow`: flows from plain arrays and from xarray."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import granpinn
+from granpinn.data import Flow, FlowFileWarning, check_flow
+from granpinn.importers import DataFileError
+from tests.flows import make_flow
+
+HEAP = make_flow()
+MATERIAL = {"grain_diameter": "25 mm", "density": "1500 kg/m^3", "grain_density": "2500 kg/m^3"}
+UNITS = {"length_unit": "mm", "time_unit": "s", "velocity_unit": "cm/s"}
+
+
+def arrays(**changes: Any) -> dict[str, Any]:
+    """The heap in millimetres and centimetres a second."""
+    mm, cm = 1e3, 1e2
+    given = {"t": HEAP.t, "y": HEAP.y * mm, "x": HEAP.x * mm, "u": HEAP.u * cm, "v": HEAP.v * cm}
+    return given | {"c": HEAP.c} | changes
+
+
+def surface() -> tuple[Any, ...]:
+    assert HEAP.surface is not None
+    return HEAP.surface.t, HEAP.surface.x * 1e3, HEAP.surface.y * 1e3
+
+
+def dataset() -> Any:
+    xarray = pytest.importorskip("xarray")
+    units = {"t": "s", "y": "mm", "x": "mm", "u": "cm/s", "v": "cm/s", "c": "1"}
+    given = arrays()
+    found = xarray.Dataset(
+        {name: (("t", "y", "x"), given[name], {"units": units[name]}) for name in "uvc"},
+        {name: (name, given[name], {"units": units[name]}) for name in "tyx"},
+    )
+    return found
+
+
+def same(flow: Flow) -> None:
+    check_flow(flow)
+    for name in "tyx":
+        np.testing.assert_allclose(getattr(flow, name), getattr(HEAP, name), rtol=1e-12)
+    for name in "uv":
+        np.testing.assert_allclose(getattr(flow, name), getattr(HEAP, name), rtol=1e-6)
+    np.testing.assert_array_equal(flow.material, HEAP.material)
+    assert (flow.grain_diameter, flow.density, flow.grain_density) == (0.025, 1500, 2500)
+    assert (flow.length_unit, flow.time_unit, flow.gravity) == ("m", "s", (0, -9.81))
+
+
+def test_plain_arrays_become_a_flow_in_si() -> None:
+    flow = granpinn.flow(**arrays(), **UNITS, **MATERIAL, surface=surface())
+    same(flow)
+    assert flow.surface is not None
+    assert HEAP.surface is not None
+    for name in "txy":
+        np.testing.assert_allclose(getattr(flow.surface, name), getattr(HEAP.surface, name))
+
+
+def test_a_data_set_brings_its_units_and_any_order_of_axes() -> None:
+    same(granpinn.flow(dataset(), **MATERIAL))
+    same(granpinn.flow(dataset().transpose("x", "t", "y"), **MATERIAL))
+
+
+def test_arrays_of_xarray_bring_their_coordinates() -> None:
+    data = dataset()
+    same(granpinn.flow(u=data.u, v=data.v.transpose("x", "y", "t"), c=data.c, **MATERIAL))
+
+
+def test_arrays_without_units() -> None:
+    plain = {name: getattr(HEAP, name) for name in ("t", "y", "x", "u", "v", "c")}
+    flow = granpinn.flow(**plain, dimensionless=True, grain_diameter="0.025")
+    assert (flow.length_unit, flow.grain_diameter, flow.gravity) == ("1", 0.025, (0, -1))
+    np.testing.assert_array_equal(flow.u, HEAP.u)
+
+
+def test_scattered_vectors() -> None:
+    t, y, x = np.meshgrid(HEAP.t, HEAP.y, HEAP.x, indexing="ij")
+    inside = HEAP.valid
+    given = {"t": t, "y": y, "x": x, "u": HEAP.u, "v": HEAP.v}
+    columns = {name: values[inside] for name, values in given.items()}
+    with pytest.warns(FlowFileWarning, match="the free surface is not known"):
+        flow = granpinn.flow(**columns, dimensionless=True, grain_diameter="0.025")
+    assert flow.particles is not None
+    assert flow.particles.u.size == inside.sum()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "must hold t, y, x, u, v, got no t, y, x, u, v"),
+        ({"u": HEAP.u}, "got no t, y, x, v"),
+        (arrays(u=HEAP.u[0]), "u and v must be"),
+        (arrays() | MATERIAL, "missing: --length-unit"),
+        (arrays() | UNITS, "missing: --grain-diameter"),
+        (arrays() | UNITS | MATERIAL | {"grain_diametre": "1 mm"}, "did you mean grain_diameter?"),
+        (arrays() | UNITS | MATERIAL | {"density": 1500}, "--density must be text such as"),
+        (arrays() | UNITS | MATERIAL | {"surface": ([0], [1])}, "three arrays t, x, y"),
+        (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [1, 2])}, "of one length"),
+        (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [np.nan])}, "a finite y"),
+        (arrays() | UNITS | MATERIAL | {"surface": "line.csv"}, "three arrays t, x, y"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_cannot_be_used_is_refused_in_one_sentence(
+    given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(DataFileError) as error:
+        granpinn.flow(**given)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_data_sets_and_arrays_are_not_mixed() -> None:
+    data = dataset()
+    for given in (
+        lambda: granpinn.flow(data, u=HEAP.u, **MATERIAL),
+        lambda: granpinn.flow(HEAP.u, **MATERIAL),
+        lambda: granpinn.flow(u=data.u, v=HEAP.v, **MATERIAL),
+        lambda: granpinn.flow(u=data.u, v=data.v.rename(x="z"), **MATERIAL),
+    ):
+        with pytest.raises(DataFileError) as error:
+            given()
+        assert "\n" not in str(error.value)

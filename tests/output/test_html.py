@@ -1,0 +1,74 @@
+"""Flows and results in notebooks: a line of text, and a table in HTML."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from granpinn.data import Flow, Particles, particle_flow
+from granpinn.output import html
+from granpinn.results import Input, Parameter, Parameters
+from granpinn.results.comparison import ComparedLaw
+from tests.examples import PARAMETERS, SPARSE, make_result
+from tests.flows import make_chute
+
+
+def test_text_from_a_file_is_no_markup() -> None:
+    name = "<script>alert(1)</script>"
+    assert "<script" not in html.table([(name, name)], [name]) + html.paragraphs([name])
+    result = make_result(input=Input(name=name, sha256="ab" * 32))
+    assert "<script" not in result._repr_html_()
+
+
+def test_a_result_is_one_line_with_its_intervals() -> None:
+    shown = repr(make_result())
+    assert shown == (
+        "Result(Säule µ.h5, level V1: mu_s = 0.41 (0.39 to 0.43), mu_2 = 0.61 (no interval), "
+        "I0 = 0.3 (fixed))"
+    )
+    lost = {"mu_2": Parameter(0.6, fixed=False, determined=False)}
+    unknown = Parameters(dict(make_result().parameters.items()) | lost)
+    assert "mu_2 = not determined" in repr(make_result(parameters=unknown, covariance=None))
+
+
+def test_a_notebook_shows_the_verdict_before_the_numbers() -> None:
+    result = make_result()
+    text = result._repr_html_()
+    assert result.verdict is not None
+    assert text.startswith(f"<p>{result.verdict.words}</p>")
+    assert text.count(result.verdict.words) == 1
+    assert '<th scope="row">mu_s</th><td>0.4100</td>' in text
+    assert "<td>0.3900 to 0.4300</td>" in text
+    assert "<table>" in make_result(**SPARSE)._repr_html_()
+
+
+def test_a_comparison_of_laws_is_a_table() -> None:
+    coulomb = Parameters(mu_s=Parameter(0.45, fixed=False))
+    laws = ComparedLaw("mu_of_i", PARAMETERS, 0.0), ComparedLaw("coulomb", coulomb, -7.25)
+    result = make_result(comparison=laws, chosen="mu_of_i")
+    text = result._repr_html_()
+    assert "<th>law</th><th>score</th><th>parameters</th>" in text
+    assert '<th scope="row">coulomb</th><td>-7.2</td><td>mu_s 0.45</td>' in text
+    assert text.count("mu(I) explains these data; excluded: ") == 1
+    assert "coulomb          -7.2  mu_s 0.45" in str(result)
+
+
+def test_a_flow_says_what_it_holds(flow: Flow) -> None:
+    assert repr(flow) == (
+        "Flow(in memory; time: 0.1 to 1 s; frames: 12; vectors: 24 x 20 grid, "
+        f"{int(flow.valid.sum())} in the grains; free surface: {flow.surface.t.size} points)"  # type: ignore[union-attr]
+    )
+    text = flow._repr_html_()
+    assert "<td>0.025 m</td>" in text
+    assert "reference pressure" in text
+    assert "none (level V0)" in repr(replace(flow, surface=None))
+    assert "time: steady" in repr(make_chute())
+
+
+def test_scattered_vectors_are_counted(flow: Flow) -> None:
+    t, y, x = (a[flow.valid] for a in np.meshgrid(flow.t, flow.y, flow.x, indexing="ij"))
+    given = Particles(t, x, y, flow.u[flow.valid], flow.v[flow.valid])
+    names = ("gravity", "density", "grain_diameter")
+    scattered = particle_flow(given, **{name: getattr(flow, name) for name in names})
+    assert f"vectors: {t.size} scattered" in repr(scattered)
