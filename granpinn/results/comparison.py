@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from granpinn.physics.laws import LAWS, coulomb
+from granpinn.physics.laws import LAWS
 from granpinn.results.parameters import Parameters
 
 HEAD = ("law", "score", "parameters")
 MOST = 4  # parameters in a line: more are a curve
-CONSTANT = coulomb.LAW.name
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,8 @@ def sentence(comparison: Sequence[ComparedLaw], chosen: str) -> str:
     by_name = {c.law: c for c in comparison}
     alike = by_name[chosen].not_told_apart_from
     excluded = [c.law for c in comparison if c.law != chosen and c.law not in alike]
-    if chosen == CONSTANT:
-        mu = by_name[chosen].parameters[LAWS[CONSTANT].names[0]].value
+    if len(LAWS[chosen].names) == 1:  # constant friction
+        mu = by_name[chosen].parameters[LAWS[chosen].names[0]].value
         text = f"a constant friction of {mu:.3g} explains these data as well as {_titles(alike)}"
         text += ": how friction rises with I is not known" if alike else ""
         text = text if alike else f"a constant friction of {mu:.3g} explains these data"

@@ -127,7 +127,8 @@ class Fitter:
             ]
             return np.append(self.root @ (self.curve(z, self.I) - m), priors)
 
-        bounds = usual - REACH, usual + REACH
+        own = np.log([self.law.parameter(name).bounds for name in self.names])
+        bounds = np.minimum(usual - REACH, own[:, 0]), np.maximum(usual + REACH, own[:, 1])
         found = least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
         normal = found.jac.T @ found.jac
         # a direction that no data determine is as uncertain as the reach of the search

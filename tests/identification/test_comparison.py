@@ -1,0 +1,97 @@
+"""The comparison of laws as a part of an identification."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from granpinn import identify, identify_many, results
+from granpinn.data import Flow
+from granpinn.identification import comparison
+from granpinn.physics.laws import LAWS
+from granpinn.results import Result
+from granpinn.results.attempt import COMPARISON
+from tests.runs import tiny
+
+NAMES = {"coulomb", "mu_of_i", "regularised", "power", "cohesive", "free"}
+SETTINGS = {"compare_laws": True, "simulated_pressure__frames": 0}
+
+
+@pytest.fixture(autouse=True)
+def calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if tiny networks were those of the calibration."""
+    monkeypatch.setattr(comparison, "uncalibrated", lambda config: [])
+
+
+def sound(result: Result) -> None:
+    assert all(part.what != COMPARISON for part in result.not_done)
+    assert {c.law for c in result.comparison} == NAMES
+    assert result.chosen == result.comparison[0].law
+    for c in result.comparison:
+        assert set(c.parameters) == set(LAWS[c.law].names)
+        assert set(c.not_told_apart_from) <= NAMES - {c.law}
+
+
+def test_a_run_says_which_laws_explain_the_data(flow: Flow, tmp_path: Path) -> None:
+    result = identify(flow, tiny(**SETTINGS), run_dir=tmp_path)
+    sound(result)
+    content = json.loads((tmp_path / "results.json").read_text())
+    assert content["chosen"] == result.chosen
+    assert set(content["comparison"][0]) == {"law", "parameters", "score", "not_told_apart_from"}
+    assert results.read_results(tmp_path / "results.json").comparison == result.comparison
+    lines = str(result).splitlines()
+    assert any(line.split()[:2] == ["law", "score"] for line in lines)
+    assert any("explain" in line for line in lines)
+
+
+def test_the_law_itself_is_that_of_a_run_without_a_comparison(flow: Flow) -> None:
+    with_it = identify(flow, tiny(**SETTINGS))
+    without = identify(flow, tiny(simulated_pressure__frames=0))
+    assert with_it.theta == without.theta
+    assert without.comparison == ()
+    assert without.chosen is None
+
+
+def test_members_of_a_batch_are_compared_as_alone(flow: Flow, flow_file: Path) -> None:
+    batch = identify_many([flow_file, flow], tiny(**SETTINGS), [0, 1])
+    for result in batch:
+        sound(result)
+    alone = identify(flow_file, tiny(**SETTINGS))
+    assert batch[0].theta == pytest.approx(alone.theta, rel=1e-4)
+    assert batch[0].chosen == alone.chosen
+
+
+def test_an_ensemble_is_compared_once(flow: Flow, tmp_path: Path) -> None:
+    result = identify(flow, tiny(members=2, **SETTINGS), run_dir=tmp_path)
+    sound(result)
+    assert result.members is not None
+    assert len(result.members.seed) == 2
+
+
+@pytest.mark.parametrize("law", ["free", "cohesive"])
+def test_a_law_of_the_comparison_is_trained_once(law: str, flow: Flow) -> None:
+    result = identify(flow, tiny(law=law, **SETTINGS))
+    sound(result)
+    curve = result.law.curve
+    assert curve is not None
+    assert (curve.low is not None) == (law == "free")  # its error is calibrated
+
+
+def test_a_comparison_that_cannot_be_made_is_said(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison, "uncalibrated", lambda config: ["network.widths"])
+    result = identify(flow, tiny(**SETTINGS))
+    (why,) = [part.why for part in result.not_done if part.what == COMPARISON]
+    assert why.endswith("this run has another network.widths")
+    assert result.comparison == ()
+    strong = identify(flow, tiny(form="strong", **SETTINGS))
+    assert [part.what for part in strong.not_done] == [COMPARISON]
+
+
+def test_it_survives_a_resumption(flow_file: Path, tmp_path: Path) -> None:
+    first = identify(flow_file, tiny(steps=20, **SETTINGS), run_dir=tmp_path)
+    again = identify(flow_file, tiny(steps=20, resume=True, **SETTINGS), run_dir=tmp_path)
+    assert again.comparison == first.comparison
