@@ -24,7 +24,7 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.physics.laws import mu_of_i
+from granpinn.physics.laws import LAWS, mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.determined import NOT_DETERMINED
@@ -34,6 +34,7 @@ from granpinn.results.zones import after_start, flowing
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
+LAW_COLORS = (ORANGE, GREEN, PURPLE, SKY, YELLOW)  # of the laws of a comparison, in its order
 PARAMETER_COLORS = (BLUE, ORANGE, GREEN, PURPLE)  # of the identified parameters, in order
 
 
@@ -65,6 +66,8 @@ def draw_law(curve: Axes, result: Result) -> str:
         if found.curve.low is not None and found.curve.high is not None:
             ends = found.curve.low, found.curve.high
             curve.fill_between(I, *ends, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+    if result.comparison:
+        caption += _compared(curve, result, I)
     if (true := true_friction(result, I)) is not None:
         curve.plot(I, true, color=BLACK, lw=1.4, ls=(0, (4, 3)), label="true", zorder=4)
         caption += ", against the law that generated the data"
@@ -77,6 +80,16 @@ def draw_law(curve: Axes, result: Result) -> str:
         curve.legend(loc="upper left")
     curve.grid(True)
     return caption
+
+
+def _compared(axes: Axes, result: Result, I: Floats) -> str:  # noqa: E741
+    """Draw the other laws of the comparison; words for the caption."""
+    others = [c for c in result.comparison if c.law != result.law.name]
+    for c, color in zip(others, itertools.cycle(LAW_COLORS), strict=False):
+        law = LAWS[c.law]
+        mu = law.friction(I, *(c.parameters[name].value for name in law.names)) + 0 * I
+        axes.plot(I, mu, color=color, lw=1.0, label=law.title, zorder=2.5)
+    return ", and the laws of the comparison as they are nearest to the free curve"
 
 
 def _stress_points(axes: Axes, points: StressPoints, form: str) -> str:

@@ -29,6 +29,7 @@ from granpinn.uncertainty.law_choice import Band, Cohesion
 from granpinn.uncertainty.of_training import uncalibrated
 
 COMPANIONS = (free.LAW.name, cohesive.LAW.name)
+LARGEST = 1.0  # of mu: beyond it no law can be excluded
 LEAST = 1e-3  # of mu, beside its covariance: no curve is known better
 
 
@@ -152,7 +153,13 @@ class _FreeCurve:
         I = np.geomspace(*self.I_range, law_choice.CURVE)  # noqa: E741
         mu = basis(I, *self.ends) @ self.known.center
         std = np.sqrt(np.diag(self.covariance(I)))
-        return Band(I, mu, self.error.widening * std, self.error.farthest * std)
+        farthest = self.error.farthest * std
+        if (farthest > LARGEST * mu).any():
+            raise ComparisonError(
+                "so few steps, or so large a misfit of the velocity, leave errors of the free curve "
+                "as large as the friction"
+            )
+        return Band(I, mu, self.error.widening * std, farthest)
 
     def knots(self) -> Float64:
         """The inertial numbers at which laws are fitted."""

@@ -28,6 +28,7 @@ from granpinn.results import (
     FieldsFileError,
     NotDone,
     Result,
+    comparison,
     number,
     read_fields,
     read_results,
@@ -118,6 +119,9 @@ def render(
     return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
+        which_law=comparison.sentence(result.comparison, result.chosen) if result.chosen else "",
+        comparison_rows=comparison.rows_of(result.comparison),
+        comparison_head=comparison.HEAD,
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
         s=summary,
         a=assess(result, summary),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,9 @@ SETTINGS = {"compare_laws": True, "simulated_pressure__frames": 0}
 
 @pytest.fixture(autouse=True)
 def calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As if tiny networks were those of the calibration."""
+    """As if tiny networks and short trainings were those of the calibration."""
     monkeypatch.setattr(comparison, "uncalibrated", lambda config: [])
+    monkeypatch.setattr(comparison, "LARGEST", math.inf)
 
 
 def sound(result: Result) -> None:
@@ -87,6 +89,11 @@ def test_a_comparison_that_cannot_be_made_is_said(
     (why,) = [part.why for part in result.not_done if part.what == COMPARISON]
     assert why.endswith("this run has another network.widths")
     assert result.comparison == ()
+    monkeypatch.setattr(comparison, "uncalibrated", lambda config: [])
+    monkeypatch.setattr(comparison, "LARGEST", 1.0)
+    short = identify(flow, tiny(**SETTINGS))
+    (why,) = [part.why for part in short.not_done if part.what == COMPARISON]
+    assert why.startswith("so few steps")
     strong = identify(flow, tiny(form="strong", **SETTINGS))
     assert [part.what for part in strong.not_done] == [COMPARISON]
 
