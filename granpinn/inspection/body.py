@@ -22,7 +22,7 @@ INWARD = {"left side": (1, 0), "right side": (-1, 0), "bottom": (0, 1), "top": (
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Sums over the vectors of every frame [T], in units of the file.
+    """Sums over the vectors of every frame that has some [T], in units of the file.
 
     Attributes:
         t: time.
@@ -47,16 +47,21 @@ def body_of(flow: Flow) -> Body:
     """The grains of a flow on a grid, or of the view of scattered vectors on a grid."""
     step = max(1, int(np.ceil(np.sqrt(flow.c[0].size / MOST_CELLS))))
     some = np.s_[:: min(step, flow.y.size // 2), :: min(step, flow.x.size // 2)]
+    if int(flow.valid[0][some].sum()) < FEWEST:
+        some = np.s_[::1, ::1]
     y, x = flow.y[some[0]], flow.x[some[1]]
     weight = np.gradient(y)[:, None] * np.gradient(x)
-    frames = []
-    for u, v, c in zip(flow.u, flow.v, flow.c, strict=True):
+    t, frames = [], []
+    for time, u, v, c in zip(flow.t, flow.u, flow.v, flow.c, strict=True):
         u, v, c = (np.asarray(a[some], np.float64) for a in (u, v, c))
         there = (c >= 1) & np.isfinite(u) & np.isfinite(v)
+        if not there.any():
+            continue
+        t.append(time)
         frames.append(_frame(x, y, u, v, c * weight, np.where(there, weight, 0.0)))
     place, velocity, energy, area, extent, sides = zip(*frames, strict=True)
     return Body(
-        t=flow.t,
+        t=np.array(t),
         place=np.array(place),
         velocity=np.array(velocity),
         energy=np.array(energy),

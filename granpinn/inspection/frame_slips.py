@@ -16,6 +16,7 @@ UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as stea
 # A jump of the center of mass: over the way of the mean velocity, over the scatter of all other
 # intervals, and over the size of a cell.
 JUMP, SCATTER, CELL = 3.0, 10.0, 0.5
+FEWEST_FRAMES = 4
 SOME = 8  # every so-many-th row
 
 
@@ -49,7 +50,7 @@ def _equal(a: Floats, b: Floats) -> bool:
 
 def missing(flow: Flow, body: Body) -> list[Slip]:
     """An interval in which the center of mass of a closed flow moves far more than its velocity."""
-    if flow.steady:
+    if flow.steady or body.t.size < FEWEST_FRAMES:
         return []
     step = np.diff(body.t)[:, None]
     way = (body.velocity[1:] + body.velocity[:-1]) / 2 * step
@@ -63,7 +64,7 @@ def missing(flow: Flow, body: Body) -> list[Slip]:
     return [
         Slip(
             IMPROBABLE,
-            f"between frames {k + 1} and {k + 2} (t = {flow.t[k]:.4g}) the center of mass moves "
+            f"between frames {k + 1} and {k + 2} (t = {body.t[k]:.4g}) the center of mass moves "
             f"{moved / expected:.2g} times as far as its velocity takes it, and not between the "
             "others: frames are missing there, or are out of order",
         )

@@ -126,7 +126,7 @@ def _height(flow: Flow) -> float:
 
 def _rise(center: Center) -> list[Slip]:
     """A closed flow whose grains end higher than they started."""
-    if not center.closed or center.rise <= RISE:
+    if not (center.closed and center.rise > RISE):
         return []
     return [
         Slip(

@@ -43,8 +43,8 @@ def cut(flow: Flow, frames: int) -> Flow:
     return dataclasses.replace(
         flow,
         t=flow.t[:frames],
-        u=flow.u[:frames] * 0.7,
-        v=flow.v[:frames] * 0.7,
+        u=flow.u[:frames] * 0.8,
+        v=flow.v[:frames] * 0.8,
         c=flow.c[:frames],
         p=None,
         surface=dataclasses.replace(flow.surface, **cut_surface),

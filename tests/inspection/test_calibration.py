@@ -15,6 +15,7 @@ from granpinn.inspection.fall import energy_of, fall_of, slender
 from granpinn.inspection.frame_slips import missing, repeated
 from granpinn.inspection.gravity_slips import gravity_slips
 from granpinn.inspection.size_slips import against_fall, not_dense, size_slips
+from granpinn.inspection.slips import slips
 from granpinn.inspection.surface_slips import surface_slips
 from granpinn.inspection.wording import about, digits
 from tests.flows import make_chute, make_flow
@@ -138,6 +139,17 @@ def test_repeated_and_missing_frames() -> None:
     fewer = frames(flow, [*range(10), *range(18, 21)])
     (found,) = missing(fewer, body_of(fewer))
     assert found.text.startswith("between frames 10 and 11 (t = 0.09) the center of mass moves")
+
+
+def test_grains_that_leave_the_view_are_no_slip() -> None:
+    """A few vectors on a fine grid, in the first frame alone."""
+    axis, c = np.linspace(0, 1, 400), np.zeros((3, 400, 400), np.float32)
+    c[0, 101:105, 101:104] = 1
+    flow = make_flow(t=np.arange(3.0), y=axis, x=axis, c=c, p=None, surface=None)
+    u = np.where(c == 1, np.float32(0.1), np.float32(np.nan))
+    flow = replace(flow, u=u, v=u, grain_diameter=1e-4)
+    assert body_of(flow).t.tolist() == [0.0]
+    assert slips(flow) == []
 
 
 @pytest.mark.parametrize(
