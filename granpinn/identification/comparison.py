@@ -156,8 +156,8 @@ class _FreeCurve:
         farthest = self.error.farthest * std
         if (farthest > LARGEST * mu).any():
             raise ComparisonError(
-                "so few steps, or so large a misfit of the velocity, leave errors of the free curve "
-                "as large as the friction"
+                "so few steps, or so large a misfit of the velocity, leave a free curve whose "
+                "error is as large as the friction"
             )
         return Band(I, mu, self.error.widening * std, farthest)
 

@@ -17,6 +17,7 @@ from granpinn.results.fields import Units
 from tests.run_folder import Array, Contents, with_values, without_frame
 
 K = 8
+SIMULATED = 7  # a frame with a simulated pressure
 
 
 @pytest.fixture
@@ -57,22 +58,23 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
 
 
 def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
-    drawing = maps.simulated_pressure(fields, K)
+    k = SIMULATED
+    drawing = maps.simulated_pressure(fields, k)
     simulated, gap, error = drawing.figure.axes[:3]
-    p, found = fields.frame("p", K), fields.frame("p_simulated", K)
+    p, found = fields.frame("p", k), fields.frame("p_simulated", k)
     assert np.isfinite(found).any()
-    expected = (found, np.abs(p - found), found - fields.frame("p_reference", K))
+    expected = (found, np.abs(p - found), found - fields.frame("p_reference", k))
     for axes, values in zip((simulated, gap, error), expected, strict=True):
         np.testing.assert_array_equal(shown(axes), inside(values))
     assert mesh(gap).get_clim()[0] == 0
     assert "the motion does not fix the pressure" in drawing.caption
-    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
+    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[k]:.3g} s")
 
 
 def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
     frame = fields.index // (fields.y.size * fields.x.size)
-    some = np.where(np.isin(frame, (2, 6)), fields.values["p_simulated"], np.nan)
-    for k, shown_k in ((K, 6), (0, 2)):
+    some = np.where(np.isin(frame, (3, 11)), fields.values["p_simulated"], np.nan)
+    for k, shown_k in ((K, 11), (0, 3)):
         drawing = maps.simulated_pressure(
             with_values(fields, p_simulated=some, p_reference=None), k
         )

@@ -9,7 +9,7 @@ import pytest
 
 from granpinn.config import SideWalls
 from granpinn.data import Flow
-from granpinn.identification import balance, finish
+from granpinn.identification import balance, judgement
 from granpinn.identification.balance import Balance
 from granpinn.inspection.baseline import baseline
 from granpinn.results import Parameter, Parameters, Result
@@ -86,7 +86,7 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
     class Seen:
         balance = Balance(chute())
 
-    result = finish._with_baseline(result_with(1.0), Seen())  # type: ignore[arg-type]
+    result = judgement._with_baseline(result_with(1.0), Seen())  # type: ignore[arg-type]
     assert [part.what for part in result.not_done] == [BASELINE]
     assert asked_for(result) == []
     assert result.baseline is None
