@@ -44,11 +44,12 @@ def error_of(
     for row in plain:
         relative = np.array(row["mu"]) / np.array(row["true"]) - 1
         amplitudes.append(legendre.legfit(_xi(relative), relative, MODES - 1))
-        cohesion.append(_cohesion(row) / row["pressure"])
+        if row["comparison"]:
+            cohesion.append(_cohesion(row) / row["pressure"])
     modes = np.sqrt(np.mean(np.square(amplitudes), axis=0))
     ratios = [_farthest(row, before, modes) for row in plain]
     wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
-    wet = [_error_of_cohesion(row) for row in rows if row["law"] == COHESIVE]
+    wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
     return FreeCurveError(tuple(modes.tolist()), wide, widest, c, percent, len(plain), provenance)
 
