@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.config import Config
+from granpinn.config import Config, ConfigError
 from granpinn.errors import CannotGoOn
 from granpinn.estimates.facts import Facts
 from granpinn.identification.case import Case, fixed_values
@@ -40,9 +40,28 @@ class ComparisonError(CannotGoOn):
 def companions(case: Case) -> list[Case]:
     """Members with the data of a case and the other laws that a comparison needs, if it is asked
     for.
+
+    Raises:
+        ConfigError: the settings hold for one law alone.
     """
-    names = [name for name in COMPANIONS if name != case.config.law]
-    return [_with_law(case, name) for name in names] if case.config.compare_laws else []
+    config = case.config
+    if not config.compare_laws:
+        return []
+    if not LAWS[config.law].compiled:
+        raise ConfigError(
+            f"--compare-laws compares the laws of granpinn, got your own law {config.law}: leave "
+            "--compare-laws out"
+        )
+    if config.rheology.start is not None:
+        raise ConfigError(
+            "--rheology.start has the parameters of one law, and --compare-laws trains several: "
+            "leave one of them out"
+        )
+    return [_with_law(case, name) for name in _others(config)]
+
+
+def _others(config: Config) -> list[str]:
+    return [name for name in COMPANIONS if name != config.law] if config.compare_laws else []
 
 
 def _with_law(case: Case, name: str) -> Case:
@@ -59,10 +78,7 @@ def places(case: Case, own: int, first: int) -> dict[str, int]:
         own: place of the member with the law of the settings.
         first: of the first companion.
     """
-    found = {case.config.law: own}
-    for k, companion in enumerate(companions(case)):
-        found[companion.config.law] = first + k
-    return found
+    return {case.config.law: own} | {n: first + k for k, n in enumerate(_others(case.config))}
 
 
 def with_free_band(
@@ -73,11 +89,10 @@ def with_free_band(
     if result.law.name != free.LAW.name or curve is None:
         return result
     try:
-        known = _FreeCurve(result, case.config, run, place, kind)
+        band = _FreeCurve(result, case.config, run, place, kind).band()
     except ComparisonError as error:
         law = dataclasses.replace(result.law, reason=str(error))
         return dataclasses.replace(result, law=law)
-    band = known.band()
     ends = ((band.mu - band.half).tolist(), (band.mu + band.half).tolist())
     wide = Curve(curve.I, tuple(band.mu.tolist()), *(tuple(end) for end in ends))
     law = dataclasses.replace(result.law, curve=wide, reason=None)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from granpinn import identify, identify_many, results
+from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.identification import comparison
 from granpinn.physics.laws import LAWS
@@ -96,6 +97,22 @@ def test_a_comparison_that_cannot_be_made_is_said(
     assert why.startswith("so few steps")
     strong = identify(flow, tiny(form="strong", **SETTINGS))
     assert [part.what for part in strong.not_done] == [COMPARISON]
+
+
+def test_a_free_curve_that_is_not_known_has_no_band(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison, "LARGEST", 1e-3)
+    law = identify(flow, tiny(law="free", simulated_pressure__frames=0)).law
+    assert law.curve is not None
+    assert law.curve.low is None
+    assert law.reason is not None
+    assert law.reason.startswith("so few steps")
+
+
+def test_settings_of_one_law_are_refused(flow: Flow) -> None:
+    with pytest.raises(ConfigError, match=r"--rheology.start has the parameters of one law"):
+        identify(flow, tiny(rheology__start=(0.3, 0.5), **SETTINGS))
 
 
 def test_it_survives_a_resumption(flow_file: Path, tmp_path: Path) -> None:
