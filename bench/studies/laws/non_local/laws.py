@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from bench.studies.grains.law import mu_of_i
 from bench.studies.grains.make import FLOW
-from bench.studies.laws.non_local.zones import FEWEST_TILES, Zones, jackknife
+from bench.studies.laws.non_local.zones import FEWEST_TILES, Zones, cross, jackknife
 from granpinn.arrays import Bool, Float64
 from granpinn.config import Config
 from granpinn.identification.case import pose
@@ -39,11 +40,12 @@ FITTED = {
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of a scene, n of them: I, tau along D, p, weights of a training, depth, tile, and
-    whether a training counts them as flowing."""
+    """Cells of a scene, n of them: I, tau along D, |tau|^2 without bias by noise, p, weights of a
+    training, depth, tile, and whether a training counts them as flowing."""
 
     number: Float64
     tau: Float64
+    square: Float64
     p: Float64
     weight: Float64
     depth: Float64
@@ -53,8 +55,7 @@ class Cells:
 
 def cells_of(zones: Zones, folder: Path) -> Cells:
     """The used cells with a positive pressure, and their weights in a training of this file."""
-    level = "V1" if zones.free_surface else "V0"
-    case = pose(folder / FLOW, Config(level=level))
+    case = pose(folder / FLOW, Config(level="V1" if zones.free_surface else "V0"))
     kept = zones.used & (zones.p.mean(axis=0) > 0)
     p, number = zones.p.mean(axis=0)[kept], zones.number[kept]
     rate = number * np.sqrt(p / zones.density)
@@ -64,6 +65,7 @@ def cells_of(zones: Zones, folder: Path) -> Cells:
     return Cells(
         number,
         zones.along[kept],
+        cross(zones.tau)[kept],
         p,
         weight / weight.mean(),
         zones.depth[kept],
@@ -73,23 +75,42 @@ def cells_of(zones: Zones, folder: Path) -> Cells:
 
 
 def curve(cells: Cells) -> list[dict[str, float]]:
-    """mu = <tau>/<p> in bins of log I, with the errors of a jackknife."""
+    """In bins of log I: mu = <tau>/<p> along D, and by the norm, sqrt(<|tau|^2>)/<p>, with the
+    errors of a jackknife."""
     rows = []
     for low, high in pairwise(EDGES):
         here = (cells.number >= low) & (cells.number < high)
         if here.sum() < FEWEST or len(np.unique(cells.tile[here])) < FEWEST_TILES:
             continue
-        mu, se = jackknife(lambda k: cells.tau[k].sum() / cells.p[k].sum(), cells.tile, here)
-        middle = np.exp(np.log(cells.number[here]).mean())
-        row = {"I": middle, "mu": mu, "se": se, "cells": here.sum()}
+        (mu, norm), (se, norm_se) = jackknife(lambda k: _frictions(cells, k), cells.tile, here)
+        row = {
+            "I": np.exp(np.log(cells.number[here]).mean()),
+            "mu": mu,
+            "se": se,
+            "norm": norm,
+            "norm_se": norm_se,
+            "cells": here.sum(),
+        }
         rows.append({name: float(value) for name, value in row.items()})
     return rows
 
 
-def at_one_number(curves: dict[str, list[dict[str, float]]]) -> list[dict[str, Any]]:
+def _frictions(cells: Cells, k: Bool) -> Float64:
+    norm = np.sqrt(max(cells.square[k].mean(), 0.0))
+    return np.asarray([cells.tau[k].mean() / cells.p[k].mean(), norm / cells.p[k].mean()])
+
+
+def at_one_number(
+    curves: dict[str, list[dict[str, float]]], names: tuple[str, str], truth: dict[str, float]
+) -> list[dict[str, Any]]:
     """The friction of several scenes at the same I: their range and chi^2 about the mean.
 
     The curve of each scene is interpolated in log I, and never beyond its bins.
+
+    Args:
+        curves: of the scenes, by name.
+        names: of the friction and of its error in the curves.
+        truth: the law of the shear cell, for comparison.
     """
     rows = []
     for number in AT:
@@ -99,8 +120,7 @@ def at_one_number(curves: dict[str, list[dict[str, float]]]) -> list[dict[str, A
                 continue
             x = np.log([p["I"] for p in points])
             found[name] = [
-                float(np.interp(np.log(number), x, [p[key] for p in points]))
-                for key in ("mu", "se")
+                float(np.interp(np.log(number), x, [p[key] for p in points])) for key in names
             ]
         if len(found) < 2:
             continue
@@ -110,6 +130,7 @@ def at_one_number(curves: dict[str, list[dict[str, float]]]) -> list[dict[str, A
             {
                 "I": number,
                 "scenes": found,
+                "shear_cell": float(mu_of_i(truth, number)),
                 "mean": mean,
                 "range_percent": 100 * (mu.max() - mu.min()) / mean,
                 "chi2_per_degree": (((mu - mean) / se) ** 2).sum() / (len(mu) - 1),

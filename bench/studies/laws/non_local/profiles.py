@@ -25,7 +25,8 @@ REACH = 10.0  # d below the yield depth, over which the fall is fitted
 
 
 def profile(zones: Zones) -> list[dict[str, float]]:
-    """Layer by layer: depth, shear rate, I, friction (|<tau>|/<p> of the layer) with errors."""
+    """Layer by layer: depth, shear rate, the part of it that both means share, I, pressure,
+    friction |<tau>|/<p> with its error, its part along the strain rate, and cells."""
     rows = []
     depth = zones.depth
     for k in range(int(np.nanmax(depth[zones.layers]) / STEP) + 1):
@@ -46,6 +47,7 @@ def profile(zones: Zones) -> list[dict[str, float]]:
             "p": p,
             "mu": mu,
             "mu_se": se,
+            "along": _along(zones, here),
             "cells": here.sum(),
         }
         rows.append({name: float(value) for name, value in row.items()})
@@ -56,6 +58,12 @@ def _friction(zones: Zones, here: Bool) -> Float64:
     """|<tau>|/<p> of the cells of a layer, whose strain rate has one direction."""
     mean = zones.tau[:, here].mean(axis=(0, 1))
     return np.asarray(np.hypot(*mean) / zones.p[:, here].mean())
+
+
+def _along(zones: Zones, here: Bool) -> float:
+    """The part of the deviator of a layer along its strain rate, over the pressure."""
+    tau, D = (a[:, here].mean(axis=(0, 1)) for a in (zones.tau, zones.D))
+    return float(tau @ D / np.hypot(*D) / zones.p[:, here].mean())
 
 
 def creep(rows: list[dict[str, float]], mu_s: float) -> dict[str, Any] | None:

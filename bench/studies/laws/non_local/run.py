@@ -21,6 +21,7 @@ from bench.studies.laws.non_local.laws import at_one_number, cells_of, curve, ju
 from bench.studies.laws.non_local.profiles import creep, profile
 from bench.studies.laws.non_local.zones import zones_of
 
+WAYS = {"along_D": ("mu", "se"), "norm": ("norm", "norm_se")}
 # Disks only: spheres between side walls have another law.
 KINDS = ("drum", "heap", "plane_shear", "silo", "chute_slow", "chute_fast", "chute_fast_steady")
 
@@ -31,7 +32,7 @@ def measured(folder: Path) -> dict[str, Any]:
     cells = cells_of(zones, folder)
     rows = profile(zones)
     return {
-        "mu_s": zones.truth["mu_s"],
+        "shear_cell": zones.truth,
         "profile": rows,
         "creep": creep(rows, zones.truth["mu_s"]),
         "curve": curve(cells),
@@ -39,6 +40,25 @@ def measured(folder: Path) -> dict[str, Any]:
         "laws": judged(cells, cells.weight),
         "laws_alike": judged(cells, cells.weight * 0 + 1),
     }
+
+
+def line(name: str, found: dict[str, Any]) -> str:
+    """A scene in one line."""
+    held, fall = found["reached"], found["creep"]
+    text = f"{name:<22} slow cells {held['slow_percent']:5.1f} %"
+    if fall is None:
+        return text
+    return f"{text}  length {fall['length']:.2f} +- {fall['length_se']:.2f} d  A {fall['A']:.2f}"
+
+
+def same_number(scenes: dict[str, Any], names: tuple[str, str]) -> dict[str, Any]:
+    """For each material, the friction of its scenes at the same I."""
+    made = {}
+    for material in sorted({name.rpartition("-")[2] for name in scenes}):
+        mine = {k: s for k, s in scenes.items() if k.endswith(f"-{material}")}
+        truth = next(iter(mine.values()))["shear_cell"]
+        made[material] = at_one_number({k: s["curve"] for k, s in mine.items()}, names, truth)
+    return made
 
 
 def main() -> int:
@@ -54,14 +74,8 @@ def main() -> int:
     scenes = {}
     for folder in folders:
         scenes[folder.name] = measured(folder)
-        print(folder.name, scenes[folder.name]["creep"], flush=True)
-    materials = sorted({name.rpartition("-")[2] for name in scenes})
-    one = {
-        material: at_one_number(
-            {k: s["curve"] for k, s in scenes.items() if k.endswith(f"-{material}")}
-        )
-        for material in materials
-    }
+        print(line(folder.name, scenes[folder.name]), flush=True)
+    one = {way: same_number(scenes, names) for way, names in WAYS.items()}
     command = " ".join(["python -m bench.studies.laws.non_local.run", *sys.argv[1:]])
     raw.write(chosen.json, {"command": command, "scenes": scenes, "at_one_I": one})
     return 0

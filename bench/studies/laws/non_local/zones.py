@@ -70,7 +70,8 @@ class Zones:
         """I of the mean strain rate and the mean pressure [Y, X]."""
         mean = self.D.mean(axis=0)
         rate = 2 * np.hypot(mean[..., 0], mean[..., 1])
-        return np.asarray(rate * np.sqrt(self.density / self.p.mean(axis=0)))
+        with np.errstate(divide="ignore", invalid="ignore"):  # where there are no grains
+            return np.asarray(rate * np.sqrt(self.density / self.p.mean(axis=0)))
 
     @property
     def along(self) -> Float64:
@@ -92,7 +93,7 @@ def zones_of(folder: Path) -> Zones:
     groups = _groups(flow)
     xx, yy, xy, p = (_means(stress[k], groups) for k in ("sigma_xx", "sigma_yy", "sigma_xy", "p"))
     grains = np.stack([(flow.c[g] > 0.5).all(axis=0) for g in groups])
-    u, v = (_means(a, groups) for a in (flow.u, flow.v))
+    u, v = (_means(np.asarray(a, np.float64), groups) for a in (flow.u, flow.v))
     grains &= np.isfinite(u) & np.isfinite(v)
     cell = float(flow.x[1] - flow.x[0])
     at_u, at_v = smooth(
@@ -104,8 +105,8 @@ def zones_of(folder: Path) -> Zones:
     if flow.attributes["scene"] == "silo":  # both halves as the right one
         side = np.sign(flow.x)
         D[..., 1], tau[..., 1] = side * D[..., 1], side * tau[..., 1]
-    used = np.stack([stress["used"][g].all(axis=0) for g in groups]).all(axis=0)
-    used &= np.isfinite(D).all(axis=(0, -1))
+    full = np.stack([stress["used"][g].all(axis=0) for g in groups])
+    used = np.asarray(full.all(axis=0) & np.isfinite(D).all(axis=(0, -1)))
     depth, layers = _depth(flow, used)
     y, x = np.meshgrid(flow.y // TILE, flow.x // TILE, indexing="ij")
     truth = flow.truth
@@ -134,7 +135,7 @@ def _groups(flow: Flow) -> list[Float64]:
 
 
 def _means(field: Float64, groups: list[Float64]) -> Float64:
-    return np.stack([field[g].astype(np.float64).mean(axis=0) for g in groups])
+    return np.stack([field[g].mean(axis=0, dtype=np.float64) for g in groups])
 
 
 def _depth(flow: Flow, used: Bool) -> tuple[Float64, Bool]:
