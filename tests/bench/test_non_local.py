@@ -26,6 +26,7 @@ from granpinn.arrays import Float64
 from granpinn.data import Flow, Surface, Truth, write_flow
 
 TRUTH = {"mu_s": 0.25, "mu_2": 0.75, "I0": 0.3}
+KNOWN = Truth(mu_s=0.25, mu_2=0.75, I0=0.3)
 LENGTH, YIELD = 3.0, 16.0  # d
 HEIGHT, WIDTH = 40, 64  # d; cells of 2 d
 
@@ -149,7 +150,7 @@ def test_quantiles_follow_the_weights() -> None:
     assert quantiles(np.array([3.0, 1, 2]), np.array([1.0, 1, 98]), (0.05, 0.5, 0.999)) == [2, 2, 3]
 
 
-def scene_in(folder: Path, name: str) -> Path:
+def scene_in(folder: Path, name: str, truth: Truth | None = KNOWN) -> Path:
     """A chute whose speed settles at t = 100, in files as `make` writes them."""
     made = folder / name
     made.mkdir()
@@ -171,7 +172,7 @@ def scene_in(folder: Path, name: str) -> Path:
         density=1.0,
         grain_diameter=1.0,
         surface=Surface(*line),
-        truth=Truth(mu_s=0.25, mu_2=0.75, I0=0.3),
+        truth=truth,
         attributes={"scene": name.partition("-")[0], "period_x": float(WIDTH)},
     )
     write_flow(flow, made / FLOW)
@@ -208,3 +209,13 @@ def test_the_study_writes_its_results(
     assert found["laws"]["coulomb"]["parameters"]["mu_s"] == pytest.approx(0.3, rel=1e-3)
     monkeypatch.setattr(sys, "argv", ["run", str(out.parent / "empty"), "--json", str(out)])
     assert run.main() == 1
+
+
+def test_a_scene_without_a_shear_cell_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene_in(tmp_path, "chute_slow-0.4", truth=None)
+    monkeypatch.setattr(sys, "argv", ["run", str(tmp_path), "--json", str(tmp_path / "none")])
+    assert run.main() == 1
+    assert "must have the law of its shear cell, got none" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()

@@ -66,15 +66,15 @@ def main() -> int:
     parser.add_argument("scenes", type=Path)
     parser.add_argument("--json", type=Path, required=True)
     chosen = parser.parse_args()
+    scenes = {}
     try:
-        folders = [f for f in scenes_in(chosen.scenes) if f.name.rpartition("-")[0] in KINDS]
+        for folder in scenes_in(chosen.scenes):
+            if folder.name.rpartition("-")[0] in KINDS:
+                scenes[folder.name] = measured(folder)
+                print(line(folder.name, scenes[folder.name]), flush=True)
     except ExperimentError as error:
         print(f"bench.studies.laws.non_local.run: {error}", file=sys.stderr)
         return 1
-    scenes = {}
-    for folder in folders:
-        scenes[folder.name] = measured(folder)
-        print(line(folder.name, scenes[folder.name]), flush=True)
     one = {way: same_number(scenes, names) for way, names in WAYS.items()}
     command = " ".join(["python -m bench.studies.laws.non_local.run", *sys.argv[1:]])
     raw.write(chosen.json, {"command": command, "scenes": scenes, "at_one_I": one})

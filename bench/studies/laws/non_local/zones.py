@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.make import FLOW, REFERENCE
 from bench.studies.grains.materials import I0
 from bench.studies.grains.own_law import WINDOW
@@ -86,7 +87,11 @@ def cross(a: Float64) -> Float64:
 
 
 def zones_of(folder: Path) -> Zones:
-    """The zones of a scene that `bench.studies.grains.make` has made."""
+    """The zones of a scene that `bench.studies.grains.make` has made.
+
+    Raises:
+        ExperimentError: the material has no shear cell.
+    """
     flow = read_flow(folder / FLOW)
     with np.load(folder / REFERENCE) as stored:
         stress = {name: stored[name] for name in stored.files}
@@ -110,7 +115,11 @@ def zones_of(folder: Path) -> Zones:
     depth, layers = _depth(flow, used)
     y, x = np.meshgrid(flow.y // TILE, flow.x // TILE, indexing="ij")
     truth = flow.truth
-    assert truth is not None
+    if truth is None:
+        raise ExperimentError(
+            f"{folder} must have the law of its shear cell, got none: make it with "
+            "bench.studies.grains.shear_cell, and the scene anew"
+        )
     return Zones(
         folder.name,
         D,
