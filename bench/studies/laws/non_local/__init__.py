@@ -1,0 +1,1 @@
+"""What a non-local material looks like to local laws."""
