@@ -13,8 +13,8 @@
 // Cohesive grains (cohesion.h) have the yield stress Y = c + mu(I) p in the place of mu(I) p, so
 // that r = w [gamma_dot s p / Y - 2 (D_1, D_2)]. tau = p s still holds, so that the free surface
 // has no traction. There |s| = mu + c / p grows without bound, which no network gives, and
-// r = -2 w (D_1, D_2) demands rest. r is finite. So a c that is found is too small, and its mu_s too
-// large; grains without cohesion have c = 0. With tau = (p + c / mu_s) s, |s| is bounded, but c
+// r = -2 w (D_1, D_2) demands rest. r is finite. So a c that is found is too small, and its mu_s
+// too large; grains without cohesion have c = 0. With tau = (p + c / mu_s) s, |s| is bounded, but c
 // takes a traction on the surface for granted: trials on simulated collapses then found a c where
 // there is none.
 #pragma once
