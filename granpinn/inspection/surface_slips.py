@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from granpinn.arrays import Bool
+from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface
 from granpinn.inspection.upright import Upright, upright
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
@@ -24,6 +24,7 @@ LAYER = 4.0  # cells below the line
 ABOVE, FAR_ABOVE = 0.1, 0.5  # share of the vectors above the line
 UPHILL = -0.1  # mean of (v . g) over mean of |v| |g|
 FEWEST = 50  # vectors
+DENSE = 0.8  # of the cells of a column have vectors: fewer leave a gap below any line
 FRAMES = 24  # at most
 
 
@@ -33,7 +34,8 @@ class Line:
 
     Attributes:
         above: share of the vectors more than CELLS above the line.
-        gap: height of the line over the uppermost full cells, median, in cells.
+        gap: height of the line over the uppermost full cells, median over the columns without
+            holes, in cells; 0 if most columns have holes.
         down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
     """
 
@@ -89,12 +91,23 @@ def line_of(flow: Flow) -> Line | None:
     grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
         return None
-    top = np.where(grains, y, -np.inf).max(axis=1)
     return Line(
         above=float(np.mean((y > height + CELLS * dy)[grains])),
-        gap=float(np.median((pose.height - top)[np.isfinite(top)]) / dy),
+        gap=_gap(grains, pose.height, pose.y) / dy,
         down=_downhill(pose, grains & (y > height - LAYER * dy)),
     )
+
+
+def _gap(grains: Bool, height: Float64, y: Float64) -> float:
+    """Median height of the line over the uppermost vectors [T, Y, X], in columns without holes."""
+    at = y[:, None]
+    top = np.where(grains, at, -np.inf).max(axis=1)
+    lowest = np.where(grains.any(axis=0), at, np.inf).min(axis=0)
+    dy = float(np.diff(y).mean())
+    there = np.isfinite(top)
+    cells = np.where(there, top - lowest, 0) / dy + 1  # of a column without holes
+    dense = there & (grains.sum(axis=1) >= DENSE * cells)
+    return float(np.median((height - top)[dense])) if 2 * dense.sum() > there.sum() else 0.0
 
 
 def _some_frames(flow: Flow, line: Surface) -> Flow:
