@@ -54,6 +54,7 @@ from granpinn.second_opinion.law_runs import LawRuns
 from granpinn.second_opinion.resimulation import Column
 from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
+from granpinn.uncertainty.of_result import headline
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -134,6 +135,7 @@ def _conclude(config: Config, result: results.Result, answer: Answer) -> results
         results.write_results(result, folder / "results.json")
         answer.show(result)
     else:
+        print(f"verdict: {headline(result, folder / 'history.csv')}")
         print(f"report: {page}")
     require_kept(folder)
     return result

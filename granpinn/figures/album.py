@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import checks, curves, maps, parts, profiles
-from granpinn.figures.style import Drawing, NothingToDraw, save
+from granpinn.figures import checks, curves, maps, parts, profiles, residual
+from granpinn.figures.style import Drawing, NothingToDraw, encoded, for_phones, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, NotDone, Result
 from granpinn.results.attempt import attempt
@@ -31,11 +31,18 @@ class Source(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A figure that was drawn: its file, title and caption."""
+    """A figure that was drawn: its file, title and caption, and its narrow PNG for phones."""
 
     path: Path
     title: str
     caption: str
+    phone: bytes = b""
+
+    @property
+    def words(self) -> str:
+        """The caption after the title, which it does not repeat."""
+        rest = self.caption.removeprefix(self.title)
+        return rest if rest != self.caption else f". {self.caption}"
 
 
 class Missing(NamedTuple):
@@ -66,8 +73,8 @@ def _history(source: Source) -> History:
 # file name -> (title, drawing function)
 FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
-    "velocity": ("Velocity", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
     "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
+    "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
     "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
     "inertial_number": (
         "Inertial number",
@@ -75,7 +82,7 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     ),
     "momentum_residual": (
         "Momentum residual",
-        lambda s: maps.momentum_residual(fields_of(s), s.frame),
+        lambda s: residual.momentum_residual(fields_of(s), s.frame),
     ),
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
@@ -106,22 +113,35 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
     return found
 
 
-def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
-    """Write every possible figure to `folder`; remove old files of figures that are missing."""
+def draw_all(
+    source: Source, folder: Path, pdf: bool = False
+) -> tuple[list[Picture], list[Missing]]:
+    """Write every possible figure to `folder`; remove old files of figures that are missing.
+
+    Args:
+        pdf: write every figure as a PDF too.
+    """
     make_folder(folder)
     pictures, missing = [], []
     for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"
-        picture = attempt(title, partial(_write, draw, source, path, title))
+        picture = attempt(title, partial(_write, draw, source, path, title, pdf))
         if isinstance(picture, NotDone):
             path.unlink(missing_ok=True)
+            path.with_suffix(".pdf").unlink(missing_ok=True)
             missing.append(Missing(title, picture.why))
         else:
             pictures.append(picture)
     return pictures, missing
 
 
-def _write(draw: Callable[[Source], Drawing], source: Source, path: Path, title: str) -> Picture:
+def _write(
+    draw: Callable[[Source], Drawing], source: Source, path: Path, title: str, pdf: bool
+) -> Picture:
     drawing = draw(source)
     save(drawing.figure, path)
-    return Picture(path, title, drawing.caption)
+    if pdf:
+        save(drawing.figure, path.with_suffix(".pdf"))
+    with for_phones():
+        narrow = encoded(draw(source).figure)
+    return Picture(path, title, drawing.caption, narrow)

@@ -47,7 +47,20 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     curve.set_title(f"(a) friction law: {result.friction_law.title}")
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
-    return Drawing(figure, f"{caption}. {_share_below(fields)}")
+    low, high = _over_the_data(curve, result)
+    I = fields.values["I"][after_start(fields)]  # noqa: E741
+    beyond = np.mean((low > I) | (high < I))
+    return Drawing(figure, f"{caption}. {100 * beyond:.0f} % of all points lie beside the axis.")
+
+
+def _over_the_data(axes: Axes, result: Result) -> tuple[float, float]:
+    """Let the axis of I cover the I of the law and its points alone; its ends."""
+    points = result.law.points
+    covered = (*(result.law.I_range or ()), *(points.I if points else ()))
+    margin = 1.1 * (max(covered) / min(covered)) ** 0.03
+    low, high = min(covered) / margin, max(covered) * margin
+    axes.set_xlim(low, high)
+    return low, high
 
 
 def draw_law(curve: Axes, result: Result) -> str:

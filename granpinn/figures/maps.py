@@ -1,4 +1,4 @@
-"""Maps of the grains at one time: pressure, speed, momentum residual."""
+"""Maps of the grains at one time: pressure, speed."""
 
 from __future__ import annotations
 
@@ -6,35 +6,28 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
 
 from granpinn.arrays import Floats
 from granpinn.data.scaling import origin_of
 from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
-    ORANGE,
-    SKY,
     VALUE_MAP,
-    WIDTH,
     Drawing,
     NothingToDraw,
     label,
     new_figure,
     styled,
+    width,
 )
 from granpinn.results import Fields
-from granpinn.results.zones import after_start
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
-RESIDUALS = ("momentum_residual_x", "momentum_residual_y")
-RESIDUAL_LABEL = r"$|e| / (\rho |g|)$"
-RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
-RESIDUAL_RANGE = (1e-3, 1e1)  # of the map
 UNCERTAINTY_MAP = "magma"
 WIDE = 0.8  # maps with a smaller height / width are stacked
+LEAST = 5.0  # inches; on a narrower figure all maps are stacked
 
 
 class Window(NamedTuple):
@@ -114,16 +107,16 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
     reach = _quantile(gap, 0.99) or 1.0
     text = label(r"$|\Delta p|$", unit)
     draw_map(panels[1], fields, window, gap, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
-    panels[1].set_title("(b) predicted and simulated: difference")
-    caption = f"Pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
+    panels[1].set_title("(b) difference")
+    caption = f"Simulated pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
     caption += "(a) simulated, (b) its difference from the predicted pressure"
     if has_reference:
         error = simulated - fields.frame("p_reference", k)
         reach = _quantile(np.abs(error), 0.99) or 1.0
         limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
         draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
-        panels[2].set_title("(c) simulated, less reference")
-        caption += ", (c) its difference from the reference"
+        panels[2].set_title("(c) error")
+        caption += ", (c) its error against the reference"
     return Drawing(
         figure,
         f"{caption}. Where (b) is large, the motion does not fix the pressure. There the simulated "
@@ -187,14 +180,19 @@ def aspect_of(fields: Fields, window: Window) -> float:
     return float(height / width) if width > 0 and height > 0 else 1.0
 
 
+def stacked(aspect: float) -> bool:
+    """Whether maps stand one above the other."""
+    return aspect < WIDE or width() < LEAST
+
+
 def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
     """A figure with `count` maps: one above the other for wide grains, else side by side."""
     aspect = aspect_of(fields, window)
-    if aspect < WIDE:
-        figure = new_figure(((WIDTH - 1.6) * aspect + 0.5) * count + 0.3)
+    if stacked(aspect):
+        figure = new_figure(((width() - 1.6) * aspect + 0.5) * count + 0.3)
         grid = figure.subplots(count, 1, squeeze=False, sharex=True, sharey=True)
     else:
-        figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
+        figure = new_figure(min(((width() - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
         grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
     for axes in grid.ravel():
         label_axes(axes, fields)
@@ -220,7 +218,7 @@ def draw_map(
     """One map of a field [Y, X] with its colour bar and the free surface (c = 0.5)."""
     x, y = fields.x[window.columns], fields.y[window.rows]
     cut = np.ma.masked_invalid(values[window.rows, window.columns])
-    image = axes.pcolormesh(x, y, cut, norm=norm, cmap=colormap, shading="nearest")
+    image = axes.pcolormesh(x, y, cut, norm=norm, cmap=colormap, shading="nearest", rasterized=True)
     draw_surface(axes, fields, window)
     axes.set_aspect("equal")
     axes.figure.colorbar(image, ax=axes, label=text, extend=extend, pad=0.02, aspect=14)
@@ -242,47 +240,3 @@ def value_norm(values: Floats) -> Normalize:
 def _quantile(values: Floats, share: float) -> float:
     finite = values[np.isfinite(values)]
     return float(np.quantile(finite, share)) if finite.size else 0.0
-
-
-@styled
-def momentum_residual(fields: Fields, k: int) -> Drawing:
-    """Map at one time and histogram over all times of |e| / (rho |g|), strong form."""
-    window = grain_window(fields, k)
-    aspect = aspect_of(fields, window)
-    if aspect < WIDE:
-        figure = new_figure((WIDTH - 1.6) * aspect + 3.0)
-        field_map, histogram = figure.subplots(2, 1, height_ratios=((WIDTH - 1.6) * aspect, 2.0))
-    else:
-        figure = new_figure(4.2)
-        field_map, histogram = figure.subplots(1, 2)
-    draw_residual(field_map, fields, window)
-    field_map.set_title(f"(a) t = {fields.t[k]:.3g}")
-
-    counted = after_start(fields)
-    size = np.hypot(*(fields.values[name][counted] for name in RESIDUALS))
-    size = size[np.isfinite(size)]
-    if size.size == 0:
-        raise NothingToDraw("the momentum residual is not finite anywhere")
-    median, high = np.quantile(size, (0.5, 0.95))
-    histogram.hist(size, RESIDUAL_EDGES, weights=np.full(size.size, 1 / size.size), color=SKY)
-    histogram.axvline(median, color=BLACK, lw=1.2, label=f"median {median:.2g}")
-    histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
-    histogram.set_xscale("log")
-    histogram.set_xlabel(RESIDUAL_LABEL)
-    histogram.set_title("(b) share of the grain points")
-    histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    histogram.legend(loc="upper right")
-    return Drawing(
-        figure,
-        "Residual of the strong form of the momentum equation (second derivatives of the network,"
-        f" eta of the identified law), in units of the weight: (a) at t = {fields.t[k]:.3g},"
-        " (b) at all times.",
-    )
-
-
-def draw_residual(axes: Axes, fields: Fields, window: Window) -> None:
-    """The map of |e| / (rho |g|) alone."""
-    size = np.hypot(*(fields.frame(name, window.k) for name in RESIDUALS))
-    norm = LogNorm(*RESIDUAL_RANGE)
-    draw_map(axes, fields, window, size, norm, "cividis", RESIDUAL_LABEL, extend="both")
-    label_axes(axes, fields)

@@ -6,9 +6,11 @@ readable for colour-blind readers and in grey print.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from functools import wraps
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple, ParamSpec
 
@@ -38,6 +40,8 @@ STYLE = {
     "figure.facecolor": "white",
 }
 WIDTH = 6.6  # inches; one column of the report
+PHONE_WIDTH = 3.9
+_width: ContextVar[float] = ContextVar("width", default=WIDTH)
 
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, YELLOW, GREY, BLACK = "#56B4E9", "#E69F00", "#8a8a8a", "#111111"
@@ -76,9 +80,24 @@ def styled(draw: Callable[P, Drawing]) -> Callable[P, Drawing]:
     return wrapper
 
 
+def width() -> float:
+    """Width of new figures in inches."""
+    return _width.get()
+
+
+@contextmanager
+def for_phones() -> Iterator[None]:
+    """Inside, new figures have the width of a phone, with the letters as large as before."""
+    token = _width.set(PHONE_WIDTH)
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
 def new_figure(height: float) -> Figure:
     """An empty figure, without pyplot and its global state; its height in inches."""
-    return Figure(figsize=(WIDTH, height), layout="constrained")
+    return Figure(figsize=(width(), height), layout="constrained")
 
 
 def label(symbol: str, unit: str | None) -> str:
@@ -93,6 +112,15 @@ def label(symbol: str, unit: str | None) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG whose bytes depend on the figure only: no date, no version."""
-    with _look(), replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+    """Write a PNG or PDF, whose bytes depend on the figure only: no date, no version."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(encoded(figure, path.suffix[1:]))
+
+
+def encoded(figure: Figure, kind: str = "png") -> bytes:
+    """The figure as a "png" or a "pdf"."""
+    unstated = ("Software",) if kind == "png" else ("Creator", "Producer", "CreationDate")
+    memory = BytesIO()
+    with _look():
+        figure.savefig(memory, format=kind, metadata=dict.fromkeys(unstated))
+    return memory.getvalue()

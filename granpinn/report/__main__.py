@@ -39,6 +39,9 @@ def _run(argv: Sequence[str]) -> int:
         help="time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
     )
     parser.add_argument(
+        "--pdf", action="store_true", help="write the figures as PDF too, for talks"
+    )
+    parser.add_argument(
         "--paraview",
         action="store_true",
         help="write fields.vtkhdf too, the fields over time for ParaView",
@@ -46,7 +49,7 @@ def _run(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
     folder = Path(arguments.folder)
     with owned(folder) if folder.is_dir() else nullcontext():
-        print(build(folder, arguments.time))
+        print(build(folder, arguments.time, arguments.pdf))
         if arguments.paraview:
             print(for_paraview(folder))
     return 0

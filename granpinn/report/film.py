@@ -17,9 +17,10 @@ from matplotlib import colormaps
 from PIL import Image
 
 from granpinn.arrays import Bytes, Floats, Int64
-from granpinn.figures.maps import RESIDUAL_RANGE
+from granpinn.figures.residual import RESIDUAL_RANGE
 from granpinn.figures.style import VALUE_MAP, NothingToDraw
 from granpinn.results import Fields
+from granpinn.results.zones import D2_STAGNANT
 
 MAX_FRAMES = 25
 MAX_PIXELS = 400  # of the longer side of a frame
@@ -30,7 +31,10 @@ DECADES = 1e-4  # a logarithmic scale shows at most this part of its largest val
 
 
 class Quantity(NamedTuple):
-    """The quantity of a sheet: variables of fields.h5, their combination, and the scale."""
+    """The quantity of a sheet: variables of fields.h5, their combination, and the scale.
+
+    `moving`: it has a meaning only where grains shear.
+    """
 
     label: str
     kind: str
@@ -38,6 +42,7 @@ class Quantity(NamedTuple):
     value: Callable[..., Floats]
     log: bool = False
     limits: tuple[float, float] | None = None
+    moving: bool = False
 
 
 QUANTITIES = {
@@ -46,10 +51,11 @@ QUANTITIES = {
     "I": Quantity("inertial number I", "number", ("I",), np.asarray, log=True),
     "D2": Quantity("strain rate D₂", "rate", ("D2",), np.asarray, log=True),
     "residual": Quantity(
-        "momentum residual / (ρ |g|)",
+        "momentum residual / (ρ |g|), where grains shear",
         "number",
         ("momentum_residual_x", "momentum_residual_y"),
         np.hypot,
+        moving=True,
         log=True,
         limits=RESIDUAL_RANGE,
     ),
@@ -175,7 +181,7 @@ def _sheets(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[Sheet
     for name, q in QUANTITIES.items():
         if not set(q.variables) <= set(fields.values):
             continue
-        pictures = [q.value(*(fields.frame(v, k)[cut] for v in q.variables)) for k in frames]
+        pictures = [_picture(fields, q, int(k))[cut] for k in frames]
         values = np.concatenate(pictures)
         limits = scale_of(values, q)
         if limits is not None:
@@ -184,6 +190,15 @@ def _sheets(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[Sheet
             png = _png(quantise(values, *limits, q.log))
             made.append(Sheet(name, q.label, text, *limits, q.log, png))
     return made
+
+
+def _picture(fields: Fields, quantity: Quantity, k: int) -> Floats:
+    """The values of a quantity at frame k [Y, X]."""
+    values = quantity.value(*(fields.frame(v, k) for v in quantity.variables))
+    if not quantity.moving or "D2" not in fields.values:
+        return values
+    moves = fields.frame("D2", k) * fields.time >= D2_STAGNANT
+    return np.asarray(np.where(moves, values, np.nan))
 
 
 def scale_of(values: Floats, quantity: Quantity) -> tuple[float, float] | None:

@@ -42,16 +42,18 @@ from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
 FILM = "Fields over time"
+ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
-def build(run_dir: str | Path, time: float | None = None) -> Path:
+def build(run_dir: str | Path, time: float | None = None, pdf: bool = False) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
+        pdf: write every figure as a PDF too, beside its PNG.
 
     Raises:
         ResultsFileError: there is no valid results.json.
@@ -79,8 +81,8 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
             problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
     source = album.Source(result, fields, history, frame, compared)
-    pictures, missing = album.draw_all(source, folder / "figures")
-    figures = sum(4 * picture.path.stat().st_size // 3 for picture in pictures)
+    pictures, missing = album.draw_all(source, folder / "figures", pdf)
+    figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - figures)
     shot = attempt(FILM, lambda: films.shoot(album.fields_of(source), frame, budget))
     film = None if isinstance(shot, NotDone) else shot
@@ -128,7 +130,8 @@ def render(
         film=film,
         script=Markup(script),
         script_hash=f"sha256-{base64.b64encode(digest).decode('ascii')}",
-        pictures=pictures,
+        answer=[picture for picture in pictures if picture.path.stem in ANSWER],
+        pictures=[picture for picture in pictures if picture.path.stem not in ANSWER],
         missing=missing,
         problems=problems,
         settings=settings,
@@ -154,9 +157,10 @@ def symbol(text: str) -> Markup:
     return Markup("<i>{}</i><sub>{}</sub>").format(text[:1], index)
 
 
-def encoded(path: Path) -> str:
-    """The bytes of a file in base64."""
-    return base64.b64encode(path.read_bytes()).decode("ascii")
+def encoded(content: Path | bytes) -> str:
+    """Bytes, or those of a file, in base64."""
+    known = content if isinstance(content, bytes) else content.read_bytes()
+    return base64.b64encode(known).decode("ascii")
 
 
 def duration(seconds: float) -> str:

@@ -5,10 +5,12 @@ The records of results.json and history.csv decide, among them the verdict on th
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.results import Result
-from granpinn.results.summary import Summary
+from granpinn.results.summary import Summary, summarize
+from granpinn.training.history import HistoryFileError, read_history
 
 # Parameters that still change by more over the last tenth of the steps are not final.
 DRIFT_CARE, DRIFT_BAD = 0.01, 0.05
@@ -22,6 +24,7 @@ HEADLINES = {
     "care": "to be used with care.",
     "bad": "not to be used.",
 }
+UNKNOWN = "not to be used: the errors are not known yet."
 
 
 class Assessment(NamedTuple):
@@ -36,6 +39,8 @@ def assess(result: Result, summary: Summary) -> Assessment:
     """The verdict on a result."""
     bad, care, good = _training(result, summary)
     care += [f"The data are improbable: {slip}." for slip in result.data.slips]
+    unknown = _without_errors(result)
+    bad += unknown
     for name in result.parameters:
         wide, sentence = _interval(result, name)
         if sentence:
@@ -54,7 +59,34 @@ def assess(result: Result, summary: Summary) -> Assessment:
     if law is not None and law.follows is False:
         bad.append(f"The data contradict the friction law: {law.words}.")
     grade = "bad" if bad else "care" if care else "good"
-    return Assessment(grade, HEADLINES[grade], (*bad, *care, *good))
+    words = UNKNOWN if bad == unknown and bad else HEADLINES[grade]
+    return Assessment(grade, words, (*bad, *care, *good))
+
+
+def headline(result: Result, history: Path) -> str:
+    """The verdict of the page in a line; `history`: history.csv, which may be missing."""
+    try:
+        course = read_history(history, result.friction_law)
+    except HistoryFileError:
+        course = None
+    return assess(result, summarize(result, course)).headline
+
+
+def _without_errors(result: Result) -> list[str]:
+    """The sentence on a law that has neither an interval nor a band; the terminal has it too."""
+    free = [p for _, p in result.parameters.items() if not p.fixed]
+    curve, at_mean = result.law.curve, result.determined
+    known = [p.interval_90 for p in free] + [None if at_mean is None else at_mean.interval_90]
+    known += [None if curve is None else curve.low]
+    if any(interval is not None for interval in known):
+        return []
+    if at_mean is not None and at_mean.reason is not None:
+        why = at_mean.reason
+    elif result.verdict is not None and result.verdict.follows is None:
+        why = result.verdict.words
+    else:
+        why = "none were estimated"
+    return [f"The errors are not known: {why}."]
 
 
 def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], list[str]]:

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.figures import maps, profiles, style
+from granpinn.figures import maps, profiles, residual, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
@@ -128,7 +128,7 @@ def test_grains_of_every_shape_fit_their_figure(
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
-    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
+    style.save(residual.momentum_residual(fields, K).figure, tmp_path / "residual.png")
 
 
 def test_a_frame_without_grains_is_not_drawn(fields: Fields) -> None:
@@ -174,10 +174,20 @@ def test_a_single_row_of_cells_has_an_aspect() -> None:
 def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
     n = fields.index.size
     size = np.geomspace(1e-4, 1e2, n)
-    fields = with_values(fields, momentum_residual_x=0.6 * size, momentum_residual_y=-0.8 * size)
-    drawing = maps.momentum_residual(fields, K)
+    rest = np.arange(n) % 3 == 0  # there the residual is huge, and says nothing
+    fields = with_values(
+        fields,
+        momentum_residual_x=np.where(rest, 1e6, 0.6 * size),
+        momentum_residual_y=np.where(rest, 0, -0.8 * size),
+        D2=np.where(rest, 0.0, 1e3),
+    )
+    drawing = residual.momentum_residual(fields, K)
     field_map, histogram = drawing.figure.axes[:2]
-    np.testing.assert_allclose(shown(field_map), size[fields.time_of_points() == fields.t[K]], 1e-6)
+    now = fields.time_of_points() == fields.t[K]
+    grey, colored = (m for m in field_map.collections if isinstance(m, QuadMesh))
+    np.testing.assert_allclose(np.ma.compressed(colored.get_array()), size[now & ~rest], 1e-6)
+    assert np.ma.count(grey.get_array()) == (now & rest).sum() > 0
+    assert "Grey: grains at rest" in drawing.caption
     heights = [bar.get_height() for bar in histogram.containers[0]]
     assert sum(heights) == pytest.approx(1)
     median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
@@ -186,8 +196,8 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
 
 
 def test_a_residual_that_is_nowhere_finite_is_not_drawn(fields: Fields) -> None:
-    with pytest.raises(NothingToDraw, match="not finite anywhere"):
-        maps.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
+    with pytest.raises(NothingToDraw, match="not finite where grains shear"):
+        residual.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
 
 
 def test_profiles_lie_at_three_heights(fields: Fields) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from granpinn.results import ErrorPercent, Parameter, Parameters
 from granpinn.results.records import Verdict
 from granpinn.results.summary import summarize
-from granpinn.uncertainty.of_result import Assessment, assess
+from granpinn.uncertainty.of_result import Assessment, assess, headline
 from tests.examples import make_result
 
 SURE = Parameters(
@@ -52,6 +53,32 @@ def test_no_interval_asks_for_care() -> None:
     found = verdict(parameters=Parameters(SURE | {"mu_2": Parameter(0.6, False)}))
     assert found.grade == "care"
     assert found.reasons[0] == "μ₂ has no interval: its digits are not its accuracy."
+
+
+NO_BARS = Parameters(
+    mu_s=Parameter(0.4, False), mu_2=Parameter(0.6, False), I0=Parameter(0.3, True)
+)
+
+
+def test_a_law_without_any_error_is_not_to_be_used() -> None:
+    law = make_result().law
+    assert law.curve is not None
+    bare = replace(law, curve=replace(law.curve, low=None, high=None), reason="too few steps")
+    unknown = Verdict(None, "mu_s and mu_2 are not known yet: so few steps")
+    found = verdict(parameters=NO_BARS, law=bare, determined=None, verdict=unknown)
+    assert (found.grade, found.headline) == ("bad", "not to be used: the errors are not known yet.")
+    assert found.reasons[0] == f"The errors are not known: {unknown.words}."
+    diverged = verdict(
+        parameters=NO_BARS, law=bare, determined=None, verdict=unknown, stopped="diverged"
+    )
+    assert diverged.headline == "not to be used."
+    # A band of the curve, or an interval at one I, is an error.
+    assert verdict(parameters=NO_BARS, law=law, determined=None, verdict=unknown).grade == "care"
+
+
+def test_the_terminal_has_the_headline_of_the_page(tmp_path: Path) -> None:
+    result = make_result(parameters=SURE, stopped="steps")
+    assert headline(result, tmp_path / "history.csv") == assess(result, summarize(result)).headline
 
 
 def test_a_slip_of_the_flow_file_asks_for_care() -> None:
