@@ -76,9 +76,9 @@ def _without_errors(result: Result) -> list[str]:
     """The sentence on a law that has neither an interval nor a band; the terminal has it too."""
     free = [p for _, p in result.parameters.items() if not p.fixed]
     curve, at_mean = result.law.curve, result.determined
-    known = [p.interval_90 for p in free] + [None if at_mean is None else at_mean.interval_90]
-    known += [None if curve is None else curve.low]
-    if any(interval is not None for interval in known):
+    known = any(p.interval_90 is not None for p in free)
+    known |= at_mean is not None and at_mean.interval_90 is not None
+    if known or (curve is not None and curve.low is not None):
         return []
     if at_mean is not None and at_mean.reason is not None:
         why = at_mean.reason
