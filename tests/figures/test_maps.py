@@ -68,7 +68,8 @@ def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
         np.testing.assert_array_equal(shown(axes), inside(values))
     assert mesh(gap).get_clim()[0] == 0
     assert "the motion does not fix the pressure" in drawing.caption
-    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[k]:.3g} s")
+    at = f"t = {fields.t[k]:.3g} s"
+    assert drawing.caption.startswith(f"Simulated pressure in the grains at {at}")
 
 
 def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
@@ -96,7 +97,9 @@ def test_pressure_beside_its_reference(fields: Fields) -> None:
     low, high = mesh(difference).get_clim()
     assert low == -high
     assert "(b) reference" in drawing.caption
-    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
+    assert drawing.caption.startswith(
+        f"Simulated pressure in the grains at t = {fields.t[K]:.3g} s"
+    )
     assert predicted.get_ylabel() == "$y$ [m]"
     assert drawing.figure.axes[3].get_ylabel() == "$p$ [units of the file]"
 
