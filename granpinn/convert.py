@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command import flow_warnings
-from granpinn.command.parser import Parser
+from granpinn.command.next_step import training_of
+from granpinn.command.parser import Parser, program
 from granpinn.config.fields import flag_of
 from granpinn.data import write_flow
 from granpinn.data.symmetry import with_layer
@@ -63,8 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_flow(flow, out)
             slips = warn_of_slips(with_layer(flow))
         print(f"flow file: {out}")
-        verb = "inspect" if slips else "train"
-        print(f"next: python -m granpinn.{verb} {out}{'' if slips else ' --out run'}")
+        step = f"{program('inspect')} {out}" if slips else training_of(flow, out)
+        print(f"next: {step}")
         return 0
 
     return exit_codes.exit_code("convert", run)
@@ -72,11 +73,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     """Files, flow file and settings of a command line."""
+    examples = EXAMPLES.replace("python -m granpinn.convert", program("convert"))
     parser = Parser(
-        prog="python -m granpinn.convert",
+        prog=program("convert"),
         usage="%(prog)s IN... --out FLOW.h5 [settings]",
         description="Turn files of a PIV, PTV or simulation program into a flow file.",
-        epilog=EXAMPLES + "\n\nformats:\n" + _formats(),
+        epilog=f"{examples}\n\nformats:\n{_formats()}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         argument_default=argparse.SUPPRESS,
         allow_abbrev=False,

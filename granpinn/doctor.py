@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import granpinn
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 
 Section = dict[str, Any]
 
@@ -39,7 +39,16 @@ NEEDED_FLAGS = {
     "avx512": {"avx512f", "avx512dq", "avx512vl", "avx512bw", "fma"},
 }
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
-EXTRAS = {"tensorboard": ("tensorboard",), "test": ("pytest", "hypothesis", "sympy", "scipy")}
+EXTRAS = {
+    "tensorboard": ("tensorboard",),
+    "lavision": ("lvpyio",),
+    "netcdf": ("xarray", "zarr", "numcodecs"),
+    "mesh": ("pyvista",),
+    "notebook": ("xarray",),
+    "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "tables", "psutil", "yaml"),
+    "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
+    "dev": ("ruff", "mypy", "importlinter", "clang_format"),
+}
 
 
 class Trouble(Exception):
@@ -242,7 +251,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
-    parser = Parser(prog="python -m granpinn.doctor", description=__doc__)
+    parser = Parser(prog=program("doctor"), description=__doc__)
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(argv)
     report, trouble = examine()

@@ -21,13 +21,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser
+from granpinn.command.next_step import refusal, training_of
+from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls
 from granpinn.config.fields import flag_of, settings_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
-from granpinn.importers import DataFileError
-from granpinn.importers.formats import detect, is_flow_file
+from granpinn.importers.formats import is_flow_file
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text
@@ -44,10 +44,6 @@ EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5 --law coulomb
       the precision of constant friction"""
 # Arguments of a conversion besides the files; docs/guides/importing.md has the steps.
-CONVERT = (
-    '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
-    '--grain-density "2500 kg/m^3" --solid-fraction 0.6'
-)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -77,17 +73,17 @@ def _run(argv: Sequence[str]) -> int:
     if found.slips:
         print("next: mend the flow file, or convert again with the right calibration")
     else:
-        print(f"next: python -m granpinn.train {data} --out run")
+        print(f"next: {training_of(flow, data)}")
     return 0
 
 
 def parse(argv: Sequence[str]) -> dict[str, Any]:
     """Options of a command line: data, out, json, law and side_walls."""
     parser = Parser(
-        prog="python -m granpinn.inspect",
+        prog=program("inspect"),
         usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
         description="Inspect velocity data and estimate how precisely they fix the friction law.",
-        epilog=EXAMPLES,
+        epilog=EXAMPLES.replace("python -m granpinn.inspect", program("inspect")),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -133,12 +129,7 @@ def _require_flow_file(paths: list[Path]) -> None:
         if len(paths) > 1:
             raise ConfigError(f"expected one flow file, got {len(paths)}: inspect one at a time")
         return
-    name = detect(first)
-    sources = str(first) if len(paths) == 1 else f"{first} ... {paths[-1]}"
-    raise DataFileError(
-        f"{first} is not a flow file but of the format {name}: convert it first, python -m "
-        f"granpinn.convert {sources} {CONVERT} (with your own numbers), and inspect flow.h5"
-    )
+    raise refusal(paths, "inspect")
 
 
 def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
 from granpinn.config.values import convert
@@ -80,10 +80,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def parse(argv: Sequence[str]) -> dict[str, Any]:
     """The outputs and settings of a command line, converted to the types of their fields."""
     parser = Parser(
-        prog="python -m granpinn.simulate",
+        prog=program("simulate"),
         usage="%(prog)s [collapse|chute|silo] --out FLOW.h5 [settings]",
         description="Simulate a collapse, a chute or a silo of grains with a known friction law.",
-        epilog=EXAMPLES,
+        epilog=EXAMPLES.replace("python -m granpinn.simulate", program("simulate")),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         argument_default=argparse.SUPPRESS,
         allow_abbrev=False,

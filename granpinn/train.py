@@ -31,6 +31,7 @@ from granpinn import report, results
 from granpinn.command import flow_warnings
 from granpinn.command.answer import Answer
 from granpinn.command.arguments import parse
+from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.identification.finish import require_kept
@@ -62,7 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
+        assert config.flow is not None
         assert config.out is not None
+        require_flow_file(Path(config.flow))
         if objection := objection_to_folder(config.out):
             raise ConfigError(f"--out {objection}")
         with (

@@ -74,12 +74,18 @@ def paragraphs(docstring: str) -> Iterator[str]:
 
 
 def help_of(module: Any) -> str:
-    """What the command prints with --help."""
+    """What the command prints with --help-all if it has that, else with --help."""
+    text = printed_by(module, "--help")
+    return printed_by(module, "--help-all") if "--help-all" in text else text
+
+
+def printed_by(module: Any, flag: str) -> str:
+    """What the command prints with a flag."""
     printed = io.StringIO()
     plain = {"COLUMNS": str(WIDTH), "NO_COLOR": "1"}
     with mock.patch.dict(os.environ, plain), contextlib.redirect_stdout(printed):
         try:
-            module.main(["--help"])
+            module.main([flag])
         except SystemExit as end:
             if end.code:
                 raise

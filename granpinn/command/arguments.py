@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import Setting, flag_of, sections_of, without_none
 from granpinn.config.toml import read_saved, read_toml
@@ -23,6 +23,11 @@ from granpinn.simulation import demo_path
 # `python -m granpinn.train` without arguments: the collapse that comes with the package, in half
 # the steps of the default recipe.
 DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "20000")
+# The settings in --help, which has --config and --help-all too; --help-all has the others.
+USUAL = (
+    *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),
+    *("compare_laws", "resimulate", "resume"),
+)
 EXAMPLES = """examples:
   python -m granpinn.train
       a demonstration: the collapse that comes with granpinn, to the folder granpinn-demo
@@ -46,18 +51,20 @@ def parse(argv: Sequence[str]) -> Config:
     Without arguments: the settings of the demonstration.
     """
     argv = argv or [str(demo_path()), *DEMONSTRATION]
+    argv = switches(argv)
     parser = Parser(
-        prog="python -m granpinn.train",
+        prog=program("train"),
         usage="%(prog)s FLOW.h5 --out DIR [settings]",
         description="Identify the friction law and the pressure of a granular flow.",
-        epilog=EXAMPLES,
+        epilog=EXAMPLES.replace("python -m granpinn.train", program("train")),
         formatter_class=_Help,
         argument_default=argparse.SUPPRESS,
         allow_abbrev=False,
     )
     parser.add_argument("flow", nargs="?", metavar="FLOW", help="the flow file (HDF5)")
     parser.add_argument("--config", metavar="FILE.toml", help="settings from a file; flags win")
-    _add_settings(parser)
+    parser.add_argument("--help-all", action="help", help="show every setting")
+    _add_settings(parser, everything="--help-all" in argv)
     given = vars(parser.parse_args(argv))
     file = given.pop("config", None)
     known = settings_of(Config)
@@ -76,7 +83,7 @@ def parse(argv: Sequence[str]) -> Config:
         raise ConfigError(f"the friction law {config.law} has no I0: leave --I0 out")
     for name, text in (("flow", "FLOW, the flow file,"), ("out", "--out, the folder of the run,")):
         if getattr(config, name) is None:
-            raise ConfigError(f"{text} is missing: python -m granpinn.train FLOW.h5 --out DIR")
+            raise ConfigError(f"{text} is missing: {program('train')} FLOW.h5 --out DIR")
     return config
 
 
@@ -87,21 +94,43 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         super().__init__(prog, max_help_position=30, width=100)
 
 
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    """One argument per setting, grouped as the sections are."""
+def switches(argv: Sequence[str]) -> list[str]:
+    """The arguments with a value for every switch: --x, --x true, --no-x become --x=true or false.
+
+    So a switch never takes the word after it, unless that is true or false.
+    """
+    flags = {flag_of(key) for key, stated in settings_of(Config).items() if stated.kind is bool}
+    off = {f"--no-{flag.removeprefix('--')}": flag for flag in flags}
+    made: list[str] = []
+    words = list(argv)
+    while words:
+        word = words.pop(0)
+        if word in flags:
+            value = words.pop(0) if words and words[0].lower() in ("true", "false") else "true"
+            word = f"{word}={value.lower()}"
+        made.append(f"{off[word]}=false" if word in off else word)
+    return made
+
+
+def _add_settings(parser: argparse.ArgumentParser, everything: bool) -> None:
+    """One argument per setting, grouped as the sections are; the help has `USUAL` or all."""
     groups: dict[str, Any] = {"": parser}
     for name, kind in sections_of(Config).items():
-        groups[name] = parser.add_argument_group(name, kind.__doc__)
+        groups[name] = parser.add_argument_group(name, kind.__doc__) if everything else parser
     for key, stated in settings_of(Config).items():
         if key == "flow":
             continue
         group, flag = groups[key.rpartition(".")[0]], flag_of(key)
         text = stated.help.replace("%", "%%")
+        shown = everything or key in USUAL
         if stated.kind is bool:
-            group.add_argument(flag, dest=key, action="store_true", help=text)
+            off = f" (on; off: --no-{flag.removeprefix('--')})" if stated.default else ""
+            help = text + off if shown else argparse.SUPPRESS
+            group.add_argument(flag, dest=key, nargs="?", metavar="true|false", help=help)
         else:
             text += f" (default {_shown(stated.default)})"
-            group.add_argument(flag, dest=key, metavar=metavar_of(stated), help=text)
+            help = text if shown else argparse.SUPPRESS
+            group.add_argument(flag, dest=key, metavar=metavar_of(stated), help=help)
 
 
 def metavar_of(stated: Setting) -> str:

@@ -56,7 +56,7 @@ VERBS = {
         "granpinn doctor",
     ),
     "completion": Verb(
-        "print the completion script of a shell: bash or zsh",
+        "print the completion script of a shell: bash, zsh or fish",
         'eval "$(granpinn completion bash)"',
     ),
 }

@@ -42,7 +42,10 @@ autoload -Uz compinit bashcompinit
 (( $+functions[compdef] )) || compinit
 bashcompinit
 """
-SHELLS = ("bash", "zsh")
+FISH = """# fish completion of granpinn: put this line into ~/.config/fish/config.fish
+#   granpinn completion fish | source
+"""
+SHELLS = ("bash", "zsh", "fish")
 
 Command = Callable[[Sequence[str]], int]
 
@@ -72,15 +75,24 @@ def main(argv: Sequence[str], commands: Mapping[str, Command]) -> int:
 
 def flags_of(command: Command) -> dict[str, list[str]]:
     """Flag -> its choices (mostly none), as the help of a command lists them."""
-    text = io.StringIO()
-    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
-        command(["--help"])
-    found = dict(FLAG.findall(text.getvalue()))
+    text = _printed(command, "--help")
+    if "--help-all" in text:
+        text = _printed(command, "--help-all")
+    found = dict(FLAG.findall(text))
     return {flag: choices.split(",") if choices else [] for flag, choices in found.items()}
 
 
+def _printed(command: Command, flag: str) -> str:
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
+        command([flag])
+    return text.getvalue()
+
+
 def script(shell: str, verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
-    """The completion script of "bash" or "zsh" for verb -> flag -> choices."""
+    """The completion script of a shell for verb -> flag -> choices."""
+    if shell == "fish":
+        return _fish(verbs)
     flags = [f"            --*' {verb}') words={_words(found)} ;;" for verb, found in verbs.items()]
     flags.append(f"            *' completion') words={_words(SHELLS)} ;;")
     choices = [
@@ -95,6 +107,21 @@ def script(shell: str, verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
     if shell == "bash":
         return body.rstrip("\n")
     return ZSH + body[body.index("_granpinn()") :].rstrip("\n")
+
+
+def _fish(verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
+    """One `complete` for the verbs, and one for every flag."""
+    first = "complete -c granpinn -n"
+    lines = [f"{first} __fish_use_subcommand -f -a {_words([*verbs, 'completion'])}"]
+    lines += [
+        f"{first} '__fish_seen_subcommand_from {verb}' -l {flag[2:]}"
+        + (f" -x -a {_words(values)}" if values else "")
+        for verb, found in verbs.items()
+        for flag, values in found.items()
+    ]
+    shells = f"'__fish_seen_subcommand_from completion' -f -a {_words(SHELLS)}"
+    lines.append(f"{first} {shells}")
+    return FISH + "\n".join(lines)
 
 
 def _words(words: Sequence[str] | Mapping[str, Sequence[str]]) -> str:

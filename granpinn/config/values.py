@@ -57,6 +57,8 @@ def convert(text: str | bool, kind: Any, name: str) -> Any:
             value = float(text)
         elif inner is int:
             value = _whole(text)
+        elif inner is bool:
+            value = {"true": True, "false": False}.get(text, text)
     except (ValueError, OverflowError):
         pass  # `typed` refuses the text
     return typed(value, inner, name)

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 from granpinn.output import owned
 from granpinn.report.page import build, for_paraview
 
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(argv: Sequence[str]) -> int:
     parser = Parser(
-        prog="python -m granpinn.report",
+        prog=program("report"),
         description="Draw the figures of a finished run and write its report.html.",
     )
     parser.add_argument("folder", help="the run folder, --out of granpinn.train")

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command.arguments import metavar_of
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 from granpinn.config import LEVELS, Config, ConfigError, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml
@@ -78,9 +78,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def parse(argv: Sequence[str]) -> Request:
     """The request of a command line; the message of ConfigError is one sentence."""
     parser = Parser(
-        prog="python -m granpinn.tables",
+        prog=program("tables"),
         description="Run the tables of the paper again, all cases and seeds as one batch.",
-        epilog=EXAMPLES,
+        epilog=EXAMPLES.replace("python -m granpinn.tables", program("tables")),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

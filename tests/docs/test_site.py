@@ -87,7 +87,7 @@ def test_command_reference_has_every_command_that_the_readme_names() -> None:
 def test_command_section_is_the_help_itself(name: str) -> None:
     text = hook("commands").section(name)
     assert text.startswith(f"## granpinn.{name}\n")
-    assert f"usage: python -m granpinn.{name}" in text
+    assert f"usage: granpinn {name}" in text
     assert text.count("```") == 2
 
 

@@ -97,9 +97,7 @@ def test_pressure_beside_its_reference(fields: Fields) -> None:
     low, high = mesh(difference).get_clim()
     assert low == -high
     assert "(b) reference" in drawing.caption
-    assert drawing.caption.startswith(
-        f"Simulated pressure in the grains at t = {fields.t[K]:.3g} s"
-    )
+    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
     assert predicted.get_ylabel() == "$y$ [m]"
     assert drawing.figure.axes[3].get_ylabel() == "$p$ [units of the file]"
 

@@ -39,7 +39,7 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     assert run(*series, "--out", out, *CAMERA, *MATERIAL, "--tilt", "-1.2 deg") == 0
     text = capsys.readouterr().out
     assert "PIVlab text, any header, 3 files: 3 frames, 7 x 9 vectors px/frame" in text
-    assert f"next: python -m granpinn.train {out} --out run" in text
+    assert f"next: granpinn train {out} --out run" in text
     flow = read_flow(out)
     assert (flow.length_unit, flow.time_unit, flow.density_unit) == ("m", "s", "kg/m^3")
     assert (flow.density, flow.grain_density, flow.grain_diameter) == (1500, 2500, 0.002)

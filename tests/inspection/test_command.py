@@ -25,7 +25,7 @@ def test_what_it_prints_and_writes(
     assert len(printed) <= 30
     assert max(map(len, printed[:-2])) <= 120
     assert printed[0].startswith("frames ")
-    assert f"next: python -m granpinn.train {path} --out run" in printed
+    assert f"next: granpinn train {path} --out run" in printed
     numbers = json.loads((out / "inspect.json").read_text())
     assert numbers["counts"]["vectors"] == int(demo.valid.sum())
     assert numbers["noise"]["relative_to_largest_speed"] == pytest.approx(0.02, rel=0.25)
@@ -94,7 +94,7 @@ def test_measurement_files_get_the_command_that_converts_them(
     np.savez(tmp_path / "a.npz", t=[0.0, 1.0], x=[0.0, 1.0], y=[0.0, 1.0])
     assert main([str(tmp_path / "a.npz")]) == 2
     error = capsys.readouterr().err
-    assert f"python -m granpinn.convert {tmp_path / 'a.npz'} --out flow.h5 --scale" in error
+    assert f"granpinn convert {tmp_path / 'a.npz'} --out flow.h5 --scale" in error
     assert "of the format npz" in error
 
 

@@ -39,7 +39,7 @@ def test_convert_warns(
     printed, warned = capsys.readouterr()
     assert out.exists()
     verb = "train" if severity is None else "inspect"
-    assert f"next: python -m granpinn.{verb} {out}" in printed
+    assert f"next: granpinn {verb} {out}" in printed
     found = [line for line in warned.splitlines() if "gravity" in line]
     assert len(found) == (severity is not None)
     for line in found:
