@@ -115,9 +115,9 @@ class Fitter:
         return np.broadcast_to(self.law.friction(I, *self.theta(z)), I.shape)
 
     def fit(self, m: Float64, start: Float64 | None = None) -> tuple[Float64, Float64, float]:
-        """z, its covariance, and chi^2, for a free curve m [N]."""
-        first = self._start(m) if start is None else start
+        """z, its covariance, and chi^2, for a free curve m [N]; the search begins at `start`."""
         usual = np.log([self._usual(name, m) for name in self.names])
+        first = usual if start is None else start
 
         def residuals(z: Float64) -> Float64:
             priors = [
@@ -134,9 +134,6 @@ class Fitter:
         # a direction that no data determine is as uncertain as the reach of the search
         covariance = np.linalg.inv(normal + REACH**-2 * np.eye(len(normal)))
         return found.x, covariance, 2 * float(found.cost)
-
-    def _start(self, m: Float64) -> Float64:
-        return np.log([self._usual(name, m) for name in self.names])
 
     def _usual(self, name: str, m: Float64) -> float:
         """The start of a parameter: of a coefficient of friction, from the free curve."""
