@@ -67,7 +67,7 @@ def test_resume_needs_nothing_but_the_folder(
 
 
 def text_file(path: Path, flow: Flow) -> None:
-    path.write_text("t, x, y\n")
+    path.write_text("no vectors\n")
 
 
 def without_u(path: Path, flow: Flow) -> None:
