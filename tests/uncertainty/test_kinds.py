@@ -12,7 +12,7 @@ import pytest
 
 from granpinn.config import Config
 from granpinn.data.symmetry import WORDS
-from granpinn.identification import finish
+from granpinn.identification import judgement
 from granpinn.identification.single import identify
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Result
@@ -173,7 +173,7 @@ def test_a_training_asks_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
         seen.append((kind, shear.low < shear.high))
         return result
 
-    monkeypatch.setattr(finish.of_kind, "with_model_error", spy)
+    monkeypatch.setattr(judgement.of_kind, "with_model_error", spy)
     identify(make_chute(frames=2), tiny())
     identify(make_flow(), tiny())
     identify(make_flow(attributes={"grid_spacing_of_solver": 0.04}), tiny())
