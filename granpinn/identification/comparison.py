@@ -89,10 +89,17 @@ def with_free_band(
     if result.law.name != free.LAW.name or curve is None:
         return result
     try:
-        band = _FreeCurve(result, case.config, run, place, kind).band()
+        return _banded(result, _FreeCurve(result, case.config, run, place, kind).band())
     except ComparisonError as error:
         law = dataclasses.replace(result.law, reason=str(error))
         return dataclasses.replace(result, law=law)
+
+
+def _banded(result: Result, band: Band) -> Result:
+    """The result with the band of its free curve; results of other laws stay."""
+    curve = result.law.curve
+    if result.law.name != free.LAW.name or curve is None:
+        return result
     ends = ((band.mu - band.half).tolist(), (band.mu + band.half).tolist())
     wide = Curve(curve.I, tuple(band.mu.tolist()), *(tuple(end) for end in ends))
     law = dataclasses.replace(result.law, curve=wide, reason=None)
@@ -102,7 +109,7 @@ def with_free_band(
 def compared(
     result: Result, case: Case, run: TrainingLoop, of_laws: Mapping[str, int], kind: str | None
 ) -> Result:
-    """The result with the comparison of all laws.
+    """The result with the comparison of all laws, and the band if its law is the free curve.
 
     Args:
         of_laws: place in the run of every trained law.
@@ -113,12 +120,12 @@ def compared(
     """
     curve = _FreeCurve(result, case.config, run, of_laws[free.LAW.name], kind)
     fixed = {name: {"I0": case.config.I0} | case.config.rheology.fixed for name in LAWS}
-    band, knots = curve.band(), curve.knots()
-    found = law_choice.fits(curve.known, curve.ends, band, curve.covariance(knots), fixed)
+    band, at_knots = curve.band(), curve.covariance(law_choice.knots(curve.I_range))
+    found = law_choice.fits(curve.known, curve.ends, band, at_knots, fixed)
     records, chosen = law_choice.choice(found, band)
     cohesion = _cohesion(case, run, of_laws[cohesive.LAW.name], curve)
     records, chosen = law_choice.with_cohesion(records, chosen, cohesion)
-    return dataclasses.replace(result, comparison=records, chosen=chosen)
+    return dataclasses.replace(_banded(result, band), comparison=records, chosen=chosen)
 
 
 class _FreeCurve:
@@ -175,10 +182,6 @@ class _FreeCurve:
                 "error is as large as the friction"
             )
         return Band(I, mu, self.error.widening * std, farthest)
-
-    def knots(self) -> Float64:
-        """The inertial numbers at which laws are fitted."""
-        return law_choice.knots(self.I_range)
 
 
 def _quadratic(run: TrainingLoop, place: int, L: int) -> Quadratic | None:

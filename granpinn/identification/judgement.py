@@ -50,8 +50,10 @@ def with_law(
         result = having(lacking(result, shear), LAW_CURVE)
     elif shear is not None:
         result = with_law_curve(_with_range(result, case, shear.I), shear)
-        result = comparison.with_free_band(result, case, run, place, _kind(result, case))
-    return _with_laws_compared(result, case, run, of_laws) if case.config.compare_laws else result
+    if case.config.compare_laws:
+        result = _with_laws_compared(result, case, run, of_laws)
+    # A comparison that was made has given the band too.
+    return result if result.comparison else _with_free_band(result, case, run, place)
 
 
 def has_parts(case: Case, run: TrainingLoop, place: int) -> bool:
@@ -69,6 +71,13 @@ def with_parts(result: Result, case: Case, run: TrainingLoop, place: int) -> Res
 
     made = attempt(PARTS, on_parts)
     return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
+
+
+def _with_free_band(result: Result, case: Case, run: TrainingLoop, place: int) -> Result:
+    """The result with the band of its curve, if its law is the free curve."""
+    kind = _kind(result, case)
+    made = attempt(LAW_CURVE, lambda: comparison.with_free_band(result, case, run, place, kind))
+    return lacking(result, made) if isinstance(made, NotDone) else made
 
 
 def _with_laws_compared(
