@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,10 +45,16 @@ def scene(law: str, number: int, cells: int, stride: int, frames: int) -> Collap
         values["mu_2"] = values["mu_s"] + values.pop("rise")
     if law == "cohesive":
         values["c"] = HEIGHT * log_uniform(draw, COHESION)
+    return column(draw, cells, stride, frames, law=law, **values)
+
+
+def column(
+    draw: np.random.Generator, cells: int, stride: int, frames: int, **material: Any
+) -> Collapse:
+    """A collapse with the aspect ratio and the grains of the next two draws."""
     aspect, grains = log_uniform(draw, ASPECT), log_uniform(draw, GRAINS)
     return Collapse(
-        law=law,
-        **values,
+        **material,
         aspect=aspect,
         d=HEIGHT / grains,
         height=HEIGHT,

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from bench.studies.laws.population import HEIGHT, column
 from granpinn import _collapse
 from granpinn.arrays import Float64
 from granpinn.data import Flow, Walls, write_flow
@@ -22,9 +23,6 @@ from granpinn.simulation.engine import Engine, State
 from granpinn.simulation.recorder import Recorder
 
 MU_S, SLOPE = (0.25, 0.5), (0.1, 0.3)  # slope: mu_2 - mu_s
-ASPECT = (1.5, 5.0)  # log-uniform
-GRAINS = (50.0, 100.0)  # of the height, log-uniform
-HEIGHT = 10.0
 CHANGE = 0.2  # of the friction, in time or between two materials
 LINE = 2.0  # grains by which the surface line is too high
 FASTER = 1.1  # factor on the times of the film
@@ -62,27 +60,9 @@ KINDS = {
 def scene(number: int, cells: int, stride: int, frames: int) -> Collapse:
     """The collapse behind the flows of a number."""
     draw = np.random.default_rng((19, number))
-
-    def log_uniform(limits: tuple[float, float]) -> float:
-        return float(np.exp(draw.uniform(*np.log(limits))))
-
     mu_s = float(draw.uniform(*MU_S))
     mu_2 = mu_s + float(draw.uniform(*SLOPE))
-    aspect, grains = log_uniform(ASPECT), log_uniform(GRAINS)
-    return Collapse(
-        mu_s,
-        mu_2,
-        aspect=aspect,
-        d=HEIGHT / grains,
-        height=HEIGHT,
-        box_width=HEIGHT * (1.4 + 1.5 / aspect),
-        box_height=1.1 * HEIGHT,
-        t_end=3 * HEIGHT**0.5,
-        cells=cells,
-        stride=stride,
-        frames=frames,
-        threads=1,
-    )
+    return column(draw, cells, stride, frames, mu_s=mu_s, mu_2=mu_2)
 
 
 def make(kind: str, number: int, folder: Path, cells: int, stride: int, frames: int) -> Path:
