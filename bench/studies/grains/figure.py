@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from bench.studies.grains.law import mu_of_i
+from bench.studies.grains.law import friction, mu_of_i
 from bench.studies.grains.make import SUMMARY
 
 COLUMNS = 4
@@ -48,7 +48,8 @@ def panel(axis: Axes, summary: dict[str, Any], scores: Sequence[dict[str, Any]])
     balance = (summary["balance"] or {}).get("points", [])
     axis.plot([p["I"] for p in balance], [p["mu"] for p in balance], "x", ms=3, label="balance")
     for found in scores:
-        axis.plot(i, mu_of_i(found["law"], i), "r-", lw=1, label=f"granpinn, seed {found['seed']}")
+        mu = friction(found["name"], found["law"])(i)
+        axis.plot(i, mu, "r-", lw=1, label=f"granpinn, seed {found['seed']}")
     axis.set_xscale("log")
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_title(f"{summary['title']}; friction {summary['material']:g}", fontsize=7)

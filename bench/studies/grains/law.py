@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +10,15 @@ import numpy as np
 
 from bench.studies.grains.materials import I0
 from granpinn.arrays import Float64
+from granpinn.physics.laws import LAWS
 
 # Inertial numbers at which laws are compared.
 SCORED = (0.01, 0.03, 0.055, 0.10, 0.185)
 SLOWEST = 3e-3  # least inertial number of a cell that counts as flowing
 BINS = 12
 LEAST_CELLS = 20  # of a bin
+
+Friction = Callable[[Float64 | float], Float64]  # mu of I
 NARROW = 2.0  # a range of I over less than this factor holds a mu and no law
 
 
@@ -52,14 +55,21 @@ def mu_of_i(law: Mapping[str, float], inertial_number: Float64 | float) -> Float
     return np.asarray(law["mu_s"] + (law["mu_2"] - law["mu_s"]) * i / (i + law["I0"]))
 
 
+def friction(name: str, values: Mapping[str, float]) -> Friction:
+    """mu of I by a law with the values of its parameters."""
+
+    def mu(inertial_number: Float64 | float) -> Float64:
+        return np.asarray(LAWS[name].friction(np.asarray(inertial_number), *values.values()))
+
+    return mu
+
+
 def errors_percent(
-    law: Mapping[str, float], truth: Mapping[str, float], low: float, high: float
+    mu: Friction, truth: Mapping[str, float], low: float, high: float
 ) -> dict[str, float]:
     """100 (mu/mu_true - 1) at the inertial numbers of SCORED within low..high."""
     return {
-        f"{i:g}": float(100 * (mu_of_i(law, i) / mu_of_i(truth, i) - 1))
-        for i in SCORED
-        if low <= i <= high
+        f"{i:g}": float(100 * (mu(i) / mu_of_i(truth, i) - 1)) for i in SCORED if low <= i <= high
     }
 
 

@@ -17,6 +17,7 @@ import dataclasses
 import shutil
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +110,9 @@ def balance_of(flow: Flow, own: dict[str, Any]) -> dict[str, Any]:
         mu = own["mean"]["mu"] if law is None else float(mu_of_i(law, mean["I"]))
         found["mean_error_percent"] = 100 * (mean["mu"] / mu - 1)
     if found["law"] is not None and own["law"] is not None:
-        found["error_percent"] = errors_percent(found["law"], own["law"], *own["I_range"])
+        found["error_percent"] = errors_percent(
+            partial(mu_of_i, found["law"]), own["law"], *own["I_range"]
+        )
     return found
 
 

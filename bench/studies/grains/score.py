@@ -22,7 +22,7 @@ import numpy as np
 
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains.law import SCORED, SLOWEST, errors_percent, mu_of_i
+from bench.studies.grains.law import SCORED, SLOWEST, errors_percent, friction, mu_of_i
 from bench.studies.grains.make import REFERENCE, SUMMARY
 from granpinn.arrays import Float64
 from granpinn.results import (
@@ -60,6 +60,7 @@ def score(run: Path, scene: Path) -> dict[str, Any]:
 def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
     """The part of the score that needs results.json alone."""
     law = {name: p.value for name, p in result.parameters.items()}
+    curve = friction(result.law.name, law)
     own = summary["own"]["along_D"]
     low, high = own["I_range"]
     carried = result.baseline is not None and result.baseline.carried
@@ -68,6 +69,7 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "material": summary["material"],
         "seed": result.seed,
         "level": result.level,
+        "name": result.law.name,
         "law": law,
         "kind": kind_of(result.data.symmetries, carried, of_solver=False),
         "failure": result.failure,
@@ -76,11 +78,11 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "misfit_percent": result.error_percent.velocity,
     }
     if own["mean"] is not None:
-        mu = float(mu_of_i(law, own["mean"]["I"]))
+        mu = float(curve(own["mean"]["I"]))
         found["mean"] = own["mean"] | {"error_percent": 100 * (mu / own["mean"]["mu"] - 1)}
     for name, truth in (("own", own["law"]), ("shear_cell", summary["truth"])):
-        if truth is not None and {"mu_s", "mu_2", "I0"} <= law.keys():
-            errors = errors_percent(law, truth, low, high)
+        if truth is not None:
+            errors = errors_percent(curve, truth, low, high)
             found[f"error_percent_{name}"] = errors
             half = half_width_percent(result, law)
             found[f"within_90_{name}"] = {
@@ -90,7 +92,11 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def half_width_percent(result: Result, law: dict[str, float]) -> dict[str, float] | None:
-    """Half width of the 90 % interval of mu(I), in % of mu, from the covariance."""
+    """Half width of the 90 % interval of mu(I), in % of mu, from the covariance or the band."""
+    curve = result.law.curve
+    if result.covariance is None and curve is not None and curve.low is not None:
+        half = (np.array(curve.high) - np.array(curve.low)) / 2 / np.array(curve.mu)
+        return {f"{i:g}": float(100 * np.interp(np.log(i), np.log(curve.I), half)) for i in SCORED}
     if result.covariance is None:
         return None
     names = result.covariance.names

@@ -13,6 +13,7 @@ import csv
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def _departure(own: dict[str, Any], truth: Mapping[str, float] | None) -> str:
     if truth is None or own["mean"] is None:
         return "-"
     if own["law"] is not None:
-        return _percent(errors_percent(own["law"], truth, *own["I_range"]))
+        return _percent(errors_percent(partial(mu_of_i, own["law"]), truth, *own["I_range"]))
     return _percent({"mean": 100 * (own["mean"]["mu"] / mu_of_i(truth, own["mean"]["I"]) - 1)})
 
 

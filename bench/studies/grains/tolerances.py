@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.studies import raw
-from bench.studies.grains.law import SCORED, errors_percent, mu_of_i
+from bench.studies.grains.law import SCORED, errors_percent, friction
 from bench.studies.grains.make import FLOW, SUMMARY
 from bench.studies.grains.run import scenes_in
 from granpinn import identify_many
@@ -51,12 +51,12 @@ class Case:
 
     def errors(self, result: Result) -> dict[str, float]:
         """Error of mu in % at the inertial numbers of the case."""
-        law = {name: p.value for name, p in result.parameters.items()}
+        mu = friction(result.law.name, {name: p.value for name, p in result.parameters.items()})
         if self.law is not None:
-            return errors_percent(law, self.law, *self.I_range)
+            return errors_percent(mu, self.law, *self.I_range)
         assert self.mean is not None
         I = self.mean["I"]  # noqa: E741
-        return {f"{I:g}": 100 * (float(mu_of_i(law, I)) / self.mean["mu"] - 1)}
+        return {f"{I:g}": 100 * (float(mu(I)) / self.mean["mu"] - 1)}
 
 
 def case_of_scene(folder: Path) -> Case:

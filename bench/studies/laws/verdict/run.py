@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -83,8 +83,8 @@ def refusal(path: Path, config: Config) -> str | None:
 
 def study(
     tasks: Sequence[Task], noises: Sequence[float], config: Config, folder: Path, at_once: int
-) -> dict[str, Any]:
-    """Make and identify all flows; rows, and the seconds that each part took."""
+) -> Iterator[dict[str, Any]]:
+    """Make and identify all flows; after each batch all rows, and the seconds of each part."""
     begin = time.monotonic()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=context) as pool:
@@ -104,12 +104,12 @@ def study(
             noise = [value for *_, value in part]
             results = identify_many(flows, config, seeds, noise=noise, progress=Lines())
         rows += [row(task, sd, r) for (task, _, sd), r in zip(part, results, strict=True)]
-    seconds = {"simulate_s": simulated - begin, "identify_s": time.monotonic() - simulated}
-    return {
-        "seconds": {name: round(value, 1) for name, value in seconds.items()},
-        "refused": {path.name: why for path, why in refused.items()},
-        "rows": rows,
-    }
+        seconds = {"simulate_s": simulated - begin, "identify_s": time.monotonic() - simulated}
+        yield {
+            "seconds": {name: round(value, 1) for name, value in seconds.items()},
+            "refused": {path.name: why for path, why in refused.items()},
+            "rows": rows,
+        }
 
 
 def main() -> int:
@@ -135,13 +135,14 @@ def main() -> int:
         for kind in own.kinds
         for k in range(own.clean if kind == CLEAN else own.violations)
     ]
+    head = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "settings": words}
+    head |= {"steps": config.steps}
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        found = study(tasks, own.noise, config, folder, own.at_once)
-    head = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "settings": words}
-    raw.write(own.json, head | {"steps": config.steps} | found)
-    print(table(found["rows"]))
+        for found in study(tasks, own.noise, config, folder, own.at_once):
+            raw.write(own.json, head | found)
+            print(table(found["rows"]), flush=True)
     return 0
 
 
