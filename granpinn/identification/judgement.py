@@ -9,6 +9,7 @@ import numpy as np
 
 from granpinn.arrays import Floats
 from granpinn.data.surface_sd import SOLVER
+from granpinn.estimates.facts import Facts
 from granpinn.identification import balance, comparison
 from granpinn.identification.case import Case
 from granpinn.identification.law_curve import Shear, with_law_curve
@@ -65,9 +66,10 @@ def with_parts(result: Result, case: Case, run: TrainingLoop, place: int) -> Res
     """The result with the law on parts of the data, and their answer in its verdict."""
 
     def on_parts() -> Result:
-        level, kind = case.config.level, _kind(result, case)
-        ended = run.trainer.ended(place)
-        return of_parts.judged(result, laws_on_parts(*ended) if ended else [], level, kind)
+        ended, facts = run.trainer.ended(place), Facts(case.seen, case.scales)
+        halves = laws_on_parts(*ended) if ended else []
+        kind, noise = _kind(result, case), facts.sigma / facts.speed
+        return of_parts.judged(result, halves, case.config, kind, noise)
 
     made = attempt(PARTS, on_parts)
     return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)

@@ -45,8 +45,7 @@ class Split:
         percent: friction of the second part over that of the first one there, less 1; None: both
             hold no common I, or the laws on the parts could not be solved for.
         std_percent: its standard deviation: correlated residuals and the error of the law.
-        model_percent: usual error of a law of all data there, in flows of this kind; None: not
-            known.
+        model_percent: the part of the error of the law in flows of this kind; None: not known.
         limit_percent: a larger difference is none of chance, at the level of all splits together;
             None: `model_percent` is not known.
     """

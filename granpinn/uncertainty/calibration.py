@@ -20,6 +20,7 @@ from granpinn.arrays import Float64
 from granpinn.physics import terms
 from granpinn.results.decoding import decode
 from granpinn.results.named import require_names
+from granpinn.results.parts import SPLITS
 
 PATH = Path(__file__).with_suffix(".json")
 # The table of a level. A level without a file has no data, hence no error bars.
@@ -102,6 +103,33 @@ class FreeCurveError:
 
 
 @dataclass(frozen=True)
+class HalvesError:
+    """How much the laws on halves of the data differ in simulated collapses of one law.
+
+    Attributes:
+        sd: standard deviation of the relative difference of friction, beyond that of the
+            residuals, by the names of the splits (results/parts.py).
+        noise: of the vectors over the rms speed, from least to largest for which this holds.
+        steps: of the trainings.
+        flows: number of flows behind it.
+        provenance: the trainings that gave the numbers.
+    """
+
+    sd: dict[str, float]
+    noise: tuple[float, float]
+    steps: int
+    flows: int
+    provenance: str
+
+    def __post_init__(self) -> None:
+        require_names(self.sd, tuple(SPLITS), where="sd.")
+
+    def holds(self, noise: float, steps: int) -> bool:
+        """Whether a training is like those of the study."""
+        return self.noise[0] <= noise <= self.noise[1] and steps >= self.steps
+
+
+@dataclass(frozen=True)
 class Calibration:
     """
     Attributes:
@@ -122,6 +150,7 @@ class Calibration:
         largest_misfit: the residuals can test the law up to this misfit.
         model_error: of flows of grains, by their kind (`KINDS`); a kind without data is absent.
         free_curve: error of the law `free`; None: not calibrated.
+        halves: error of the law on halves of the data; None: not calibrated.
     """
 
     law: str
@@ -142,6 +171,7 @@ class Calibration:
     largest_misfit: float
     model_error: dict[str, ModelError] = field(default_factory=dict)
     free_curve: FreeCurveError | None = None
+    halves: HalvesError | None = None
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")

@@ -4,13 +4,15 @@ The law is solved for on both halves of every split (granpinn/training/parts.py)
 off, so the curves are compared over the I that both halves hold. The relative difference
 $\delta(I) = \mu''/\mu' - 1$ has the variance
 
-$$ \sigma^2 = \sigma_r^2 + \sigma_m^2 \left(\frac{1}{f_1} + \frac{1}{f_2}\right). $$
+$$ \sigma^2 = \sigma_r^2 + \sigma_m^2. $$
 
 $\sigma_r$ comes from the residuals: correlated residuals by boxes, the larger of two sizes.
-$\sigma_m$ is the usual relative error of mu at this I in a law of all data of such flows, as the
-calibration table states it (`model_error`). If it came from the parts independently, a part with
-the share f of what the data tell would have the error $\sigma_m / \sqrt f$. So a difference below
-this error is no violation.
+$\sigma_m$ is the further error of halves. Simulated collapses of one law show it (calibration.py):
+halves of them share most of the error of their law. It is stated where $\sigma_r$ is least, and has
+the shape of $\sigma_r$ over I. Flows of grains add the usual error $\sigma_k$ of mu of their kind,
+$\sigma_k^2 (1/f_1 + 1/f_2)$: if it came from the parts independently, a part with the share f of
+what the data tell would have the error $\sigma_k / \sqrt f$. The same rule takes the error of mu(I)
+in trainings that differ from those of the study.
 
 Parts differ if anywhere
 
@@ -34,6 +36,7 @@ import torch
 from scipy import special
 
 from granpinn.arrays import Float64
+from granpinn.config import Config
 from granpinn.physics.laws import LAWS, Law, mu_of_i
 from granpinn.results import Result
 from granpinn.results.parts import SPLITS, Part, Parts, Split
@@ -42,6 +45,7 @@ from granpinn.training.parts import HalfLaws
 from granpinn.uncertainty import calibration
 from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.of_law import velocity_error
+from granpinn.uncertainty.of_training import uncalibrated
 
 LEVEL = 0.05
 CURVE = 41  # inertial numbers at which the curves are compared, evenly in log I
@@ -75,31 +79,50 @@ class Place(NamedTuple):
     I0: float
 
 
-def model_error(table: Calibration, kind: str | None, at: Place) -> list[Variance] | None:
-    r"""Relative variances of the friction by a law of all data, in flows of a kind.
-
-    In collapses it is that of mu(I) with the covariance D of the errors of (mu_s, mu_2) / mu_s in
-    the table, $(\mu_s/\mu)^2 J D J^T$ with J = (1 - x, x), x = I / (I + I0). A mu_s beyond the
-    materials of the table counts as that of the nearest one. Flows of grains have a level and a
-    tilt (of_kind.py).
+def of_halves(
+    table: Calibration, kind: str | None, at: Place, split: str, residuals: Float64, parts: float
+) -> list[Variance] | None:
+    """Variances of the difference between two halves, beyond that of the residuals.
 
     Args:
-        kind: of_kind.kind_of; None without data on its error.
+        kind: of_kind.kind_of.
+        split: its name.
+        residuals: variance by the residuals at every I [n].
+        parts: sum of 1/f over both parts.
+
+    Returns:
+        None without data on this kind.
     """
     found = []
-    if kind in (None, COLLAPSE):
-        x = at.I / (at.I + at.I0)
-        J = np.stack([1 - x, x], 1)
-        slow = np.minimum(np.clip(at.slow, *table.valid_mu_s), at.mu)
-        D = table.discrepancy_at(float(np.clip(at.slow, *table.valid_mu_s)))
-        value = np.einsum("ni,ij,nj->n", J, D, J) * (slow / at.mu) ** 2
-        found.append(Variance(value, table.discrepancy_weight))
     if kind is not None:
         if kind not in table.model_error:
             return None
         entry = table.model_error[kind]
-        found.append(Variance(entry.level**2 + (entry.tilt * at.xi) ** 2, entry.flows))
+        value = parts * (entry.level**2 + (entry.tilt * at.xi) ** 2)
+        found.append(Variance(value, entry.flows))
+    if kind not in (None, COLLAPSE):
+        return found
+    if table.halves is None:
+        value = parts * error_of_collapses(table, at)
+        found.append(Variance(value, table.discrepancy_weight))
+    else:
+        shape = residuals / max(float(residuals.min()), 1e-300)
+        found.append(Variance(table.halves.sd[split] ** 2 * shape, table.halves.flows))
     return found
+
+
+def error_of_collapses(table: Calibration, at: Place) -> Float64:
+    r"""Relative variance of mu by a law of all data, in simulated collapses.
+
+    It is that of mu(I) with the covariance D of the errors of (mu_s, mu_2) / mu_s in the table,
+    $(\mu_s/\mu)^2 J D J^T$ with J = (1 - x, x), x = I / (I + I0). A mu_s beyond the materials of
+    the table counts as that of the nearest one.
+    """
+    x = at.I / (at.I + at.I0)
+    J = np.stack([1 - x, x], 1)
+    slow = np.minimum(np.clip(at.slow, *table.valid_mu_s), at.mu)
+    D = table.discrepancy_at(float(np.clip(at.slow, *table.valid_mu_s)))
+    return np.asarray(np.einsum("ni,ij,nj->n", J, D, J) * (slow / at.mu) ** 2)
 
 
 def compared(halves: Sequence[HalfLaws], law: Law, table: Calibration, kind: str | None) -> Parts:
@@ -128,9 +151,9 @@ def _split(halves: HalfLaws, law: Law, table: Calibration, kind: str | None, lev
     of_boxes = [_spread(boxes.cpu().numpy(), I, mu, theta, law) for boxes in halves.influence]
     known = [Variance(np.max([v for v, _ in of_boxes], axis=0), of_boxes[0][1])]
     best = int(np.argmin(known[0].value))
-    model = model_error(table, kind, _place(law, theta.mean(0), I, ranges))
-    for part in model or ():
-        known.append(Variance(part.value * float(np.sum(1 / share)), part.freedom))
+    at = _place(law, theta.mean(0), I, ranges)
+    model = of_halves(table, kind, at, halves.name, known[0].value, float(np.sum(1 / share)))
+    known += model or ()
     total = sum(part.value for part in known)
     percent, std = 100 * (mu[1] / mu[0] - 1), 100 * np.sqrt(total)
     if model is None:
@@ -193,16 +216,21 @@ def _slopes(law: Law, I: Float64, theta: Float64) -> Float64:  # noqa: E741
     return np.asarray(rows.numpy())
 
 
-def judged(result: Result, halves: Sequence[HalfLaws], level: str, kind: str | None) -> Result:
+def judged(
+    result: Result, halves: Sequence[HalfLaws], config: Config, kind: str | None, noise: float
+) -> Result:
     """The result with the laws on halves of its data, and their answer in its verdict.
 
     Args:
-        level: of the information, V0, V1 or V2.
         kind: of the flow (of_kind.kind_of).
+        noise: of the vectors over the rms speed.
     """
-    table = calibration.of_level(level) or calibration.load()
+    table = calibration.of_level(config.level) or calibration.load()
     if not halves or result.residuals is None:
         return result
+    known = table.halves is not None and table.halves.holds(noise, result.timing.steps)
+    if not known or uncalibrated(config):
+        table = dataclasses.replace(table, halves=None)
     parts = compared(halves, LAWS[result.law.name], table, kind)
     resolved = velocity_error(result.residuals, table) <= table.largest_misfit
     return dataclasses.replace(

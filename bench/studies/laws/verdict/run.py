@@ -35,6 +35,7 @@ from granpinn.data import FlowFileError, FlowFileWarning, read_flow
 from granpinn.identification.case import pose
 from granpinn.results import Result
 from granpinn.results.decoding import encode
+from granpinn.results.parts import Split
 from granpinn.training.progress import Lines
 
 
@@ -53,6 +54,15 @@ def made(task: Task, folder: Path) -> Path:
     return make(task.kind, task.number, folder, task.cells, task.stride, task.frames)
 
 
+def halves(split: Split) -> dict[str, Any]:
+    """The record of a split, and the part of the residuals in its standard deviation."""
+    found: dict[str, Any] = encode(split)
+    if split.percent is not None:
+        square = (split.std_percent or 0.0) ** 2 - (split.model_percent or 0.0) ** 2
+        found["residual_percent"] = max(square, 0.0) ** 0.5
+    return found
+
+
 def row(task: Task, noise: float, result: Result) -> dict[str, Any]:
     """What the table needs of one identification, and what a later one may ask."""
     values = {name: p.value for name, p in result.parameters.items()}
@@ -64,7 +74,7 @@ def row(task: Task, noise: float, result: Result) -> dict[str, Any]:
         "values": values,
         "velocity_percent": result.error_percent.velocity,
         "verdict": None if result.verdict is None else encode(result.verdict),
-        "parts": None if result.parts is None else encode(result.parts),
+        "parts": None if result.parts is None else [halves(s) for s in result.parts.splits],
         "failure": result.failure,
         "named": named(task.kind, result),
     }

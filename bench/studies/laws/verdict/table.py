@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,12 @@ def named(kind: str, result: Result) -> bool:
     """Whether the part that was planted is named; of kinds without a part, any part."""
     if result.parts is None:
         return False
+    return is_named(kind, {(s.name, (s.percent or 0) > 0) for s in result.parts.different})
+
+
+def is_named(kind: str, found: Set[tuple[str, bool]]) -> bool:
+    """Whether the part that was planted is among the splits, each with whether it needs more."""
     wanted = KINDS[kind].named
-    found = {(s.name, (s.percent or 0) > 0) for s in result.parts.different}
     if not wanted:
         return bool(found)
     return any((split, more) in found for split, second in wanted for more in second)
