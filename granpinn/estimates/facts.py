@@ -109,6 +109,11 @@ class Facts:
             measured = known_sd(self.flow) / self.scales.velocity
         return _rounded(measured)
 
+    @property
+    def relative_noise(self) -> float:
+        """Noise of one component of one vector over the rms speed."""
+        return self.sigma / self.speed
+
     @cached_property
     def independent(self) -> float:
         """Number of independent vectors."""

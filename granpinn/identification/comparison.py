@@ -89,7 +89,7 @@ def with_free_band(
     if result.law.name != free.LAW.name or curve is None:
         return result
     try:
-        return _banded(result, _FreeCurve(result, case.config, run, place, kind).band())
+        return _banded(result, _FreeCurve(result, case, run, place, kind).band())
     except ComparisonError as error:
         law = dataclasses.replace(result.law, reason=str(error))
         return dataclasses.replace(result, law=law)
@@ -118,7 +118,7 @@ def compared(
     Raises:
         ComparisonError: the data, or what is known of such data, do not allow it.
     """
-    curve = _FreeCurve(result, case.config, run, of_laws[free.LAW.name], kind)
+    curve = _FreeCurve(result, case, run, of_laws[free.LAW.name], kind)
     fixed = {name: {"I0": case.config.I0} | case.config.rheology.fixed for name in LAWS}
     band, at_knots = curve.band(), curve.covariance(law_choice.knots(curve.I_range))
     found = law_choice.fits(curve.known, curve.ends, band, at_knots, fixed)
@@ -132,8 +132,9 @@ class _FreeCurve:
     """The free curve of a run over the range of I of a result."""
 
     def __init__(
-        self, result: Result, config: Config, run: TrainingLoop, place: int, kind: str | None
+        self, result: Result, case: Case, run: TrainingLoop, place: int, kind: str | None
     ) -> None:
+        config = case.config
         table = calibration.of_level(config.level)
         if table is None or table.free_curve is None:
             raise ComparisonError(f"the error of a free curve is not known at level {config.level}")
@@ -154,6 +155,7 @@ class _FreeCurve:
         self.grains: ModelError | None = table.model_error.get(kind) if kind else None
         steps = result.timing.steps
         self.scale = error_bars.discrepancy_scale(result.residuals, steps, table)
+        self.scale *= self.error.growth(Facts(case.seen, case.scales).relative_noise)
         self.I_range = result.law.I_range
         known = _quadratic(run, place, len(free.LAW.curve))
         if known is None:

@@ -66,10 +66,9 @@ def with_parts(result: Result, case: Case, run: TrainingLoop, place: int) -> Res
     """The result with the law on parts of the data, and their answer in its verdict."""
 
     def on_parts() -> Result:
-        ended, facts = run.trainer.ended(place), Facts(case.seen, case.scales)
+        ended, noise = run.trainer.ended(place), Facts(case.seen, case.scales).relative_noise
         halves = laws_on_parts(*ended) if ended else []
-        kind, noise = _kind(result, case), facts.sigma / facts.speed
-        return of_parts.judged(result, halves, case.config, kind, noise)
+        return of_parts.judged(result, halves, case.config, _kind(result, case), noise)
 
     made = attempt(PARTS, on_parts)
     return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)

@@ -89,6 +89,7 @@ class FreeCurveError:
             curves, over the standard deviation.
         cohesion: rms cohesion that was found in grains without any, over rho |g| H.
         cohesion_percent: rms relative error of the cohesion of cohesive grains.
+        noise: largest noise of the vectors over the rms speed.
         flows: number of flows behind them.
         provenance: the trainings that gave the numbers.
     """
@@ -98,8 +99,13 @@ class FreeCurveError:
     farthest: float
     cohesion: float
     cohesion_percent: float
+    noise: float
     flows: int
     provenance: str
+
+    def growth(self, noise: float) -> float:
+        """Factor on all errors beyond the noise of these flows: they grow in proportion."""
+        return max(1.0, noise / self.noise)
 
 
 @dataclass(frozen=True)

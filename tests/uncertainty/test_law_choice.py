@@ -188,7 +188,7 @@ def test_boxes_are_joined_to_larger_ones() -> None:
 
 
 def test_errors_of_the_law_grow_with_the_scale_and_with_grains() -> None:
-    error = FreeCurveError((0.01, 0.02, 0.0), 2.0, 3.0, 1e-4, 20.0, 10, "here")
+    error = FreeCurveError((0.01, 0.02, 0.0), 2.0, 3.0, 1e-4, 20.0, 0.1, 10, "here")
     mu = np.full(I.shape, 0.4)
 
     def std(*arguments: Any) -> np.ndarray:
@@ -197,6 +197,7 @@ def test_errors_of_the_law_grow_with_the_scale_and_with_grains() -> None:
     ends = 0.4 * np.hypot(0.01, 0.02)
     np.testing.assert_allclose(std(1.0, None)[[0, -1]], ends)
     np.testing.assert_allclose(std(3.0, None), 3 * std(1.0, None))
+    assert [error.growth(noise) for noise in (0.0, 0.1, 0.25)] == [1.0, 1.0, 2.5]
     grains = ModelError(0.05, 0.0, 4, "there")
     middle = np.interp(np.log(ENDS).mean(), np.log(I), std(1.0, grains))
     assert middle == pytest.approx(0.4 * np.hypot(0.01, 0.05), rel=1e-3)

@@ -51,7 +51,9 @@ def error_of(
     wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
     wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
-    return FreeCurveError(tuple(modes.tolist()), wide, widest, c, percent, len(plain), provenance)
+    return FreeCurveError(
+        tuple(modes.tolist()), wide, widest, c, percent, before.noise, len(plain), provenance
+    )
 
 
 def _cohesion(row: dict[str, Any]) -> float:
