@@ -24,6 +24,7 @@ from granpinn.training.information import information
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import calibration, error_bars, law_choice
 from granpinn.uncertainty.calibration import FreeCurveError, ModelError
+from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import Quadratic, basis, model_covariance, quadratic
 from granpinn.uncertainty.law_choice import Band, Cohesion
 from granpinn.uncertainty.of_training import uncalibrated
@@ -174,7 +175,7 @@ class _FreeCurve:
 
     def band(self) -> Band:
         """The curve with its errors over the range of I."""
-        I = np.geomspace(*self.I_range, law_choice.CURVE)  # noqa: E741
+        I = np.geomspace(*self.I_range, POINTS)  # noqa: E741
         mu = basis(I, *self.ends) @ self.known.center
         std = np.sqrt(np.diag(self.covariance(I)))
         farthest = self.error.farthest * std

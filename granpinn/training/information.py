@@ -38,14 +38,12 @@ class Information:
     """The quadratic loss around a law of L free parameters.
 
     Attributes:
-        theta: all parameters of the law [N].
         free: those that are not fixed [L].
         scores: s of every box [B, L]; B = BOXES^3, x slowest, then y, then time.
         information: H of every box [B, L, L].
         prior: curvature of the prior of a curve [L, L], of no box.
     """
 
-    theta: Tensor
     free: Tensor
     scores: Tensor
     information: Tensor
@@ -93,7 +91,7 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
         if len(D):
             sums.expect_smooth(A, b, at)
             roughness = sums.roughness
-    return Information(theta, theta[sums.free], scores, squares, roughness * D.T @ D)
+    return Information(theta[sums.free], scores, squares, roughness * D.T @ D)
 
 
 def _along(row: Row, X: Tensor, F: int) -> Tensor:

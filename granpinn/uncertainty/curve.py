@@ -33,7 +33,7 @@ from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
 from granpinn.results.summary import NORMAL_90
 from granpinn.uncertainty.determined import percentiles
 
-POINTS = 80
+POINTS = 80  # of a curve, evenly in log I
 BINS = 20
 FEWEST = 20  # points of a bin
 DRAWS = 2**12

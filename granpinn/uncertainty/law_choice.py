@@ -36,9 +36,9 @@ from granpinn.physics.laws import LAWS, Law, LawParameter, cohesive, free, mu_of
 from granpinn.results.comparison import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
 from granpinn.results.summary import NORMAL_90
+from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import N, Quadratic, basis
 
-CURVE = 80  # inertial numbers at which curves are compared
 CLEAR = 4.0  # difference of chi^2: two standard deviations
 I0_SPREAD = 0.4  # of ln I0
 KNOWN = 0.5  # of the spread of its prior: a parameter that the data tell less is not determined
@@ -167,7 +167,7 @@ def fits(
     own = -sum(curve.loss(k, at) for k, at in enumerate(left))
     values = tuple(curve.center.tolist())
     made = [Fit(free.LAW, (*values, *ends), {}, band.mu, 0.0, own)]
-    wide = np.geomspace(*ends, CURVE)
+    wide = np.geomspace(*ends, POINTS)
     back = np.linalg.pinv(basis(wide, *ends), rcond=1e-6)
     for law in LAWS.values():
         if law.curve or law.cohesion or not law.compiled:

@@ -14,12 +14,13 @@ from granpinn.results.comparison import ComparedLaw, sentence, table
 from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import calibration, law_choice
 from granpinn.uncertainty.calibration import FreeCurveError, ModelError
+from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import Quadratic, basis, joined, model_covariance, quadratic
 from granpinn.uncertainty.law_choice import Band, Cohesion, Fit, apart, choice, fits, with_cohesion
 
 ENDS = (0.01, 0.5)
 N = free.COEFFICIENTS
-I = np.geomspace(*ENDS, law_choice.CURVE)  # noqa: E741
+I = np.geomspace(*ENDS, POINTS)  # noqa: E741
 SD = 0.003
 
 
@@ -152,7 +153,7 @@ def information(rng: np.random.Generator, L: int, prior: float = 0.0) -> Informa
     free_part = torch.as_tensor(rng.uniform(0.3, 0.5, L))
     scores = torch.as_tensor(np.einsum("bnl,bn->bl", J, r))
     squares = torch.as_tensor(np.einsum("bnl,bnm->blm", J, J))
-    return Information(free_part, free_part, scores, squares, prior * torch.eye(L).double())
+    return Information(free_part, scores, squares, prior * torch.eye(L).double())
 
 
 def test_the_loss_is_least_at_the_trained_parameters(seed: int) -> None:
@@ -176,7 +177,7 @@ def test_independent_residuals_have_the_covariance_of_their_number(seed: int) ->
 
 def test_without_slopes_nothing_is_determined() -> None:
     none = information(np.random.default_rng(0), N)
-    zero = Information(none.theta, none.free, 0 * none.scores, 0 * none.information, none.prior)
+    zero = Information(none.free, 0 * none.scores, 0 * none.information, none.prior)
     assert quadratic(zero, N) is None
 
 

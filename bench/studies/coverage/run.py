@@ -16,17 +16,16 @@ Defends: the 90 % intervals of the default recipe hold 85 to 95 % of the truths.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 from bench.studies import raw
+from bench.studies.cores import on_all_cores
 from bench.studies.coverage.judge import cases_of, report
 from bench.studies.coverage.materials import Task, draw, make, read
 from granpinn import identify_many
@@ -57,9 +56,7 @@ def row(task: Task, result: Result) -> dict[str, Any]:
 def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:
     """Simulate and identify all tasks; rows, and the seconds that each part took."""
     begin = time.monotonic()
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=context) as pool:
-        paths = list(pool.map(make, tasks, [folder] * len(tasks)))
+    paths = on_all_cores(make, tasks, repeat(folder, len(tasks)))
     simulated = time.monotonic()
     print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
     rows = []

@@ -17,21 +17,19 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import multiprocessing
-import os
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from itertools import product
+from itertools import product, repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.studies import raw
+from bench.studies.cores import on_all_cores
 from bench.studies.laws.choice.table import table
 from bench.studies.laws.population import MATERIALS, make
 from granpinn import identify, identify_many
@@ -128,10 +126,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        context = multiprocessing.get_context("spawn")
-        sizes = [[value] * len(tasks) for value in (folder, own.cells, own.stride, own.frames)]
-        with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=context) as pool:
-            paths = list(pool.map(made, tasks, *sizes))
+        sizes = [repeat(value) for value in (folder, own.cells, own.stride, own.frames)]
+        paths = on_all_cores(made, tasks, *sizes)
         for noise in own.noise:
             begin = time.monotonic()
             found["rows"] += study(tasks, paths, noise, config)

@@ -15,18 +15,17 @@ Defends: at least 90 % of the violations are found and their part is named at 2 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.studies import raw
+from bench.studies.cores import on_all_cores
 from bench.studies.laws.verdict.flows import CLEAN, KINDS, make
 from bench.studies.laws.verdict.table import named, table
 from granpinn import identify_many
@@ -96,9 +95,7 @@ def study(
 ) -> Iterator[dict[str, Any]]:
     """Make and identify all flows; after each batch all rows, and the seconds of each part."""
     begin = time.monotonic()
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=context) as pool:
-        paths = list(pool.map(made, tasks, [folder] * len(tasks)))
+    paths = on_all_cores(made, tasks, repeat(folder, len(tasks)))
     simulated = time.monotonic()
     print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
     refused = {path: why for path in paths if (why := refusal(path, config)) is not None}
