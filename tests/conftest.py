@@ -48,8 +48,8 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
-    train = importlib.import_module("granpinn.train")
-    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+    run = importlib.import_module("granpinn.command.training_run")
+    monkeypatch.setattr(run.report, "build", lambda folder: folder / "report.html")
 
 
 @pytest.fixture

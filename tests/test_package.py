@@ -29,9 +29,21 @@ def test_import_loads_neither_torch_nor_the_kernels() -> None:
 
 
 def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
-    code = "import granpinn.train, granpinn.inspect, sys; print('scipy.signal' in sys.modules)"
+    code = (
+        "import granpinn.command.training_run, granpinn.inspect, sys; "
+        "print('scipy.signal' in sys.modules)"
+    )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.split() == ["False"]
+
+
+def test_help_of_train_loads_no_large_library() -> None:
+    code = (
+        "import sys; from granpinn import train; train.main(['--help']); "
+        "print([name for name in ('torch', 'scipy', 'h5py', 'matplotlib') if name in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.splitlines()[-1] == "[]"
 
 
 def test_version_is_that_of_the_installed_distribution() -> None:

@@ -18,7 +18,6 @@ from granpinn.config.fields import Setting, flag_of, sections_of, without_none
 from granpinn.config.toml import read_saved, read_toml
 from granpinn.config.values import NONE, convert
 from granpinn.physics.laws import LAWS
-from granpinn.simulation import demo_path
 
 # `python -m granpinn.train` without arguments: the collapse that comes with the package, in half
 # the steps of the default recipe.
@@ -50,7 +49,10 @@ def parse(argv: Sequence[str]) -> Config:
 
     Without arguments: the settings of the demonstration.
     """
-    argv = argv or [str(demo_path()), *DEMONSTRATION]
+    if not argv:
+        from granpinn.simulation import demo_path
+
+        argv = [str(demo_path()), *DEMONSTRATION]
     argv = switches(argv)
     parser = Parser(
         prog=program("train"),

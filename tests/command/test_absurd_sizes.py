@@ -9,7 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import results, train
+from granpinn import results
+from granpinn.command import training_run
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
 from granpinn.second_opinion import resimulation, simulated_pressure
@@ -29,7 +30,7 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(train.report, "build", lambda folder: folder / "report.html")
+    monkeypatch.setattr(training_run.report, "build", lambda folder: folder / "report.html")
     monkeypatch.setattr(simulated_pressure, "settle", raising(AssertionError("was simulated")))
     path = tmp_path / "flow.h5"
     write_flow(flow, path)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import identify, results, train
+from granpinn import identify, results
+from granpinn.command import training_run
 from granpinn.figures import album
 from granpinn.results import NotDone
 from tests.command.late_parts import missing, raising, run
@@ -41,7 +42,7 @@ def test_the_page_fails_alone(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(train.report, "build", raising(RuntimeError("no page today")))
+    monkeypatch.setattr(training_run.report, "build", raising(RuntimeError("no page today")))
     assert run(flow_file, "--out", tmp_path / "run") == 0
     result = results.read_results(tmp_path / "run" / "results.json")
     assert missing(result) == {"report": "RuntimeError: no page today"}
@@ -55,7 +56,7 @@ def test_a_page_names_what_was_not_done(
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     lacking = dataclasses.replace(result, not_done=(NotDone("profile of I0", "a <b> reason"),))
     results.write_results(lacking, tmp_path / "results.json")
-    page = train.report.build(tmp_path).read_text()
+    page = training_run.report.build(tmp_path).read_text()
     assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
 
 
@@ -73,7 +74,7 @@ def test_a_folder_that_vanishes_is_an_error(
         folder.mkdir()
         return folder / "report.html"
 
-    monkeypatch.setattr(train.report, "build", removed)
+    monkeypatch.setattr(training_run.report, "build", removed)
     assert run(flow_file, "--out", folder) == 1
     err = capsys.readouterr().err.splitlines()[-1]
     assert err.startswith(f"granpinn.train: {folder} was removed during the run")

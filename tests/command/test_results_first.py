@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from granpinn import identify, identify_many, results, train
+from granpinn import identify, identify_many, results
+from granpinn.command import training_run
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
 from granpinn.identification import finish, judgement, prediction, simulated_fields
@@ -158,7 +159,7 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(train, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(training_run, "profile_I0", raising(KeyError("a bug")))
     monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", flag) == 1
     out, err = capsys.readouterr()
@@ -174,7 +175,7 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
 def test_a_kill_in_the_profile_leaves_it_pending(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(train, "profile_I0", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(training_run, "profile_I0", raising(KeyboardInterrupt()))
     assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--resimulate") == 130
     result = results.read_results(tmp_path / "run" / "results.json")
     assert missing(result) == {

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from granpinn import results, train
-from granpinn.command import exit_codes
+from granpinn.command import exit_codes, training_run
 from granpinn.command.arguments import parse
 from granpinn.config import Config
 from granpinn.data import Flow, write_flow
@@ -188,7 +188,7 @@ def test_exit_codes(
     def fail(*args: object, **kwargs: object) -> None:
         raise error
 
-    monkeypatch.setattr(train, "identify", fail)
+    monkeypatch.setattr(training_run, "identify", fail)
     refused(capsys, code, "flow.h5", "--out", "run")
 
 
@@ -198,11 +198,11 @@ def test_tensorboard_listens_too(
 ) -> None:
     made: list[Any] = []
 
-    class Board(train.progress.Silent):
+    class Board(training_run.progress.Silent):
         def __init__(self, folder: Path, inner: Any) -> None:
             made.append(folder)
 
-    monkeypatch.setattr(train.progress, "TensorBoard", Board)
+    monkeypatch.setattr(training_run.progress, "TensorBoard", Board)
     assert run(flow_file, "--out", tmp_path / "run", "--tensorboard") == 0
     assert made == [tmp_path / "run"]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn import report, results, train
+from granpinn.command import training_run
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion import simulator_fit
@@ -230,7 +231,7 @@ def test_a_free_I0_is_fitted_by_the_simulator_too(
     figures: Callable[..., None],
 ) -> None:
     figures()
-    monkeypatch.setattr(train, "profile_I0", lambda *_, **__: None)
+    monkeypatch.setattr(training_run, "profile_I0", lambda *_, **__: None)
     monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
     out = tmp_path / "run"
     few = ["--steps", "4", "--network.widths", "6,5", "--batch.interior", "16"]

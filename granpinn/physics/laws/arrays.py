@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
-import torch
 
 LEAST_I = 1e-30
 """Added to an inertial number of which the logarithm is taken (csrc/math/scalar.h)."""
@@ -16,8 +16,9 @@ def together(*values: Any) -> tuple[Any, ...]:
 
     Torch where a value is a tensor; then all have its type and device.
     """
-    tensor = next((v for v in values if isinstance(v, torch.Tensor)), None)
-    if tensor is None:
+    torch = sys.modules.get("torch")  # not loaded: no value is a tensor
+    tensor = torch and next((v for v in values if isinstance(v, torch.Tensor)), None)
+    if torch is None or tensor is None:
         return (np, *(np.asarray(v, dtype=np.float64)[()] for v in values))
     dtype, device = tensor.dtype, tensor.device
     return (torch, *(torch.as_tensor(v, dtype=dtype, device=device) for v in values))

@@ -1,0 +1,161 @@
+"""What `granpinn train` does with its settings: identification, second opinion, results, report."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+from granpinn import report, results
+from granpinn.command import flow_warnings
+from granpinn.command.answer import Answer
+from granpinn.command.next_step import require_flow_file
+from granpinn.config import Config, ConfigError
+from granpinn.data import Flow, add_noise, read_flow
+from granpinn.identification.finish import require_kept
+from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
+from granpinn.identification.single import identify
+from granpinn.output import objection_to_folder, owned
+from granpinn.results import NotDone, findings
+from granpinn.results.attempt import (
+    PROFILE,
+    REPORT,
+    RESIMULATION,
+    SIMULATOR_FIT,
+    asked_for,
+    attempt,
+    having,
+    lacking,
+    pending,
+)
+from granpinn.second_opinion import comparison, resimulation, simulator_fit
+from granpinn.second_opinion.law_runs import LawRuns
+from granpinn.second_opinion.resimulation import Column
+from granpinn.simulation import progress as simulation_progress
+from granpinn.training import parallel, progress
+from granpinn.uncertainty.of_result import headline
+
+
+def run(config: Config) -> int:
+    """Identify, write the results and the report; the exit code."""
+    assert config.flow is not None
+    assert config.out is not None
+    require_flow_file(Path(config.flow))
+    if objection := objection_to_folder(config.out):
+        raise ConfigError(f"--out {objection}")
+    with (
+        parallel.joined() as rank,
+        nullcontext() if rank else owned(config.out),
+        flow_warnings.in_one_line(),
+    ):
+        answer = Answer()
+        result = _identify(config, rank, answer)
+        if rank == 0:
+            result = _conclude(config, result, answer)
+    missing = asked_for(result)
+    for part in missing if rank == 0 else ():
+        print(f"granpinn.train: {part}; the other results are valid", file=sys.stderr)
+    return 1 if missing else 0
+
+
+def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
+    """The result, with the profile of I0 if --free-I0 is set; every process takes part."""
+    assert config.flow is not None
+    assert config.out is not None
+    folder = Path(config.out)
+    if config.free_I0:
+        require_mu_of_i(config)
+    listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
+    if config.tensorboard and rank == 0:
+        listener = progress.TensorBoard(folder, listener)
+    flow = config.flow
+    result: results.Result = identify(
+        flow, config, run_dir=folder, progress=listener, known=answer.show
+    )
+    if config.resimulate:
+        result = pending(result, RESIMULATION)
+    if not config.free_I0:
+        return result
+    result = pending(result, PROFILE)
+    if rank == 0:
+        results.write_results(result, folder / "results.json")
+    profile = attempt(
+        PROFILE,
+        lambda: profile_I0(
+            flow,
+            config,
+            steps=result.timing.steps,
+            run_dir=folder / "profile",
+            progress=progress.automatic(),
+        ),
+    )
+    if isinstance(profile, NotDone):
+        return lacking(result, profile)
+    return having(result, PROFILE, profile=profile)
+
+
+def _conclude(config: Config, result: results.Result, answer: Answer) -> results.Result:
+    """Add the second opinion if --resimulate is set; write the results and the report."""
+    assert config.out is not None
+    folder = Path(config.out)
+    answer.show(result)
+    if config.free_I0 or config.resimulate:
+        results.write_results(result, folder / "results.json")
+    if config.resimulate:
+        result = _resimulate(config, result, folder)
+        results.write_results(result, folder / "results.json")
+        answer.show(result)
+    page = attempt(REPORT, lambda: report.build(folder))
+    if isinstance(page, NotDone):
+        result = lacking(result, page)
+        results.write_results(result, folder / "results.json")
+        answer.show(result)
+    else:
+        print(f"verdict: {headline(result, folder / 'history.csv')}")
+        print(f"report: {page}")
+    require_kept(folder)
+    return result
+
+
+def _resimulate(config: Config, result: results.Result, folder: Path) -> results.Result:
+    """Simulate with the identified law, fit the simulator, and write resimulation.json."""
+    assert config.flow is not None
+    path, cells, law = config.flow, config.resimulation.cells, result.friction_law
+
+    def again() -> tuple[Flow, findings.Resimulation, comparison.Comparison | None]:
+        flow = read_flow(path)
+        listener = simulation_progress.automatic()
+        return flow, *resimulation.resimulate(
+            flow, law, result.theta, cells, listener, config.side_walls.friction
+        )
+
+    found = attempt(RESIMULATION, again)
+    if isinstance(found, NotDone):
+        return lacking(result, found)
+    flow, summary, compared = found
+    result = having(result, RESIMULATION, resimulation=summary)
+    if summary.column is not None and simulator_fit.exists_for(law):
+        column = Column(*summary.column)
+        fitted = attempt(SIMULATOR_FIT, lambda: _fit(config, flow, column, result.theta))
+        if isinstance(fitted, NotDone):
+            result = lacking(result, fitted)
+        else:
+            summary = dataclasses.replace(summary, fit=fitted)
+            result = having(result, SIMULATOR_FIT, resimulation=summary)
+    comparison.write_comparison(summary, compared, folder / comparison.FILE)
+    return result
+
+
+def _fit(
+    config: Config, flow: Flow, column: Column, theta: tuple[float, ...]
+) -> findings.SimulatorFit:
+    """Fit the simulator to the flow, from the identified mu(I) law."""
+    seen = add_noise(flow, config.noise, config.seed)
+    mu_s, mu_2, I0 = theta
+    cells, friction = config.resimulation.cells, config.side_walls.friction
+    runs = LawRuns(seen, column, I0, cells, config.free_I0, friction)
+    try:
+        return simulator_fit.fit(seen, runs, (mu_s, mu_2))
+    finally:
+        runs.stop()
