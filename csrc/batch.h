@@ -26,12 +26,14 @@ struct BatchArguments {
   const T* surface_points;     // [M, 3]
   const T* surface_pressure;   // [M]
   const T* term_weights;       // [E, kTerms]
+  const T* source;             // [N, 2], or null
   T* to_points;                // [E, interior, 3]
   T* to_velocity;
   T* to_point_weights;
   T* to_surface_points;  // [E, surface, 3]
   T* to_surface_pressure;
   T* to_term_weights;  // [E, kTerms]
+  T* to_source;        // [E, interior, 2], or null
 };
 
 // Row i of a table: all rows are read before one is stored, so that the loads overlap. NaN for the
@@ -83,6 +85,7 @@ GRANPINN_HD void draw_point(const BatchArguments<T>& a, std::int64_t e, std::int
   point.put(a.to_points, to);
   velocity.put(a.to_velocity, to);
   weights.put(a.to_point_weights, to);
+  if (a.source) Row<2, T>(a.source, from).put(a.to_source, to);
 }
 
 // Surface point j of member e.

@@ -61,6 +61,7 @@ struct LossArguments {
   const T* points;            // [n, 3]
   const T* velocity;          // [n, 2]
   const T* point_weights;     // [n, 2]
+  const T* source;            // [n, 2], or null
   const T* surface_points;    // [m, 3]
   const T* surface_pressure;  // [m]
 };

@@ -61,6 +61,17 @@ double weighted_square(V weight, V e) {
   return sum;
 }
 
+// The body force at a tile's points.
+template <class T>
+void load_force(const LossArguments<T>& a, std::int64_t at, std::int64_t count, T (&x)[kTile],
+                T (&y)[kTile]) {
+  for (int p = 0; p < kTile; ++p) {
+    const BodyForce<T> force = body_force(a.physics, p < count ? a.source : nullptr, at + p);
+    x[p] = force.x;
+    y[p] = force.y;
+  }
+}
+
 // The data misfit of one tile: adds to the adjoint of the raw outputs' values.
 template <class T>
 void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile], std::int64_t at,
@@ -87,9 +98,10 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
   const std::int64_t K = F::fields, count = a.n - at < kTile ? a.n - at : kTile;
   load_points(a.net, a.points, at, a.n, tile.xi);
   const T* raw = forward<F::channels>(a.net, tile);
-  alignas(64) T w_velocity[kTile], w_physics[kTile];
+  alignas(64) T w_velocity[kTile], w_physics[kTile], force_x[kTile], force_y[kTile];
   load_column(a.point_weights + 2 * at, 2, count, w_velocity);
   load_column(a.point_weights + 2 * at + 1, 2, count, w_physics);
+  load_force(a, at, count, force_x, force_y);
   const LawValues<Law, T> law(a.theta);
   for (int p = 0; p < kTile; p += kLanes<T>) {
     V z[F::fields][F::channels], g[F::fields][F::channels];
@@ -99,7 +111,8 @@ void interior_tile(const LossArguments<T>& a, const TileBuffers<T>& tile, std::i
     const V weight = V::load(w_physics + p);
     for (int r = 0; r < F::residuals; ++r)
       w[r] = V(a.term_weights[F::term_of(r)] / static_cast<T>(a.n)) * weight;
-    F::template gradient<Law>(z, law.theta, a.physics, w, e, g, g_theta);
+    const BodyForce<V> force{V::load(force_x + p), V::load(force_y + p)};
+    F::template gradient<Law>(z, law.theta, a.physics, force, w, e, g, g_theta);
     for (int k = 0; k < F::fields; ++k)
       for (int c = 0; c < F::channels; ++c) g[k][c].store(tile.g + (c * K + k) * kTile + p);
     for (int r = 0; r < F::residuals; ++r)

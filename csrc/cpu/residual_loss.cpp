@@ -21,6 +21,7 @@ LossArguments<T> member_arguments(const LossTensors& in, std::int64_t e) {
   a.points = in.points.member<T>(e);
   a.velocity = in.velocity.member<T>(e);
   a.point_weights = in.point_weights.member<T>(e);
+  a.source = in.source_of<T>(e);
   a.surface_points = in.surface_points.member<T>(e);
   a.surface_pressure = in.surface_pressure.member<T>(e);
   return a;

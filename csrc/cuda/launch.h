@@ -70,6 +70,7 @@ struct DeviceLoss {
   Batched<T> points;               // [n, 3]
   Batched<T> velocity;             // [n, 2]
   Batched<T> point_weights;        // [n, 2]
+  Batched<T> source;               // [n, 2], or null
   Batched<T> surface_points;       // [m, 3]
   Batched<T> surface_pressure;     // [m]
   Batched<T> term_weights;         // [kTerms]

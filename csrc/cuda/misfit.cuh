@@ -49,9 +49,10 @@ __global__ __launch_bounds__(kMisfitThreads) void interior_adjoint(
     const T weight = a.point_weights.member(e)[2 * i + 1];
     for (int r = 0; r < F::residuals; ++r)
       w[r] = term_weights[F::term_of(r)] / static_cast<T>(a.n) * weight;
+    const Physics<T> physics = physics_from<T>(a.physics.member(e));
+    const BodyForce<T> force = body_force(physics, a.source.member(e), i);
     visit_law(a.law_of(e), [&](auto law) {
-      F::template gradient<decltype(law)>(z, theta, physics_from<T>(a.physics.member(e)), w,
-                                          residual, z_a, theta_a);
+      F::template gradient<decltype(law)>(z, theta, physics, force, w, residual, z_a, theta_a);
     });
     for (int k = 0; k < 2; ++k) z_a[k][0] += velocity_misfit(a, e, i, k, z[k][0], &own[kVelocity]);
     for (int k = 0; k < K; ++k)

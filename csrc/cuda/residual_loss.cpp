@@ -33,6 +33,7 @@ DeviceLoss<T> device_loss(const LossTensors& in, const LossResult& out) {
   a.points = batched<T>(in.points);
   a.velocity = batched<T>(in.velocity);
   a.point_weights = batched<T>(in.point_weights);
+  if (in.source.data.defined()) a.source = batched<T>(in.source);
   a.surface_points = batched<T>(in.surface_points);
   a.surface_pressure = batched<T>(in.surface_pressure);
   a.term_weights = batched<T>(in.term_weights);

@@ -3,6 +3,7 @@
 // with their first derivatives. softplus keeps p >= 0: grains carry no tension.
 #pragma once
 
+#include "body_force.h"
 #include "jet.h"
 #include "physics.h"
 #include "terms.h"
@@ -66,13 +67,14 @@ GRANPINN_HD void pressure_jet_adjoint(const R (&z)[C], scalar_t<R> scale, const 
   }
 }
 
-// The residuals of a form alone: the compiler leaves out the unused gradient.
+// The residuals of a form alone, without a source: the compiler leaves out the unused gradient.
 template <class F, class Law, class R, class T, int N>
 GRANPINN_HD void residuals_of(const R (&z)[F::fields][F::channels], const R (&theta)[N],
                               const Physics<T>& c, R (&e)[F::residuals]) {
   R w[F::residuals], z_a[F::fields][F::channels], theta_a[N];
   for (int r = 0; r < F::residuals; ++r) w[r] = R(T(0));
-  F::template gradient<Law>(z, theta, c, w, e, z_a, theta_a);
+  const BodyForce<R> gravity{R(c.g_x), R(c.g_y)};
+  F::template gradient<Law>(z, theta, c, gravity, w, e, z_a, theta_a);
 }
 
 }  // namespace granpinn

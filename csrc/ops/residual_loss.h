@@ -3,6 +3,7 @@
 // `Backend::loss(in)` returns the LossResult of the checked tensors.
 #pragma once
 
+#include <optional>
 #include <tuple>
 
 #include "arguments.h"
@@ -25,9 +26,16 @@ struct LossTensors {
   at::Tensor params;
   Shared theta, points, velocity, point_weights, surface_points, surface_pressure, term_weights;
   Shared input_shift, input_scale, physics;
+  Shared source;  // without data: none
 
   std::int64_t members() const { return E ? E : 1; }
   LawName law_of(std::int64_t e) const { return laws.size() == 1 ? laws[0] : laws[e]; }
+
+  // The source term of member e, or null.
+  template <class T>
+  const T* source_of(std::int64_t e) const {
+    return source.data.defined() ? source.member<T>(e) : nullptr;
+  }
 
   // The result, with its memory not yet filled in.
   LossResult results() const {
@@ -58,7 +66,8 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
                                 Ints widths, const at::Tensor& input_shift,
                                 const at::Tensor& input_scale, const at::Tensor& physics,
                                 c10::string_view form, c10::string_view law,
-                                c10::string_view precision) {
+                                c10::string_view precision,
+                                const std::optional<at::Tensor>& source) {
   LossTensors in{};
   in.count = parameter_count(widths);
   in.widths = widths;
@@ -83,6 +92,7 @@ inline LossTensors loss_tensors(const at::Tensor& params, const at::Tensor& thet
   in.theta = checked("theta", theta, {in.parameters});
   in.velocity = checked("velocity", velocity, {in.n, 2});
   in.point_weights = checked("point_weights", point_weights, {in.n, 2});
+  if (source) in.source = checked("source", *source, {in.n, 2});
   in.surface_pressure = checked("surface_pressure", surface_pressure, {in.m});
   in.term_weights = checked("term_weights", term_weights, {kTerms});
   in.input_shift = checked("input_shift", input_shift, {3});

@@ -18,7 +18,7 @@ TORCH_LIBRARY(granpinn, m) {
       "residual_loss(Tensor params, Tensor theta, Tensor points, Tensor velocity, "
       "Tensor point_weights, Tensor surface_points, Tensor surface_pressure, Tensor term_weights, "
       "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, "
-      "str law, str precision) -> (Tensor, Tensor, Tensor, Tensor)");
+      "str law, str precision, Tensor? source=None) -> (Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "viscosity(Tensor gamma_dot, Tensor p, Tensor theta, str law, float d, float eta_min, float "
       "eta_max, "
@@ -34,14 +34,14 @@ TORCH_LIBRARY(granpinn, m) {
   m.def(
       "draw_batch(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
       "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
-      "Tensor term_weights, int interior, int surface, int share) "
-      "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
+      "Tensor term_weights, int interior, int surface, int share, Tensor? source=None) "
+      "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "batch_loss(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
       "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
       "Tensor term_weights, int interior, int surface, int share, Tensor params, Tensor theta, "
       "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, str law, "
-      "str precision) -> (Tensor, Tensor, Tensor, Tensor)");
+      "str precision, Tensor? source=None) -> (Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "update(Tensor(a!) counter, Tensor table, Tensor lr_scale, Tensor(b!) fault, "
       "Tensor(c!) counts, Tensor loss, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "

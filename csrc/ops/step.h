@@ -7,6 +7,7 @@
 
 #include <c10/core/DeviceGuard.h>
 #include <algorithm>
+#include <optional>
 #include <tuple>
 
 #include "residual_loss.h"
@@ -16,14 +17,17 @@ namespace granpinn {
 
 template <class Backend>
 struct StepOps {
-  using Six = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor>;
+  // points, velocity, point_weights, surface_points, surface_pressure, term_weights, source
+  using Drawn = std::tuple<at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor, at::Tensor,
+                           at::Tensor>;
 
-  static Six draw_batch(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& seeds,
-                        const at::Tensor& places, const at::Tensor& points,
-                        const at::Tensor& velocity, const at::Tensor& point_weights,
-                        const at::Tensor& surface_points, const at::Tensor& surface_pressure,
-                        const at::Tensor& term_weights, std::int64_t interior, std::int64_t surface,
-                        std::int64_t share) {
+  static Drawn draw_batch(const at::Tensor& counter, const at::Tensor& table,
+                          const at::Tensor& seeds, const at::Tensor& places,
+                          const at::Tensor& points, const at::Tensor& velocity,
+                          const at::Tensor& point_weights, const at::Tensor& surface_points,
+                          const at::Tensor& surface_pressure, const at::Tensor& term_weights,
+                          std::int64_t interior, std::int64_t surface, std::int64_t share,
+                          const std::optional<at::Tensor>& source) {
     const c10::DeviceGuard guard(points.device());
     const at::ScalarType type = points.scalar_type();
     GRANPINN_CHECK_TYPE(type == at::kFloat || type == at::kDouble,
@@ -38,6 +42,7 @@ struct StepOps {
     tensors.reads("points", points, type, {N, 3});
     tensors.reads("velocity", velocity, type, {N, 2});
     tensors.reads("point_weights", point_weights, type, {N, 2});
+    if (source) tensors.reads("source", *source, type, {N, 2});
     tensors.reads("surface_points", surface_points, type, {M, 3});
     tensors.reads("surface_pressure", surface_pressure, type, {M});
     tensors.reads("term_weights", term_weights, type, {E, kTerms});
@@ -58,8 +63,13 @@ struct StepOps {
     const auto empty = [&](std::vector<std::int64_t> shape) {
       return at::empty(shape, points.options());
     };
-    const Six out{empty({E, interior, 3}), empty({E, interior, 2}), empty({E, interior, 2}),
-                  empty({E, surface, 3}),  empty({E, surface}),     empty({E, kTerms})};
+    const Drawn out{empty({E, interior, 3}),
+                    empty({E, interior, 2}),
+                    empty({E, interior, 2}),
+                    empty({E, surface, 3}),
+                    empty({E, surface}),
+                    empty({E, kTerms}),
+                    empty({E, source ? interior : 0, 2})};
     AT_DISPATCH_FLOATING_TYPES(type, "draw_batch", [&] {
       using T = scalar_t;
       const auto data = [](const at::Tensor& a) { return a.const_data_ptr<T>(); };
@@ -78,12 +88,14 @@ struct StepOps {
                                       data(surface_points),
                                       data(surface_pressure),
                                       data(term_weights),
+                                      source ? data(*source) : nullptr,
                                       to(std::get<0>(out)),
                                       to(std::get<1>(out)),
                                       to(std::get<2>(out)),
                                       to(std::get<3>(out)),
                                       to(std::get<4>(out)),
-                                      to(std::get<5>(out))});
+                                      to(std::get<5>(out)),
+                                      source ? to(std::get<6>(out)) : nullptr});
     });
     return out;
   }
@@ -98,16 +110,14 @@ struct StepOps {
                                const at::Tensor& params, const at::Tensor& theta, Ints widths,
                                const at::Tensor& input_shift, const at::Tensor& input_scale,
                                const at::Tensor& physics, c10::string_view form,
-                               c10::string_view law, c10::string_view precision) {
-    const Six batch =
+                               c10::string_view law, c10::string_view precision,
+                               const std::optional<at::Tensor>& source) {
+    const auto [x, v, w, surface_x, surface_p, weights, drawn_source] =
         draw_batch(counter, table, seeds, places, points, velocity, point_weights, surface_points,
-                   surface_pressure, term_weights, interior, surface, share);
-    LossTensors in = std::apply(
-        [&](const auto&... drawn) {
-          return loss_tensors(params, theta, drawn..., widths, input_shift, input_scale, physics,
-                              form, law, precision);
-        },
-        batch);
+                   surface_pressure, term_weights, interior, surface, share, source);
+    LossTensors in = loss_tensors(params, theta, x, v, w, surface_x, surface_p, weights, widths,
+                                  input_shift, input_scale, physics, form, law, precision,
+                                  source ? std::optional(drawn_source) : std::nullopt);
     in.drawn = in.E > 0 && in.params.is_same(params);
     return Backend::loss(in);
   }

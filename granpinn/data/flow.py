@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,10 @@ from granpinn.physics.law_values import LawValues
 LEAST, LARGEST = 1e-30, 1e30
 # among the attributes
 STEADY, PERIOD_X, SURFACE_SD, WALL_GAP = "steady", "period_x", "surface_sd", "wall_gap"
+
+
+# (x, y, t), each [n], to the force per mass (S_x, S_y), each [n]
+Source = Callable[[Float64, Float64, Float64], tuple[Float64, Float64]]
 
 
 class FlowFileError(BadInput):
@@ -125,6 +130,8 @@ class Flow:
             `wall_gap` the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
+        source: force per mass beside gravity at any point, in the units and axes of the flow, for
+            manufactured flows (bench/studies/floor); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -153,6 +160,7 @@ class Flow:
     truth: Truth | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
     layer: bool = False
+    source: Source | None = None
     sha256: str = ""
     path: Path | None = None
 

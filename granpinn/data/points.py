@@ -53,6 +53,8 @@ class TrainingSet:
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
             layer on a wall may be thinner than the spacing of the vectors.
+        source: force per mass beside gravity at the data points, the points between and those of
+            the strip [N + B + S, 2]; None: none.
     """
 
     points: torch.Tensor
@@ -67,6 +69,7 @@ class TrainingSet:
     equation_weights: torch.Tensor
     wall_points: torch.Tensor
     wall_velocity: torch.Tensor
+    source: torch.Tensor | None = None
 
     def pooled(self) -> TrainingSet:
         """The training set with the B, S and W points among the data points, for batches.
@@ -89,8 +92,10 @@ class TrainingSet:
             torch.stack([unknown[:, 0], self.equation_weights * of_equations], 1),
             physics.new_tensor([of_walls, 0.0]).expand(W, 2),
         ]
+        source = self.source
         return replace(
             self,
+            source=None if source is None else torch.cat([source, source.new_zeros(W, 2)]),
             points=torch.cat([self.points, alone, self.wall_points]),
             velocity=torch.cat([self.velocity, unknown, self.wall_velocity]),
             point_weights=torch.cat(of_points),
@@ -165,7 +170,7 @@ def training_set(
         wall_velocity=tensor(velocity[:0]),
     )
     for name, values in vars(training).items():
-        if not torch.isfinite(values).all():
+        if values is not None and not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
                 "an overflow: check the units and the values of the flow"

@@ -22,6 +22,7 @@ from granpinn.data.collocation import (
 )
 from granpinn.data.flow import Flow, Surface
 from granpinn.data.points import TrainingSet, place_of, training_set
+from granpinn.data.source import source_at
 from granpinn.data.surface_strip import draw, strip_of
 from granpinn.data.wall_points import with_walls
 from granpinn.physics.scales import Scales
@@ -60,7 +61,8 @@ def training_sets(
         sets = _with_strips(sets, union, scales)
     on_walls = with_walls(data, flow, scales)
     count = len(data.surface_points)
-    return [_with_walls_of(on_walls, _even(made), count) for made in sets]
+    complete = [_with_walls_of(on_walls, _even(made), count) for made in sets]
+    return [_with_source(made, flow, scales) for made in complete]
 
 
 def _variant(
@@ -110,6 +112,12 @@ def _even(made: TrainingSet) -> TrainingSet:
         point_weights=torch.stack([velocity, physics / mean], 1),
         equation_weights=made.equation_weights / mean,
     )
+
+
+def _with_source(made: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
+    """The set with the source term of the flow at its points of the equations."""
+    points = torch.cat([made.points, made.between, made.strip])
+    return replace(made, source=source_at(points, flow, scales))
 
 
 def _with_walls_of(on_walls: TrainingSet, made: TrainingSet, count: int) -> TrainingSet:

@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from granpinn.data.flow import Flow, Truth
+from granpinn.data.flow import Flow, FlowFileError, Truth
 from granpinn.data.format import (
     DATASETS,
     FORMAT_NAME,
@@ -36,10 +36,15 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
     """Checks a flow and writes it; the file appears only once it is complete.
 
     Raises:
-        FlowFileError: the flow breaks a rule of the format.
+        FlowFileError: the flow breaks a rule of the format, or has a source term.
         OutputError: the file cannot be written.
     """
     check_flow(flow)
+    if flow.source is not None:
+        raise FlowFileError(
+            "a flow file has no place for the source term of a flow, got a flow with one: keep it "
+            "in memory"
+        )
     with hdf5_file(path) as file:
         _write_attributes(file, flow)
         _write_arrays(file, flow)

@@ -27,7 +27,7 @@ from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import Law
 from granpinn.physics.rheology import inertial_number
-from granpinn.physics.scales import Quantity
+from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, Units
 from granpinn.training.operators import operators_of
@@ -45,6 +45,8 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
     """
     scales, grid = model.scales, test_grid(flow, model.scales)
     values = values_at(grid.points, axes_of(flow), model, chunk)
+    if flow.source is not None:
+        _subtract_source(values, flow, grid.points, scales)
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         if known is not None:
             values[f"{name}_reference"] = known[grid.indices].astype(np.float32)
@@ -82,6 +84,16 @@ def values_at(points: Tensor, axes: Axes, model: Model, chunk: int = CHUNK) -> d
                 value = model.scales.to_physical(value, kind)  # type: ignore[arg-type]
             values[name][start : start + chunk] = value.cpu().numpy()
     return values
+
+
+def _subtract_source(
+    values: dict[str, Float32], flow: Flow, points: Tensor, scales: Scales
+) -> None:
+    """Take the source term of a flow off the residuals of momentum at its own points [N, 3]."""
+    assert flow.source is not None
+    for axis, force in zip("xy", flow.source(*scales.points_to_physical(points).T), strict=True):
+        dimensionless = scales.to_dimensionless(force, "acceleration")
+        values[f"momentum_residual_{axis}"] -= dimensionless.astype(np.float32)
 
 
 def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:

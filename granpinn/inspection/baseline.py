@@ -52,6 +52,8 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
         I0: inertial scale of the law through the points.
         side_walls: their friction, for a flow that states their distance.
     """
+    if flow.source is not None:
+        return Baseline("the flow has a source of momentum, and the balance has gravity alone")
     side_walls = side_walls or SideWalls()
     pose = upright(flow, 0)
     held = None if isinstance(pose, str) else hanging(flow, pose)

@@ -74,9 +74,10 @@ def _slips(flow: Flow) -> list[Slip]:
     center, body = center_of(flow, frames, u, v, height), body_of(flow)
     found = _of_motion(flow, frames, u, v, center, height) if gridded else []
     found = found or (missing(flow, body) if gridded and center.closed else [])
-    found = found or gravity_slips(flow, body, height, center.closed) or _rise(center)
-    found = found or surface_slips(flow)
-    found = found or against_fall(flow, _speeds(flow, u, v), height, center.closed)
+    if flow.source is None:  # else gravity is not the only force
+        found = found or gravity_slips(flow, body, height, center.closed) or _rise(center)
+        found = found or surface_slips(flow)
+        found = found or against_fall(flow, _speeds(flow, u, v), height, center.closed)
     always = repeated(flow) + unsteady(flow) if gridded else []
     return [*always, *found, *size_slips(flow)]
 

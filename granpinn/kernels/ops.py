@@ -91,6 +91,7 @@ def residual_loss(
     form: str,
     law: str = "mu_of_i",
     precision: str = "fp32",
+    source: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The loss, its terms, and its gradients by the network and the friction law, in one pass.
 
@@ -114,6 +115,8 @@ def residual_loss(
             behind a shorter one have no effect.
         precision: "fp32", or "fast" for tensor cores, compensated to float32 in the forward
             products and halves in the backward ones; without effect on a CPU and in float64.
+        source: force per mass that the momentum equation has at the points beside gravity [N, 2];
+            None: none. It has no gradient.
 
     The input map and ``physics`` are numbers, or tensors with a leading E: members of an ensemble
     can be different problems.
@@ -138,6 +141,7 @@ def residual_loss(
         form,
         law,
         precision,
+        source,
     )
     return out
 

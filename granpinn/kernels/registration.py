@@ -85,15 +85,17 @@ def _(step, seed, stream, count, population):  # type: ignore[no-untyped-def]
 
 @torch.library.register_fake("granpinn::draw_batch")
 def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-def]
-    interior, surface, _ = rest[-3:]
+    interior, surface, _, *given = rest[5:]
     E = seeds.shape[0]
-    shapes = ((interior, 3), (interior, 2), (interior, 2), (surface, 3), (surface,), (len(NAMES),))
+    of_points = ((interior, 3), (interior, 2), (interior, 2))
+    source = (interior if given and given[0] is not None else 0, 2)
+    shapes = (*of_points, (surface, 3), (surface,), (len(NAMES),), source)
     return tuple(points.new_empty([E, *shape]) for shape in shapes)
 
 
 @torch.library.register_fake("granpinn::batch_loss")
 def _(counter, table, seeds, *rest):  # type: ignore[no-untyped-def]
-    params, theta = rest[-9], rest[-8]
+    params, theta = rest[10:12]
     E = params.shape[0]
     shapes = ((E,), (E, len(NAMES)), params.shape, theta.shape)
     return tuple(params.new_empty(shape) for shape in shapes)
@@ -135,8 +137,8 @@ torch.library.register_autograd("granpinn::network_jet", _jet_backward, setup_co
 
 def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     _, terms, grad_params, grad_theta = output
-    for name, data in zip(DATA, inputs[2:8], strict=True):
-        if data.requires_grad:
+    for name, data in zip([*DATA, "source"], [*inputs[2:8], inputs[15]], strict=True):
+        if data is not None and data.requires_grad:
             raise ValueError(
                 f"{name} must not require a gradient: the loss is differentiable in params and "
                 f"theta; pass {name}.detach()"
@@ -149,7 +151,7 @@ def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
 def _loss_backward(ctx, grad, *_others):  # type: ignore[no-untyped-def]
     grad_params, grad_theta = ctx.saved_tensors
     scale = grad.unsqueeze(-1)
-    return (scale * grad_params, scale * grad_theta, *([None] * 13))
+    return (scale * grad_params, scale * grad_theta, *([None] * 14))
 
 
 torch.library.register_autograd(

@@ -63,29 +63,36 @@ def residuals(
     physics: Sequence[float],
     form: str,
     law: str = "mu_of_i",
+    source: Tensor | None = None,
 ) -> Tensor:
     """Residuals of the equations at the points: [N, 3] strong, [N, 5] mixed.
 
     Args:
         raw: any differentiable map from points [N, 3] to raw outputs [N, K], row by row.
+        source: force per mass S beside gravity, [N, 2] at the points; None: none.
     """
     points = points.detach().requires_grad_()
-    z = raw(points)
+    z, constants = raw(points), Physics(*physics)
+    force = z.new_tensor([constants.g_x, constants.g_y]).expand(len(z), 2)
+    if source is not None:
+        force = force + source
     if form == "strong":
-        return _strong_form(z, points, theta, Physics(*physics), law)
+        return _strong_form(z, points, theta, constants, force, law)
     if form == "mixed":
-        return _mixed_form(z, points, theta, Physics(*physics), law)
+        return _mixed_form(z, points, theta, constants, force, law)
     raise ValueError(f'form must be "strong" or "mixed", got "{form}"')
 
 
-def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
+def _strong_form(
+    z: Tensor, points: Tensor, theta: Tensor, physics: Physics, force: Tensor, law: str
+) -> Tensor:
     r"""(e_u, e_v, div v) [N, 3] of equations (3a) and (3b):
 
-    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - g - f, $$
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot (2 \eta D) - (g + S) - f, $$
 
-    with the force f of `side_wall_force`. The divergence differentiates the stress 2 eta D itself,
-    with eta in it. A network of the mixed form has a strong residual too: that of its first three
-    fields.
+    with `force` g + S [N, 2] and the force f of `side_wall_force`. The divergence differentiates
+    the stress 2 eta D itself, with eta in it. A network of the mixed form has a strong residual
+    too: that of its first three fields.
     """
     u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
     p = pressure(z, physics.pressure_scale)
@@ -102,17 +109,19 @@ def _strong_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law
     tau_xy_x, tau_xy_y, _ = gradient(2 * eta * D_xy, points).unbind(1)
     _, tau_yy_y, _ = gradient(2 * eta * D_yy, points).unbind(1)
 
-    e_u = u_t + u * u_x + v * u_y + p_x - (tau_xx_x + tau_xy_y) - physics.g_x
-    e_v = v_t + u * v_x + v * v_y + p_y - (tau_xy_x + tau_yy_y) - physics.g_y
+    e_u = u_t + u * u_x + v * u_y + p_x - (tau_xx_x + tau_xy_y) - force[:, 0]
+    e_v = v_t + u * v_x + v * v_y + p_y - (tau_xy_x + tau_yy_y) - force[:, 1]
     f_x, f_y = side_wall_force(u, v, p, physics)
     e_u, e_v = e_u - f_x, e_v - f_y
     return torch.stack([e_u, e_v, u_x + v_y], dim=1)
 
 
-def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law: str) -> Tensor:
+def _mixed_form(
+    z: Tensor, points: Tensor, theta: Tensor, physics: Physics, force: Tensor, law: str
+) -> Tensor:
     r"""(e_u, e_v, div v, r_1, r_2) [N, 5] of (3a) and (3b) with the stress as an unknown,
 
-    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - g - f, $$
+    $$ e = \partial_t v + v \cdot \nabla v + \nabla p - \nabla \cdot \tau - (g + S) - f, $$
 
     and of the friction law as `constitutive` writes it, times $(1 + (\dot\gamma/c)^2)^{-1/2}$ with
     the rate c = `law_rate`.
@@ -126,8 +135,8 @@ def _mixed_form(z: Tensor, points: Tensor, theta: Tensor, physics: Physics, law:
     tau_1_x, tau_1_y, _ = gradient(p * s_1, points).unbind(1)
     tau_2_x, tau_2_y, _ = gradient(p * s_2, points).unbind(1)
 
-    e_u = u_t + u * u_x + v * u_y + p_x - (tau_1_x + tau_2_y) - physics.g_x
-    e_v = v_t + u * v_x + v * v_y + p_y - (tau_2_x - tau_1_y) - physics.g_y
+    e_u = u_t + u * u_x + v * u_y + p_x - (tau_1_x + tau_2_y) - force[:, 0]
+    e_v = v_t + u * v_x + v * v_y + p_y - (tau_2_x - tau_1_y) - force[:, 1]
     f_x, f_y = side_wall_force(u, v, p, physics)
     e_u, e_v = e_u - f_x, e_v - f_y
 

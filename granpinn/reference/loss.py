@@ -27,6 +27,7 @@ def loss_terms(
     physics: Sequence[float],
     form: str,
     law: str = "mu_of_i",
+    source: Tensor | None = None,
 ) -> Tensor:
     r"""The five terms [5] of one network, differentiable in params and theta.
 
@@ -43,6 +44,7 @@ def loss_terms(
     Args:
         points, velocity, point_weights: [N, 3], (u, v) [N, 2], (w_v, w_f) [N, 2].
         surface_points, surface_pressure: [M, 3], [M].
+        source: force per mass beside gravity at the points [N, 2]; None: none.
     """
     raw = network(params, widths, input_shift, input_scale)
     constants = Physics(*physics)
@@ -51,7 +53,7 @@ def loss_terms(
     misfit = constants.velocity_scale * raw(points)[:, :2] - velocity
     misfit_surface = pressure(raw(surface_points), constants.pressure_scale) - surface_pressure
     none = misfit.new_zeros(len(points), 0)
-    e = none if form == "data" else residuals(raw, points, theta, physics, form, law)
+    e = none if form == "data" else residuals(raw, points, theta, physics, form, law, source)
     terms = {
         "velocity": _half_mean(w_v, misfit),
         "surface": _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
@@ -82,6 +84,7 @@ def residual_loss(
     physics: Sequence[float],
     form: str,
     law: str = "mu_of_i",
+    source: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """loss = sum_k term_weights_k term_k, with the terms and both gradients, all detached.
 
@@ -102,6 +105,7 @@ def residual_loss(
                 member(surface_pressure, e, 1),
                 member(term_weights, e, 1),
                 *problem,
+                None if source is None else member(source, e, 2),
             )
             for e, w in enumerate(params)
         ]
@@ -118,6 +122,7 @@ def residual_loss(
         surface_points,
         surface_pressure,
         *problem,
+        source,
     )
     loss = (term_weights * terms).sum()
     grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)

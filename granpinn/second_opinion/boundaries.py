@@ -1,4 +1,4 @@
-"""Walls of a flow file that the simulator of a second opinion does not have.
+"""Walls and forces of a flow that the simulator of a second opinion does not have.
 
 Its grains touch a floor at y = 0 and walls at x = 0 and at the width of the box, all at rest.
 """
@@ -15,14 +15,16 @@ NEAR = 0.5  # spacings between a wall of the file and one of the simulator
 
 
 def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
-    """Why the walls of a flow are not those of the simulator; None if they are, or none are stated.
+    """Why the walls or forces of a flow are not those of the simulator; None if they are.
 
     Every stated wall must be one of the simulator, and a stated floor must reach as far as the
-    grains: beside it may be an opening.
+    grains: beside it may be an opening. A flow without walls fits; one with a source term does not.
 
     Args:
         box_width: of the box in the file, None if it states none.
     """
+    if flow.source is not None:
+        return "the flow has a source of momentum, which the simulator does not have"
     if flow.walls is None:
         return None
     walls = segments_of(flow.walls)

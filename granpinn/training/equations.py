@@ -40,13 +40,16 @@ CERTAIN = 0.25  # C above which the law counts as fully ill-posed
 DEPENDS = [[0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1], [0, 1, 2, 3], [0, 1, 2, 4]]
 
 
-def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Tensor, Tensor]:
+def residuals(
+    z: Tensor, theta: Tensor, physics: Physics, law: Law, source: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5] and the weights w [N] of the law.
 
     Args:
         z: outputs of the network, their derivatives by x, y, t, and the means of the x and y
             derivatives over the length of the law [6, N, 5].
         theta: parameters of the law at each point [N, len(law.parameters)].
+        source: force per mass beside gravity [N, 2]; None: none.
     """
     (u, v), (s_1, s_2) = (physics.velocity_scale * z[:, :, :2]).unbind(2), z[:, :, 3:].unbind(2)
     q, P = z[:, :, 2], physics.pressure_scale
@@ -56,6 +59,8 @@ def residuals(z: Tensor, theta: Tensor, physics: Physics, law: Law) -> tuple[Ten
     stress_y = p_x * s_2[0] + p * s_2[1] - p_y * s_1[0] - p * s_1[2]
     e_u = u[3] + u[0] * u[1] + v[0] * u[2] + p_x - stress_x - physics.g_x
     e_v = v[3] + u[0] * v[1] + v[0] * v[2] + p_y - stress_y - physics.g_y
+    if source is not None:
+        e_u, e_v = e_u - source[:, 0], e_v - source[:, 1]
     if physics.side_wall > 0:
         speed = torch.sqrt(u[0] ** 2 + v[0] ** 2 + physics.side_wall_speed**2)
         friction = physics.side_wall * p / speed

@@ -58,7 +58,7 @@ class Data:
     """The points over which the loss is summed.
 
     Attributes:
-        points, weights: of the equations, [N, 3] and [N].
+        points, weights, source: of the equations, [N, 3], [N], and [N, 2] or None.
         surface_points, surface_pressure: [M, 3] and [M].
         moments: of the velocity, see `velocity_moments`.
         measured: points, velocity and weights of the moments, [K, 3], [K, 2] and [K].
@@ -67,6 +67,7 @@ class Data:
 
     points: Tensor
     weights: Tensor
+    source: Tensor | None
     surface_points: Tensor
     surface_pressure: Tensor
     moments: tuple[Tensor, Tensor, Tensor]
@@ -86,6 +87,7 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: i
     return Data(
         data.points[i],
         data.point_weights[i, 1].double(),
+        None if data.source is None else data.source[i].double(),
         surface[j],
         data.surface_pressure[j].double(),
         velocity_moments(features, *measured),
@@ -167,8 +169,7 @@ class Sums:
 
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
         """J^T J [K, K] and J^T r [K]; K = 5 F + L: C row by row, then the free parameters."""
-        F = at.C.shape[1]
-        K = 5 * F + len(self.free)
+        F, K = at.C.shape[1], at.C.numel() + len(self.free)
         A, b = at.C.new_zeros(K, K), at.C.new_zeros(K)
         _, slope, h_h = self.misfit(at)
         for k in (0, 1):
@@ -221,8 +222,7 @@ class Sums:
     def misfit(self, at: Unknowns) -> tuple[float, Tensor, Tensor]:
         """Twice the velocity part of the loss, its gradient [2, F], and the mean of h h^T."""
         h_h, v_h, v_v = self.data.moments
-        U = self.physics.velocity_scale
-        C = at.C[:2]
+        U, C = self.physics.velocity_scale, at.C[:2]
         square = ((C @ h_h) * C).sum() - 2 * (C * v_h).sum() / U + v_v.sum() / U**2
         return self.velocity_weight * float(square), self.velocity_weight * (C @ h_h - v_h / U), h_h
 
@@ -232,7 +232,8 @@ class Sums:
             rows = slice(first, first + h.shape[1])
             first = rows.stop
             z, theta = self._leaves(at, h)
-            e, weight = residuals(z, theta, self.physics, self.law)
+            source = None if self.data.source is None else self.data.source[rows]
+            e, weight = residuals(z, theta, self.physics, self.law, source)
             weights.append(weight)
             kept = weight if self._law_weights is None else self._law_weights[rows]
             one = torch.ones_like(kept)
@@ -295,6 +296,5 @@ def last_layer(member: Member, params: Tensor, theta: Tensor, step: int) -> tupl
 
 def chunks(points: Tensor) -> list[slice]:
     """Slices of points that are evaluated together."""
-    size = CHUNK[points.device.type]
-    ends = [*range(0, len(points), size), len(points)]
+    ends = [*range(0, len(points), CHUNK[points.device.type]), len(points)]
     return [slice(first, end) for first, end in pairwise(ends)]

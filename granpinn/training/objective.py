@@ -103,6 +103,7 @@ class Objective:
         self.points = together("points")
         self.velocity = together("velocity")
         self.point_weights = together("point_weights")
+        self.source = self._sources(device)
         self.surface_points = together("surface_points")
         self.surface_pressure = together("surface_pressure")
         self.seeds = torch.tensor([m.seed for m in members], device=device)
@@ -112,6 +113,13 @@ class Objective:
         self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
         self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
         self.physics = like.new_tensor([m.problem.physics for m in members])
+
+    def _sources(self, device: torch.device) -> Tensor | None:
+        """The source term at all points, 0 for sets without one; None if no set has one."""
+        if all(s.source is None for s in self.sets):
+            return None
+        forces = [torch.zeros_like(s.velocity) if s.source is None else s.source for s in self.sets]
+        return torch.cat(forces).to(device)
 
     def _places(self) -> list[list[int]]:
         """[First point, points, first surface point, surface points] of every member."""
@@ -134,13 +142,15 @@ class Objective:
             points=self.points[own],
             velocity=self.velocity[own],
             point_weights=self.point_weights[own],
+            source=None if self.source is None else self.source[own],
             surface_points=self.surface_points[surface],
             surface_pressure=self.surface_pressure[surface],
         )
 
     def tensors(self) -> dict[str, Tensor]:
         """The data by name, for the check that they are finite."""
-        return {
+        source = {} if self.source is None else {"source": self.source}
+        return source | {
             "points": self.points,
             "velocities": self.velocity,
             "weights": self.point_weights,
@@ -183,6 +193,7 @@ class Objective:
                 "data" if prefit else self.spec.form,
                 self._law_names,
                 self.precision,
+                self.source,
             )
         )
 
@@ -228,6 +239,7 @@ class Objective:
             self.physics[member],
             form,
             self.laws[member].name,
+            source=None if data.source is None else data.source[inside],
         )
         return found[1]
 

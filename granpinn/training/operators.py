@@ -79,16 +79,19 @@ def batch_loss(
     form: str,
     law: str,
     precision: str,
+    source: Tensor | None = None,
 ) -> Losses:
     """`residual_loss` of every member [E, ...] over the batch that `draw_batch` draws."""
     data = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
-    batch = _ops.draw_batch(counter, table, seeds, places, *data, interior, surface, share)
+    sizes = (interior, surface, share)
+    *batch, force = _ops.draw_batch(counter, table, seeds, places, *data, *sizes, source)
     found = []
     loss_of: Operator = residual_loss
     for e in range(len(params)):
         own: list[Any] = [params[e], theta[e], *(part[e] for part in batch), widths]
         own += [input_shift[e], input_scale[e], physics[e]]
-        found.append(loss_of(*own, form, law, precision))
+        drawn = None if source is None else force[e]
+        found.append(loss_of(*own, form, law, precision, drawn))
     loss, terms, grad_params, grad_theta = (torch.stack(part) for part in zip(*found, strict=True))
     return loss, terms, grad_params, grad_theta
 
@@ -109,6 +112,7 @@ def residual_loss(
     form: str,
     law: str,
     precision: str = "fp32",
+    source: Tensor | None = None,
 ) -> Losses:
     """Loss, terms and gradients of one member of the mixed form, or of form "data", in torch.
 
@@ -128,7 +132,8 @@ def residual_loss(
         if form != "data":
             # The means of the strain rate are those at the point itself.
             z = torch.cat([jet, jet[1:3]])
-            e, _ = residuals(z, leaves[1].expand(len(points), -1), constants, LAWS[law])
+            at_points = leaves[1].expand(len(points), -1)
+            e, _ = residuals(z, at_points, constants, LAWS[law], source)
             for name in dict.fromkeys(RESIDUALS[form]):
                 columns = [k for k, term in enumerate(RESIDUALS[form]) if term == name]
                 terms[name] = _half_mean(point_weights[:, 1], e[:, columns])

@@ -61,9 +61,10 @@ struct Interior {
     return at + p < a.n ? (k < 2 ? velocity : weights - 2)[2 * (at + p) + k] : 0;
   }
 
-  // One thread for each point.
+  // One thread for each point of the member's tile that begins at point `at`.
   template <class E, class Memory>
-  static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
+  static __device__ void evaluate(const DeviceLoss<float>& a, std::int64_t member, std::int64_t at,
+                                  const TaskConstants& c, Memory& m) {
     constexpr int K = F::fields, C = F::channels;
     static_assert(K == 3 || K == 5, "a row is one float4 and, with five fields, one more");
     for (int p = threadIdx.x; p < E::PT; p += E::threads) {
@@ -80,12 +81,14 @@ struct Interior {
 #pragma unroll
       for (int r = 0; r < F::residuals; ++r)
         w[r] = c.term_weights[F::term_of(r)] / static_cast<float>(a.n) * seen[3];
+      const std::int64_t i = at + p < a.n ? at + p : a.n - 1;
+      const BodyForce<float> force = body_force(c.physics, a.source.member(member), i);
       if constexpr (std::is_same_v<Law, AnyLaw>)
         visit_law(c.law, [&](auto law) {
-          F::template gradient<decltype(law)>(z, c.theta, c.physics, w, e, z_a, theta_a);
+          F::template gradient<decltype(law)>(z, c.theta, c.physics, force, w, e, z_a, theta_a);
         });
       else
-        F::template gradient<Law>(z, c.theta, c.physics, w, e, z_a, theta_a);
+        F::template gradient<Law>(z, c.theta, c.physics, force, w, e, z_a, theta_a);
 #pragma unroll
       for (int k = 0; k < 2; ++k) z_a[k][0] += misfit_slope(a, c, seen, k, z[0][0], z[1][0]);
 #pragma unroll
@@ -120,7 +123,8 @@ struct Interior {
 // No equations: values alone.
 struct Values : Interior<MixedForm, AnyLaw> {
   template <class E, class Memory>
-  static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
+  static __device__ void evaluate(const DeviceLoss<float>& a, std::int64_t member, std::int64_t at,
+                                  const TaskConstants& c, Memory& m) {
     using Misfit = Interior<MixedForm, AnyLaw>;
     for (int p = threadIdx.x; p < E::PT; p += E::threads) {
       const float *seen = m.observed + 4 * p, *z = m.raw() + p * kRow;
@@ -146,7 +150,8 @@ struct Surface {
   }
 
   template <class E, class Memory>
-  static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
+  static __device__ void evaluate(const DeviceLoss<float>& a, std::int64_t member, std::int64_t at,
+                                  const TaskConstants& c, Memory& m) {
     for (int p = threadIdx.x; p < E::PT; p += E::threads) {
       const float z = m.raw()[p * kRow + 2], weight = m.observed[4 * p + 1];
       const float P = c.physics.pressure_scale;
@@ -163,11 +168,12 @@ struct Surface {
 // The surface task with the pressure map of the network: softplus for five outputs, else linear.
 struct SurfaceOfForm : Surface<PressureMap::softplus> {
   template <class E, class Memory>
-  static __device__ void evaluate(const DeviceLoss<float>& a, const TaskConstants& c, Memory& m) {
+  static __device__ void evaluate(const DeviceLoss<float>& a, std::int64_t member, std::int64_t at,
+                                  const TaskConstants& c, Memory& m) {
     if (a.net.outputs() == MixedForm::fields)
-      Surface<PressureMap::softplus>::evaluate<E>(a, c, m);
+      Surface<PressureMap::softplus>::evaluate<E>(a, member, at, c, m);
     else
-      Surface<PressureMap::linear>::evaluate<E>(a, c, m);
+      Surface<PressureMap::linear>::evaluate<E>(a, member, at, c, m);
   }
 };
 

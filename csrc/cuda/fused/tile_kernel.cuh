@@ -90,12 +90,12 @@ __device__ void do_tile(const DeviceLoss<float>& a, std::int64_t e, const TaskCo
   Tile<E, Outputs, Memory> tile(net, m, weights, first_row);
   tile.forward();
   if constexpr (kFewValues<E>)
-    Task::template evaluate<E>(a,
+    Task::template evaluate<E>(a, e, at,
                                constants_from(m.constants, m.constants + kTerms, kMaxLawParameters,
                                               m.constants + kSums, a.law_of(e)),
                                m);
   else
-    Task::template evaluate<E>(a, constants, m);
+    Task::template evaluate<E>(a, e, at, constants, m);
   __syncthreads();
   if (threadIdx.x < kSums)
     for (int p = 0; p < E::PT; ++p) sum += m.terms()[threadIdx.x * E::R + p];

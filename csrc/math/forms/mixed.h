@@ -1,6 +1,6 @@
 // The mixed form: the stress is an unknown of its own, tau = p s, s = [[s_1, s_2], [s_2, -s_1]].
-//   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - g_x + k p u / |v|
-//   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - g_y + k p v / |v|
+//   e_u = u_t + u u_x + v u_y + p_x - (p s_1)_x - (p s_2)_y - f_x + k p u / |v|
+//   e_v = v_t + u v_x + v v_y + p_y - (p s_2)_x + (p s_1)_y - f_y + k p v / |v|
 //   e_c = u_x + v_y
 //   r   = w [gamma_dot s / mu(I) - 2 (D_1, D_2)],  w^-2 = 1 + (gamma_dot / c)^2
 // The last line is the flow rule tau = mu(I) p 2 D / gamma_dot in complementarity form, divided by
@@ -9,7 +9,8 @@
 // division by gamma_dot, no viscosity and no clamp. Above the shear rate c it is a relative error,
 // so that a law that errs by some per cent in fast grains does not outweigh slow ones.
 // D_1 = (u_x - v_y)/2, D_2 = (u_y + v_x)/2, gamma_dot = 2 sqrt(D_1^2 + D_2^2).
-// k p v / |v| is the friction of side walls (side_walls.h).
+// f is gravity and the source term, if there is one (body_force.h). k p v / |v| is the friction of
+// side walls (side_walls.h).
 // Cohesive grains (cohesion.h) have the yield stress Y = c + mu(I) p in the place of mu(I) p, so
 // that r = w [gamma_dot s p / Y - 2 (D_1, D_2)]. tau = p s still holds, so that the free surface
 // has no traction. There |s| = mu + c / p grows without bound, which no network gives, and
@@ -19,6 +20,7 @@
 // there is none.
 #pragma once
 
+#include "../body_force.h"
 #include "../cohesion.h"
 #include "../fields.h"
 #include "../side_walls.h"
@@ -36,11 +38,12 @@ struct MixedForm {
     return residual < 2 ? kMomentum : residual == 2 ? kContinuity : kConstitutive;
   }
 
-  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
+  // From raw jets z, the body force and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
   // of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an adjoint.
   template <class Law, class R, class T, int N>
   static GRANPINN_HD void gradient(const R (&z)[fields][channels], const R (&theta)[N],
-                                   const Physics<T>& c, const R (&w)[residuals], R (&e)[residuals],
+                                   const Physics<T>& c, const BodyForce<R>& force,
+                                   const R (&w)[residuals], R (&e)[residuals],
                                    R (&z_a)[fields][channels], R (&theta_a)[N]) {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
@@ -53,8 +56,8 @@ struct MixedForm {
 
     const R stress_x = p.p_x * s1[kValue] + p.p * s1[kX] + p.p_y * s2[kValue] + p.p * s2[kY];
     const R stress_y = p.p_x * s2[kValue] + p.p * s2[kX] - p.p_y * s1[kValue] - p.p * s1[kY];
-    e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - c.g_x;
-    e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - c.g_y;
+    e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - force.x;
+    e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - force.y;
     subtract_side_walls(u[kValue], v[kValue], p.p, c, e);
     e[2] = u[kX] + v[kY];
 

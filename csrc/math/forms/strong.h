@@ -1,14 +1,16 @@
 // The strong form of the paper: momentum with the full divergence of 2 eta D, and continuity.
-//   e_u = u_t + u u_x + v u_y + p_x - g_x + k p u / |v|
+//   e_u = u_t + u u_x + v u_y + p_x - f_x + k p u / |v|
 //         - [eta (2 u_xx + u_yy + v_xy) + 2 eta_x u_x + eta_y (u_y + v_x)]         (paper, eq. mom)
-//   e_v = v_t + u v_x + v v_y + p_y - g_y + k p v / |v|
+//   e_v = v_t + u v_x + v v_y + p_y - f_y + k p v / |v|
 //         - [eta (v_xx + u_xy + 2 v_yy) + eta_x (u_y + v_x) + 2 eta_y v_y]
 //   e_c = u_x + v_y                                                   (paper, eq. cont)
 // with gamma_dot^2 = 2 D:D = 2 (u_x^2 + v_y^2) + (u_y + v_x)^2 and
-// eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x. k p v / |v| is the friction of side walls
-// (side_walls.h), which the paper does not have.
+// eta_x = eta_gamma_dot gamma_dot_x + eta_p p_x. f is gravity and the source term, if there is one
+// (body_force.h). k p v / |v| is the friction of side walls (side_walls.h). The paper has neither
+// source nor side walls.
 #pragma once
 
+#include "../body_force.h"
 #include "../fields.h"
 #include "../side_walls.h"
 #include "../viscosity.h"
@@ -27,11 +29,12 @@ struct StrongForm {
     return residual < 2 ? kMomentum : kContinuity;
   }
 
-  // From raw jets z and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
+  // From raw jets z, the body force and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
   // of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an adjoint.
   template <class Law, class R, class T, int N>
   static GRANPINN_HD void gradient(const R (&z)[fields][channels], const R (&theta)[N],
-                                   const Physics<T>& c, const R (&w)[residuals], R (&e)[residuals],
+                                   const Physics<T>& c, const BodyForce<R>& force,
+                                   const R (&w)[residuals], R (&e)[residuals],
                                    R (&z_a)[fields][channels], R (&theta_a)[N]) {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
@@ -54,8 +57,8 @@ struct StrongForm {
     const R bend_x = T(2) * u[kXX] + u[kYY] + v[kXY], bend_y = v[kXX] + u[kXY] + T(2) * v[kYY];
     const R stress_x = eta.eta * bend_x + T(2) * (eta_x * u[kX]) + eta_y * shear;
     const R stress_y = eta.eta * bend_y + eta_x * shear + T(2) * (eta_y * v[kY]);
-    e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - c.g_x;
-    e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - c.g_y;
+    e[0] = u[kT] + u[kValue] * u[kX] + v[kValue] * u[kY] + p.p_x - stress_x - force.x;
+    e[1] = v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY] + p.p_y - stress_y - force.y;
     subtract_side_walls(u[kValue], v[kValue], p.p, c, e);
     e[2] = u[kX] + v[kY];
 
