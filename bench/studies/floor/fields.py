@@ -12,10 +12,11 @@ the floor. Grains of the surface stay there, $h_t + \partial_x \psi(x, h(x, t), 
 - plug: $u = q(t)(1 + \tanh((y - y_p)/\ell))$ up to constants, a shear band between grains that do
   not shear. The surface $h = h_0 + A \cos k(x - X(t))$ rides on them, $X' = u$.
 
-with $q = q_0 + (q_1 - q_0) \sin^2(\pi t / 2 t_1)$. The pressure is $p = p_0 + (h - y)(1 + a \sin(2 x
-+ y - t))$. The stress is that of mu(I) with the regularisation of the kernels. The source term is
-what the momentum equation then lacks: with it, these fields are an exact solution of the equations
-of a training. All is in units of the height, of gravity and of the density.
+with $q = q_0 + (q_1 - q_0) \sin^2(\pi t / 2 t_1)$. The pressure is
+$p = p_0 + (h - y)(1 + a \sin(2 x + y - t))$, and the stress that of mu(I) with the
+regularisation of the kernels. The source term is what the momentum equation then lacks: with it,
+these fields are an exact solution of the equations of a training. All is in units of the height, of
+gravity and of the density.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ python -m bench.studies.floor.run --json floor.json --device cuda
 
 Manufactured flows with a source term (fields.py) and the start-up of Bagnold flow (start_up.py) are
 sampled on grids (sampling.py) and identified as one batch. One quantity of the sampling changes at
-a time. The rows have the errors of mu_s, mu_2 and mu(I). `--cases smooth` takes the cases whose name
-has this text, `--seeds 3` repeats each. All other words are settings of the identification
+a time. The rows have the errors of mu_s, mu_2 and mu(I). `--cases smooth` takes the cases with this
+text in their names, `--seeds 3` repeats each. All other words are settings of the identification
 (`--steps 80000`, `--level V2`): every setting is a batch, and so a call, of its own.
 
 Defends: mu_s and mu_2 to 0.02 % at the best spacing, 0.1 % for the start-up of Bagnold flow.

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from bench.studies.floor.fields import END, GRAIN, PHYSICS, THETA, WIDTH, Exact, exact
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.flow import SURFACE_SD, Surface, Truth
 
@@ -44,8 +44,7 @@ def sample(name: str, of: Sampling) -> Flow:
     """A manufactured flow as a `Flow` with its source term."""
     fields = exact(name, of.surface_pressure)
     spacing = 1 / of.cells
-    x = (np.arange(round(WIDTH * of.cells)) + 0.5) * spacing
-    y = (np.arange(round(TOP * of.cells)) + 0.5) * spacing
+    x, y = (centers(round(size * of.cells), spacing) for size in (WIDTH, TOP))
     t = np.linspace(0, END, of.frames + 1)
     frames = [_frame(fields, of, float(now), x, y) for now in t]
     u, v, c = (np.stack(part).astype(np.float32) for part in zip(*frames, strict=True))
@@ -64,6 +63,11 @@ def sample(name: str, of: Sampling) -> Flow:
         attributes={SURFACE_SD: 0.0},  # the line is exact
         source=fields.source,
     )
+
+
+def centers(count: int, spacing: float) -> Float64:
+    """Centers of the cells of an axis that begins at 0 [count]."""
+    return np.asarray(spacing * (np.arange(count) + 0.5), dtype=np.float64)
 
 
 def _line(fields: Exact, of: Sampling, t: Float64) -> Surface:
@@ -97,15 +101,14 @@ def _frame(
 
 def _means(
     fields: Exact, x: Float64, y: Float64, now: float, half: float
-) -> tuple[Float64, Float64, Float64]:
+) -> tuple[Float64, Float64, Bool]:
     """Means of u and v over the grains within `half` of the centers, and where there are any."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     sums = np.zeros((3, y.size, x.size))
     for a, w_a in zip(nodes, weights, strict=True):
         for b, w_b in zip(nodes, weights, strict=True):
-            places = np.broadcast_arrays(
-                x + half * a, (y + half * b)[:, None], np.full((1, 1), now)
-            )
+            column, row = x + half * a, y[:, None] + half * b
+            places = np.broadcast_arrays(column, row, np.full((1, 1), now))
             here = [np.ravel(place) for place in places]
             u, v = fields.velocity(*here)
             grains = (here[1] > 0) & (here[1] < fields.height(here[0], here[2]))

@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from bench.studies.floor.fields import GRAIN, THETA
+from bench.studies.floor.sampling import centers
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.flow import PERIOD_X, SURFACE_SD, Surface, Truth
@@ -29,8 +30,8 @@ END, CELLS, COLUMNS = 30.0, 1000, 8
 def sample(cells: int, frames: int) -> Flow:
     """The exact velocity at the centers of `cells` rows, in `frames` frames after the first."""
     spacing = 1 / cells
-    y, t = (np.arange(cells + 2) + 0.5) * spacing, np.linspace(0, END, frames + 1)
-    x = (np.arange(COLUMNS) + 0.5) * spacing
+    x, y = centers(COLUMNS, spacing), centers(cells + 2, spacing)
+    t = np.linspace(0, END, frames + 1)
     c = np.broadcast_to((y < 1)[None, :, None], (t.size, y.size, x.size)).astype(np.float32)
     profile = velocity(frames)(y)
     u = np.where(c == 1, profile[:, :, None], np.nan).astype(np.float32)
