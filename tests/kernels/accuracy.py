@@ -160,7 +160,7 @@ def _losses(module: Any, row: Configuration, pool: Problem) -> dict[str, Tensor]
             call * row.surface_points,
             (call + 1) * row.surface_points,
         )
-        loss, terms, grad_params, grad_theta = module.residual_loss(*part.loss)
+        loss, terms, grad_params, grad_theta = module.residual_loss(*part.loss, source=part.source)
         calls.append((torch.cat([loss.unsqueeze(-1), terms], -1), grad_params, grad_theta))
     return {
         name: torch.stack(x)

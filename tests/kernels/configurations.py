@@ -58,6 +58,7 @@ class Configuration:
     threads: int
     law: str = "mu_of_i"
     side_wall: float = 0.0
+    source: bool = False
 
     @property
     def widths(self) -> list[int]:
@@ -69,7 +70,8 @@ class Configuration:
         regime = self.regime.replace(" ", "_")
         law = "" if self.law == "mu_of_i" else f"-{self.law}"
         walls = "-walls" if self.side_wall else ""
-        kind = f"{self.index}-{self.form}{law}{walls}"
+        source = "-source" if self.source else ""
+        kind = f"{self.index}-{self.form}{law}{walls}{source}"
         return f"{kind}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
 
 
@@ -93,6 +95,7 @@ def configuration(index: int) -> Configuration:
         threads=int(rng.integers(1, 3)),
         law={2: "coulomb", 3: OTHERS[(index // 5 + index // 20) % 4]}.get(index % 5, "mu_of_i"),
         side_wall=0.5 if index % 7 < 4 else 0.0,
+        source=index % 5 == 4,
     )
     while True:
         depth = int(rng.integers(1, 9))
@@ -141,6 +144,7 @@ class Problem:
     physics: list[float]
     form: Form
     law: str
+    source: Tensor | None = None
 
     def to(self, dtype: torch.dtype) -> Problem:
         cast: dict[str, Any] = {
@@ -160,6 +164,7 @@ class Problem:
             point_weights=self.point_weights[..., points, :],
             surface_points=self.surface_points[..., surface, :],
             surface_pressure=self.surface_pressure[..., surface],
+            source=None if self.source is None else self.source[..., points, :],
         )
 
     def member(self, e: int) -> Problem:
@@ -186,8 +191,8 @@ class Problem:
 
     @property
     def loss(self) -> tuple[Any, ...]:
-        """Arguments of residual_loss."""
-        return tuple(getattr(self, f.name) for f in fields(self))
+        """Arguments of residual_loss, but for the source."""
+        return tuple(getattr(self, f.name) for f in fields(self) if f.name != "source")
 
 
 def problem(row: Configuration, draw: int = 0) -> Problem:
@@ -226,6 +231,7 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
         ),
         form=row.form,
         law=row.law,
+        source=_tensor(data.normal(size=(*E_data, N, 2))) if row.source else None,
     )
 
 

@@ -32,8 +32,9 @@ class OnDevice(ModuleType):
         function = getattr(self.functions, name)
         constants = {"device": self.device} if name == "sample_indices" else {}
 
-        def call(*arguments: Any) -> Any:
-            out = function(*(moved(x, self.device) for x in arguments), **constants)
+        def call(*arguments: Any, **named: Any) -> Any:
+            there = {name: moved(x, self.device) for name, x in named.items()}
+            out = function(*(moved(x, self.device) for x in arguments), **constants, **there)
             return out.cpu() if isinstance(out, Tensor) else tuple(x.cpu() for x in out)
 
         return call

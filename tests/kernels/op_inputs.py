@@ -100,6 +100,11 @@ def losses(kind: str, form: str) -> Arguments:
     return (*loss[:12], form, *loss[13:])
 
 
+def losses_with_source(kind: str, form: Form) -> Arguments:
+    case = tiny(form, source=True, **KINDS[kind])
+    return (*as_tensors(case.loss), case.source)
+
+
 def flow(
     n: int, dtype: torch.dtype = torch.float64, law: str = "mu_of_i", learn: bool = False
 ) -> Arguments:
@@ -145,7 +150,8 @@ INPUTS: dict[str, dict[str, Make]] = {
     "network_jet": rows(jets, KINDS, CHANNELS),
     "network_jet_backward": rows(jet_adjoints, KINDS, CHANNELS),
     "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data"))
-    | rows(losses, LAW_KINDS, ("mixed", "strong")),
+    | rows(losses, LAW_KINDS, ("mixed", "strong"))
+    | rows(losses_with_source, ("plain", "ensemble", "shared points"), ("mixed", "strong")),
     "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True)),
     "viscosity_backward": {
         name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))
@@ -163,8 +169,8 @@ INPUTS: dict[str, dict[str, Make]] = {
     "orthogonalize": rows(
         matrices, [(0, 4), (4, 4), (3, 5, 2), (2, 1, 33, 4), (0, 2, 3)], FLOATS, ("fp32", "fast")
     ),
-    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2)),
-    "batch_loss": rows(step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data")),
+    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2), (False, True)),
+    "batch_loss": rows(step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data"), (False, True)),
     "update": rows(step_inputs.update, (0, 1, 3), (10, 33), FLOATS, (False, True)),
     "descend": rows(step_inputs.descend, (0, 1, 3), (0, 2), FLOATS, ("fp32", "fast")),
 }

@@ -80,13 +80,23 @@ def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
     return [*state(E), group.of(direction), params, average, *places]
 
 
-def draw(sizes: tuple[int, int], dtype: torch.dtype, share: int) -> tuple[Any, ...]:
-    return (*batch_arguments(dtype), *sizes, share)
+def source(dtype: torch.dtype, device: str | torch.device = "cpu") -> Tensor:
+    return torch.randn(sum(N for N, _ in SIZES), 2, dtype=dtype).to(device)
 
 
-def batch_loss(sizes: tuple[int, int], dtype: torch.dtype, form: str) -> tuple[Any, ...]:
+def draw(
+    sizes: tuple[int, int], dtype: torch.dtype, share: int, sourced: bool = False
+) -> tuple[Any, ...]:
+    given = (source(dtype),) if sourced else ()
+    return (*batch_arguments(dtype), *sizes, share, *given)
+
+
+def batch_loss(
+    sizes: tuple[int, int], dtype: torch.dtype, form: str, sourced: bool
+) -> tuple[Any, ...]:
     *rest, _, law, precision = loss_arguments(len(MEMBERS), dtype)
-    return (*draw(sizes, dtype, 0), *rest, form, law, precision)
+    given = (source(dtype),) if sourced else ()
+    return (*draw(sizes, dtype, 0), *rest, form, law, precision, *given)
 
 
 def update(E: int, P: int, dtype: torch.dtype, law_moves: bool) -> tuple[Any, ...]:

@@ -54,3 +54,5 @@ def test_the_table_covers_what_it_promises() -> None:
     walls = {(row.form, row.regime) for row in rows if row.side_wall > 0}
     assert walls == {(row.form, row.regime) for row in rows if row.side_wall == 0}
     assert len(walls) == 6
+    sources = {(row.form, row.regime) for row in rows if row.source}
+    assert sources == walls
