@@ -58,7 +58,7 @@ class Data:
     """The points over which the loss is summed.
 
     Attributes:
-        points, weights, source: of the equations, [N, 3], [N], and [N, 2] or None.
+        points, weights: of the equations, [N, 3] and [N]; `source` there, [N, 2] or None.
         surface_points, surface_pressure: [M, 3] and [M].
         moments: of the velocity, see `velocity_moments`.
         measured: points, velocity and weights of the moments, [K, 3], [K, 2] and [K].
@@ -67,12 +67,12 @@ class Data:
 
     points: Tensor
     weights: Tensor
-    source: Tensor | None
     surface_points: Tensor
     surface_pressure: Tensor
     moments: tuple[Tensor, Tensor, Tensor]
     measured: tuple[Tensor, Tensor, Tensor]
     floor: Tensor
+    source: Tensor | None = None
 
 
 def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: int = 1) -> Data:
@@ -87,12 +87,12 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: i
     return Data(
         data.points[i],
         data.point_weights[i, 1].double(),
-        None if data.source is None else data.source[i].double(),
         surface[j],
         data.surface_pressure[j].double(),
         velocity_moments(features, *measured),
         measured,
         data.lower[1],
+        None if data.source is None else data.source[i].double(),
     )
 
 

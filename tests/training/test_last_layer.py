@@ -53,7 +53,8 @@ def every_point(data: TrainingSet, features: Features) -> module.Data:
     measured = (data.points, data.velocity, data.point_weights[:, 0])
     moments, weights = module.velocity_moments(features, *measured), data.point_weights[:, 1]
     of_surface = (data.surface_points, data.surface_pressure)
-    return module.Data(data.points, weights, *of_surface, moments, measured, data.lower[1])
+    rest = (moments, measured, data.lower[1], data.source)
+    return module.Data(data.points, weights, *of_surface, *rest)
 
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
@@ -71,11 +72,14 @@ def unweighted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equations, "law_weights", lambda p, gamma_dot: torch.ones_like(p))
 
 
+@pytest.mark.parametrize("sourced", [False, True])
 def test_loss_and_gradient_are_those_of_the_fused_loss(
-    seed: int, monkeypatch: pytest.MonkeyPatch
+    sourced: bool, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unweighted(monkeypatch)
     params, data = initial_parameters(SPEC, seed), draw(seed)
+    if sourced:
+        data = dataclasses.replace(data, source=data.velocity.flip(0))
     at = Unknowns(coefficients(SPEC, params), THETA)
     sums = sums_of(problem(), data, params)
     of_data = (data.points, data.velocity, data.point_weights)
@@ -83,7 +87,7 @@ def test_loss_and_gradient_are_those_of_the_fused_loss(
     rest = (SPEC.widths, SPEC.input_shift, SPEC.input_scale, PHYSICS, "mixed")
     weights = torch.tensor(WEIGHTS, dtype=torch.float64)
     loss, _, by_params, by_theta = ops.residual_loss(
-        params, THETA, *of_data, *of_surface, weights, *rest
+        params, THETA, *of_data, *of_surface, weights, *rest, source=data.source
     )
     assert sums.loss(at) == pytest.approx(float(loss), rel=1e-12)
     A, b = sums.normal_equations(at)
@@ -194,7 +198,8 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
     velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
-    tensors = {name: value.to(device) for name, value in vars(data).items()}
+    given = {name: value for name, value in vars(data).items() if value is not None}
+    tensors = {name: value.to(device) for name, value in given.items()}
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
     member = Member(posed, moved, seed, DEFAULT, {})

@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 
 from bench.studies.floor.fields import END, GRAIN, PHYSICS, THETA, WIDTH, Exact, exact
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.flow import SURFACE_SD, Surface, Truth
 
 TOP = 1.06  # of the grid, above every surface
 NODES = 4  # of a Gauss rule, along each side of a cell or window
 WINDOW = 2.0  # spacings: neighboring windows overlap by half
+LARGEST_PART = 1 - 2.0**-20  # c of a cell that is not full, as float32 below 1
 
 Vectors = Literal["point", "cell", "window"]
 
@@ -83,37 +84,37 @@ def _frame(
 ) -> tuple[Float64, Float64, Float64]:
     """u, v and the filled fraction c of one frame [Y, X]."""
     half = (WINDOW if of.vectors == "window" else 1.0) / of.cells / 2
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    surface = fields.height(x[:, None] + half * nodes, np.full((1, 1), now))  # [X, node]
-    bottom = np.maximum(y - half, 0.0)[:, None, None]  # a window ends at the floor
-    deep = np.clip((surface - bottom) / (y[:, None, None] + half - bottom), 0.0, 1.0)
-    c = np.where((deep == 1).all(-1), 1.0, np.minimum(deep @ (weights / 2), np.nextafter(1, 0)))
+    u, v, c = _means(fields, x, y, now, half)
+    there = c > 0
     if of.vectors == "point":
-        below = y[:, None] < fields.height(x, np.full_like(x, now))
         places = np.broadcast_arrays(x, y[:, None], np.full((1, 1), now))
-        u, v = (part.reshape(below.shape) for part in fields.velocity(*map(np.ravel, places)))
-        there = below & (c > 0)
-    else:
-        u, v, there = _means(fields, x, y, now, half)
+        u, v = (part.reshape(c.shape) for part in fields.velocity(*map(np.ravel, places)))
+        there &= y[:, None] < fields.height(x, np.full_like(x, now))
     there &= (c == 1) | of.partial
-    return np.where(there, u, np.nan), np.where(there, v, np.nan), c.astype(np.float32)
+    return np.where(there, u, np.nan), np.where(there, v, np.nan), c
 
 
 def _means(
     fields: Exact, x: Float64, y: Float64, now: float, half: float
-) -> tuple[Float64, Float64, Bool]:
-    """Means of u and v over the grains within `half` of the centers, and where there are any."""
+) -> tuple[Float64, Float64, Float64]:
+    """Means of u and v over the grains within `half` of the centers, and their part c [Y, X].
+
+    A cell or window ends at the floor. Where the surface crosses it, the rule of Gauss along y
+    covers the grains below, for each of its nodes along x.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    sums = np.zeros((3, y.size, x.size))
+    bottom, top = np.maximum(y - half, 0.0)[:, None], y[:, None] + half
+    sums, full = np.zeros((3, y.size, x.size)), np.ones((y.size, x.size), bool)
     for a, w_a in zip(nodes, weights, strict=True):
+        column = x + half * a
+        surface = fields.height(column, np.full_like(x, now))
+        depth = np.clip(surface - bottom, 0.0, top - bottom)
+        full &= surface >= top
         for b, w_b in zip(nodes, weights, strict=True):
-            column, row = x + half * a, y[:, None] + half * b
-            places = np.broadcast_arrays(column, row, np.full((1, 1), now))
-            here = [np.ravel(place) for place in places]
-            u, v = fields.velocity(*here)
-            grains = (here[1] > 0) & (here[1] < fields.height(here[0], here[2]))
-            found = np.where(grains, np.stack([u, v, np.ones_like(u)]), 0.0)
-            sums += w_a * w_b * found.reshape(sums.shape)
-    there = sums[2] > 0
-    u, v = (np.divide(part, sums[2], where=there, out=np.zeros_like(part)) for part in sums[:2])
-    return u, v, there
+            places = np.broadcast_arrays(column, bottom + depth * (1 + b) / 2, np.full((1, 1), now))
+            u, v = fields.velocity(*map(np.ravel, places))
+            one = np.ones_like(u)
+            sums += w_a * w_b * depth * np.stack([u, v, one]).reshape(sums.shape)
+    grains = np.where(sums[2] > 0, sums[2], 1.0)
+    c = np.where(full, 1.0, np.minimum(sums[2] / (4 * (top - bottom)), LARGEST_PART))
+    return sums[0] / grains, sums[1] / grains, c

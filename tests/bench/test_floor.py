@@ -1,0 +1,201 @@
+"""The study of the floor: its flows are exact, and it runs."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+import torch
+from torch import Tensor
+
+from bench.studies.floor import run, start_up
+from bench.studies.floor.fields import (
+    END,
+    GRAIN,
+    KINDS,
+    PHYSICS,
+    THETA,
+    WIDTH,
+    Exact,
+    T,
+    X,
+    Y,
+    exact,
+    expressions,
+)
+from bench.studies.floor.sampling import Sampling, sample
+from granpinn import identify
+from granpinn.arrays import Float64
+from granpinn.data import check_flow
+from granpinn.identification.case import sound
+from tests.runs import tiny
+
+
+@cache
+def places(name: str, n: int = 300) -> tuple[Float64, Float64, Float64]:
+    """Random points among the grains."""
+    rng = np.random.default_rng(3)
+    x, t = rng.uniform(0, WIDTH, n), rng.uniform(0, END, n)
+    return x, rng.uniform(0.01, 0.97, n) * exact(name).height(x, t), t
+
+
+def slope(value: Tensor, points: Tensor) -> list[Tensor]:
+    (found,) = torch.autograd.grad(value.sum(), points, create_graph=True)
+    return list(found.unbind(1))
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_source_is_what_the_momentum_equation_lacks(name: str) -> None:
+    """By nested automatic differentiation of the stream function, without any kernel."""
+    x, y, t = places(name)
+    points = torch.tensor(np.stack([x, y, t], 1), requires_grad=True)
+    functions = {f: getattr(torch, f) for f in ("sin", "cos", "tanh", "cosh", "exp", "log")}
+    numbers = [sp.N(part, 17) for part in expressions(name)[:2]]
+    psi, p = sp.lambdify((X, Y, T), numbers, modules=[functions])(*points.unbind(1))
+    psi_x, psi_y, _ = slope(psi, points)
+    u, v = psi_y, -psi_x
+    (u_x, u_y, u_t), (v_x, v_y, v_t), (p_x, p_y, _) = (slope(f, points) for f in (u, v, p))
+    D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
+    rate = torch.sqrt(4 * (D_1**2 + D_2**2) + 1e-12)
+    mu_s, mu_2, I_0 = THETA
+    inertial = GRAIN * rate / torch.sqrt(p.clamp_min(PHYSICS.pressure_floor))
+    mu = mu_s + (mu_2 - mu_s) * inertial / (I_0 + inertial)
+    tau_1, tau_2 = 2 * mu * p * D_1 / rate, 2 * mu * p * D_2 / rate
+    (tau_1_x, tau_1_y, _), (tau_2_x, tau_2_y, _) = slope(tau_1, points), slope(tau_2, points)
+    S_x = u_t + u * u_x + v * u_y + p_x - tau_1_x - tau_2_y - PHYSICS.g_x
+    S_y = v_t + u * v_x + v * v_y + p_y - tau_2_x + tau_1_y - PHYSICS.g_y
+    found = exact(name).source(x, y, t)
+    for ours, truth in zip(found, (S_x, S_y), strict=True):
+        np.testing.assert_allclose(ours, truth.detach().numpy(), rtol=1e-7, atol=1e-7)
+        assert np.abs(ours).max() > 0.1
+    np.testing.assert_allclose(exact(name).velocity(x, y, t)[0], u.detach().numpy(), atol=1e-13)
+    np.testing.assert_allclose((u_x + v_y).detach().numpy(), 0, atol=1e-10)
+    np.testing.assert_allclose(
+        exact(name).inertial_number(x, y, t), inertial.detach().numpy(), rtol=1e-6, atol=1e-7
+    )
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_grains_stay_below_their_surface_and_above_the_floor(name: str) -> None:
+    """And no pressure is on the surface."""
+    fields: Exact = exact(name)
+    x, _, t = places(name)
+    h, e = fields.height(x, t), 1e-5
+    h_x, h_t = (
+        (fields.height(x + a, t + b) - fields.height(x - a, t - b)) / (2 * e)
+        for a, b in ((e, 0.0), (0.0, e))
+    )
+    u, v = fields.velocity(x, h, t)
+    # the grains over the band of the plug are rigid to a part of 1e-5
+    np.testing.assert_allclose(v, h_t + u * h_x, atol=1e-5 if name == "plug" else 1e-8)
+    np.testing.assert_allclose(fields.velocity(x, 0 * h, t)[1], 0, atol=1e-12)
+    np.testing.assert_allclose(fields.pressure(x, h, t), 0, atol=1e-12)
+    assert (fields.pressure(*places(name)) > 0).all()
+
+
+def test_the_inertial_number_covers_three_decades() -> None:
+    I = exact("smooth").inertial_number(*places("smooth", 5000))  # noqa: E741
+    assert np.quantile(I, 0.01) < 3e-3
+    assert np.quantile(I, 0.95) > 1
+
+
+def brute(fields: Exact, x: float, y: float, t: float, size: float) -> tuple[float, float]:
+    """The mean of u over the grains of a cell, and the filled part, from many points."""
+    part = (np.arange(400) + 0.5) / 400 - 0.5
+    a, b = (p.ravel() for p in np.meshgrid(x + size * part, y + size * part))
+    a, b = a[b > 0], b[b > 0]
+    grains = b < fields.height(a, np.full_like(a, t))
+    u = fields.velocity(a, b, np.full_like(a, t))[0]
+    return float(u[grains].mean()), float(grains.mean())
+
+
+@pytest.mark.parametrize(("vectors", "size"), [("cell", 1.0), ("window", 2.0)])
+def test_means_over_cells_and_windows(vectors: Any, size: float) -> None:
+    of = Sampling(cells=16, frames=4, vectors=vectors)
+    flow, fields = sample("smooth", of), exact("smooth")
+    later = (flow.t > 0)[:, None, None]
+    full, partial = (flow.c == 1) & later, (flow.c > 0.3) & (flow.c < 0.9) & later
+    lowest = full & (np.arange(flow.y.size) == 0)[:, None]  # where a window ends at the floor
+    for where, error in ((full, 1e-3), (lowest, 1e-3), (partial, 5e-3)):
+        for k, j, i in np.argwhere(where)[:: max(1, int(where.sum()) // 6)]:
+            place = float(flow.x[i]), float(flow.y[j]), float(flow.t[k])
+            u, c = brute(fields, *place, size / of.cells)
+            assert flow.u[k, j, i] == pytest.approx(u, rel=error)
+            assert flow.c[k, j, i] == pytest.approx(c, abs=error)
+    assert 0 < partial.sum() < full.sum()
+
+
+def test_vectors_at_the_centers_are_exact() -> None:
+    flow, fields = sample("layer", Sampling(cells=16, frames=4)), exact("layer")
+    k, j, i = np.nonzero(np.isfinite(flow.u))
+    x, y, t = flow.x[i], flow.y[j], flow.t[k]
+    for ours, truth in zip((flow.u, flow.v), fields.velocity(x, y, t), strict=True):
+        np.testing.assert_allclose(ours[k, j, i], truth, rtol=1e-6, atol=1e-7)
+    assert (y < fields.height(x, t)).all()
+    masked = sample("layer", Sampling(cells=16, frames=4, partial=False))
+    assert (flow.c[k, j, i] < 1).any()
+    assert (masked.c[np.isfinite(masked.u)] == 1).all()
+    assert (masked.c == flow.c).all()
+
+
+def test_grains_on_a_slope_start_as_their_equation_says() -> None:
+    """Those that do not shear yet fall with g sin - mu_s g cos; the others solve the equation."""
+    u = start_up.velocity(40)
+    t = np.linspace(0, start_up.END, 41)
+    mu_s, mu_2, I_0 = THETA
+    g_x, g_y = math.sin(start_up.SLOPE), math.cos(start_up.SLOPE)
+    assert u(0.95)[1] == pytest.approx((g_x - mu_s * g_y) * t[1], rel=2e-3)
+    y, e, k = np.linspace(0.1, 0.9, 9), 0.02, 20
+    p = g_y * (1 - y[:, None] - np.array([-e, e]))
+    rate = u(y[:, None] + np.array([-e, e]), 1)[k]
+    I = GRAIN * rate / np.sqrt(p)  # noqa: E741
+    tau = (mu_s + (mu_2 - mu_s) * I / (I_0 + I)) * p
+    u_t = (u(y)[k + 1] - u(y)[k - 1]) / (t[k + 1] - t[k - 1])
+    np.testing.assert_allclose(u_t, g_x + (tau[:, 1] - tau[:, 0]) / (2 * e), rtol=0.03)
+
+
+@pytest.mark.parametrize("case", [c for c in run.cases() if "16 cells" in c.name], ids=str)
+def test_flows_keep_every_rule(case: run.Case) -> None:
+    flow = case.made()
+    check_flow(flow)
+    found, slips = sound(flow)
+    assert not slips
+    assert found.periodic == (case.flow == run.START_UP)
+
+
+@pytest.mark.usefixtures("no_report")
+def test_an_identification_knows_the_source() -> None:
+    """The chain as for any flow; what has no source says so in one sentence."""
+    flow = sample("plug", Sampling(cells=12, frames=6))
+    result = identify(flow, tiny())
+    assert result.failure is None
+    assert result.assumptions == ()
+    assert result.baseline is not None
+    assert "source of momentum" in str(result.baseline.reason)
+    assert result.simulated_pressure is not None
+    assert "source of momentum" in str(result.simulated_pressure.objection)
+
+
+def test_the_study_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["--cases", "plug 16", "--seeds", "2", "--device", "cpu", "--steps", "12"]
+    words += ["--network.widths", "9,7", "--batch.interior", "33", "--batch.surface", "6"]
+    monkeypatch.setattr(sys, "argv", ["run", *words, "--json", str(tmp_path / "floor.json")])
+    assert run.main() == 0
+    found = json.loads((tmp_path / "floor.json").read_text())
+    assert [row["seed"] for row in found["rows"]] == [0, 1]
+    for row in found["rows"]:
+        assert row["mu_s_percent"] == pytest.approx(100 * (row["found"]["mu_s"] / 0.4 - 1))
+        assert len(row["mu_percent"]) == len(found["I"])
+        assert row["failure"] is None
+
+
+def test_cases_have_names_of_their_own() -> None:
+    names = [case.name for case in run.cases()]
+    assert len(names) == len(set(names))

@@ -1,0 +1,146 @@
+"""The source term of a flow on its way from the function to the losses of a training."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn import reference
+from granpinn.arrays import Float64
+from granpinn.config import Batch
+from granpinn.data import Flow, FlowFileError, write_flow
+from granpinn.data.flow import Source
+from granpinn.data.source import source_at
+from granpinn.identification.case import Case, pose
+from granpinn.inspection.baseline import baseline
+from granpinn.inspection.slips import slips
+from granpinn.kernels import ops
+from granpinn.training.objective import Objective
+from granpinn.training.operators import COMPILED, IN_TORCH
+from granpinn.training.sampling import INTERIOR, SURFACE
+from tests.data.walled import line
+from tests.flows import make_flow
+from tests.runs import tiny
+
+CPU = torch.device("cpu")
+BATCH = Batch(interior=50, surface=7)
+TILTED = (1.3, -9.72)  # a camera that is not level, so that the training turns the axes
+
+
+def force(x: Float64, y: Float64, t: Float64) -> tuple[Float64, Float64]:
+    return 3 * x - y + 2, t * y - 5 * x
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    walls = line((0.0, 0.0), (2.0, 0.0))
+    flow = make_flow(gravity=TILTED, source=force, walls=walls)
+    return pose(flow, tiny(dtype="float64", seed=4))
+
+
+def test_it_is_evaluated_at_every_point_of_the_equations(case: Case) -> None:
+    data = case.member.data
+    assert min(map(len, (data.points, data.between, data.strip, data.wall_points))) > 0
+    points = torch.cat([data.points, data.between, data.strip]).numpy()
+    tilt = np.arctan2(TILTED[0], -TILTED[1])
+    back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
+    H, g = case.scales.length, float(np.hypot(*TILTED))
+    x, y = back @ points[:, :2].T * H
+    expected = back.T @ np.stack(force(x, y, points[:, 2] * np.sqrt(H / g))) / g
+    assert data.source is not None
+    np.testing.assert_allclose(data.source.numpy(), expected.T, rtol=1e-12, atol=1e-13)
+    pooled = data.pooled()
+    assert pooled.source is not None
+    assert len(pooled.source) == len(pooled.points)
+    assert torch.equal(pooled.source[: len(points)], data.source)
+    assert not pooled.source[len(points) :].any()
+
+
+@pytest.mark.parametrize("operators", [COMPILED, IN_TORCH], ids=["compiled", "in torch"])
+def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: object) -> None:
+    """Beside a member without a source, which has the loss that it has alone."""
+    without = replace(case.member.data, source=None)
+    other = replace(case.member, data=without)
+    objective = Objective([case.member, other], BATCH, CPU)
+    objective.operators = operators  # type: ignore[assignment]
+    alone = Objective([other], BATCH, CPU)
+    assert objective.source is not None
+    assert alone.source is None
+    assert "source" in objective.tensors()
+    params = torch.randn(2, case.member.problem.spec.n_params, dtype=torch.float64) / 3
+    theta = torch.tensor([[0.4, 0.64, 0.3]], dtype=torch.float64).repeat(2, 1)
+
+    def control(members: int) -> SimpleNamespace:
+        table = torch.ones(1, 2 + members, dtype=torch.float64)
+        return SimpleNamespace(counter=torch.tensor([9, 9, 0]), table=table)
+
+    found = objective.evaluate(control(2), params, theta, prefit=False)  # type: ignore[arg-type]
+    p, n, m = case.member.problem, *objective.places[0, [1, 3]].tolist()
+    i = ops.sample_indices(4, 9, INTERIOR, BATCH.interior, n)
+    j = ops.sample_indices(4, 9, SURFACE, BATCH.surface, m)
+    expected = reference.residual_loss(
+        params[0],
+        theta[0],
+        objective.points[i],
+        objective.velocity[i],
+        objective.point_weights[i],
+        objective.surface_points[j],
+        objective.surface_pressure[j],
+        objective.term_weights[0],
+        p.spec.widths,
+        p.spec.input_shift,
+        p.spec.input_scale,
+        p.physics,
+        "mixed",
+        source=objective.source[i],
+    )
+    own = (found.loss, found.terms, found.grad_params, found.grad_theta)
+    for ours, truth in zip(own, expected, strict=True):
+        torch.testing.assert_close(ours[0], truth, rtol=1e-8, atol=1e-10)
+    lone = alone.evaluate(control(1), params[1:], theta[1:], prefit=False)  # type: ignore[arg-type]
+    torch.testing.assert_close(found.loss[1:], lone.loss, rtol=1e-12, atol=0)
+    assert float(found.terms[0, 2]) != pytest.approx(float(lone.terms[0, 2]), rel=1e-3)
+    data = objective.data(0)
+    every = (torch.arange(40), slice(5))
+    of_points = objective.terms(0, params[0], theta[0], data, *every, "mixed")
+    without_it = objective.terms(
+        0, params[0], theta[0], replace(data, source=None), *every, "mixed"
+    )
+    assert torch.equal(of_points[[0, 1, 3, 4]], without_it[[0, 1, 3, 4]])
+    assert of_points[2] != without_it[2]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda x, y, t: (x / 0, y), r"got \[\d+, 2\] with \d+ not finite for \d+ points"),
+        (lambda x, y, t: (x[:2], y[:2]), r"got \[2, 2\] with 0 not finite"),
+    ],
+    ids=["infinite", "short"],
+)
+def test_a_wrong_function_is_refused(wrong: Source, message: str, case: Case) -> None:
+    flow = replace(case.flow, source=wrong)
+    with np.errstate(all="ignore"), pytest.raises(FlowFileError, match=message):
+        source_at(case.member.data.points + 1, flow, case.scales)
+
+
+def test_what_has_gravity_alone_says_so(tmp_path: Path) -> None:
+    flow: Flow = make_flow(source=force)
+    with pytest.raises(FlowFileError, match="no place for the source term of a flow"):
+        write_flow(flow, tmp_path / "flow.h5")
+    assert not list(tmp_path.iterdir())
+    assert baseline(flow).reason == (
+        "the flow has a source of momentum, and the balance has gravity alone"
+    )
+
+
+def test_checks_of_the_fall_are_left_out() -> None:
+    """Grains that gain more energy than gravity gives are a slip, unless another force acts."""
+    weak = make_flow(gravity=(0.0, -1.0))
+    assert any("energy" in slip.text for slip in slips(weak))
+    assert not slips(replace(weak, source=force))
