@@ -6,7 +6,9 @@ and `descend` change tensors in place.
 
 `batch_loss` draws a batch as `draw_batch` does and evaluates `residual_loss` on it. Its arguments
 are the arguments of `draw_batch`, then params and theta, then the arguments of
-granpinn.kernels.ops.residual_loss after the term weights. On a GPU it also packs the weights.
+granpinn.kernels.ops.residual_loss after the term weights. On a GPU it also packs the weights. Both
+take a source term at all points [N, 2], or None, as their last argument. It is the last of the
+tensors that `draw_batch` returns; without a source that one has no rows.
 
 The operators raise ValueError or TypeError for wrong sizes, and if a tensor that they change shares
 memory with another. `places` must lie within the points: a CPU raises ValueError. A GPU draws NaN

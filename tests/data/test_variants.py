@@ -45,8 +45,9 @@ def test_a_flow_beside_itself_is_the_flow_alone(flow: Flow, share: float) -> Non
     assert len(own.strip) > 0 or share == 0
     assert (len(own.wall_points) > 0) == (flow.walls is not None)
     for found in sets_of(flow, flow, share=share):
+        assert found.source is own.source is None
         for name, values in vars(own).items():
-            assert torch.equal(getattr(found, name), values), name
+            assert values is None or torch.equal(getattr(found, name), values), name
 
 
 def test_walls_have_their_conditions_in_every_variant() -> None:

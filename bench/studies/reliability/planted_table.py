@@ -89,7 +89,7 @@ MISTAKES = [
          "theta_a[2] = mu_a * range * over * ratio;"),
         ("missing term", "laws/mu_of_i.h", "return I_dmu * (rest - ratio); }",
          "return I_dmu * rest; }"),
-        ("sign", "forms/mixed.h", "p.p_y - stress_y - c.g_y;", "p.p_y + stress_y - c.g_y;"),
+        ("sign", "forms/mixed.h", "p.p_y - stress_y - force.y;", "p.p_y + stress_y - force.y;"),
         ("missing term", "forms/mixed.h", "v[kT] + u[kValue] * v[kX] + v[kValue] * v[kY]",
          "v[kT] + u[kValue] * v[kX]"),
         ("factor", "forms/mixed.h", "select(above_floor, T(0.5) * I_I_a / p.p, R(T(0)))",
