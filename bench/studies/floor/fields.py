@@ -9,8 +9,9 @@ the floor. Grains of the surface stay there, $h_t + \partial_x \psi(x, h(x, t), 
   The shear $F'' \sim (1 - \eta) e^{b \eta}$ grows from the floor to below the surface.
 - layer: the same, but a third of the flux slips over a layer at the floor with the thickness 0.03,
   $F' \sim 1 - e^{-\eta/0.03}$.
-- plug: $u = q(t)(1 + \tanh((y - y_p)/\ell))$ up to constants, a shear band between grains that do
-  not shear. The surface $h = h_0 + A \cos k(x - X(t))$ rides on them, $X' = u$.
+- plug: $u = q(t)(1 + \tanh((y - y_p)/\ell))$ up to constants, a shear band between grains that
+  hardly shear: at 3e-5, where the smoothing of the kernels, at 1e-6, does not count. The surface
+  $h = h_0 + A \cos k(x - X(t))$ rides on them, $X' = u$.
 
 with $q = q_0 + (q_1 - q_0) \sin^2(\pi t / 2 t_1)$. The pressure is
 $p = p_0 + (h - y)(1 + a \sin(2 x + y - t))$, and the stress that of mu(I) with the
@@ -45,6 +46,7 @@ SLOW, FAST = 0.1, 1.2  # q_0 and q_1
 STEEPNESS = 6  # b
 LAYER, SLIP = sp.Rational(3, 100), sp.Rational(1, 3)
 BAND, BAND_SIZE = sp.Rational(7, 20), sp.Rational(3, 50)  # y_p and ell
+REST = 3e-5  # shear rate of grains outside of the band
 WAVE = 0.15  # a
 PHYSICS = Physics(
     grain_diameter=GRAIN,
@@ -97,7 +99,7 @@ def _plug() -> tuple[sp.Expr, sp.Expr]:
     swing = T / 2 - END / (2 * sp.pi) * sp.sin(sp.pi * T / END)
     path = SLOW * T + (FAST - SLOW) * swing
     h = HEIGHT + SWELL * sp.cos(2 * sp.pi / WIDTH * (X - path))
-    return _flux() * psi / whole, h
+    return _flux() * psi / whole + REST * (Y / 2 - HEIGHT) * Y, h
 
 
 KINDS: dict[str, Callable[[], tuple[sp.Expr, sp.Expr]]] = {

@@ -46,7 +46,7 @@ def sample(cells: int, frames: int) -> Flow:
         gravity=(math.sin(SLOPE), -math.cos(SLOPE)),
         density=1.0,
         grain_diameter=GRAIN,
-        surface=Surface(times, places, np.ones_like(times)),
+        surface=Surface(times, places, np.ones_like(times), np.zeros_like(times, np.float32)),
         truth=Truth(*THETA),
         attributes={PERIOD_X: COLUMNS * spacing, SURFACE_SD: 0.0},
     )
