@@ -147,7 +147,12 @@ def exact(name: str, surface_pressure: float = 0.0) -> Exact:
     orders: list[tuple[sp.Symbol, ...]] = [(), (X,), (Y,), (T,), (X, X), (X, Y), (Y, Y)]
     of_u, of_v = [tuple(sorted((*o, Y), key=str)) for o in orders], [(X, *o) for o in orders]
     every = list(dict.fromkeys([*of_u, *of_v]))
-    slopes = _function((X, Y, T), [sp.diff(psi, *order) for order in every])
+
+    @cache
+    def slope(order: tuple[sp.Symbol, ...]) -> sp.Expr:
+        return slope(order[:-1]).diff(order[-1]) if order else psi
+
+    slopes = _function((X, Y, T), [slope(order) for order in every])
     of_p = _function((X, Y, T), [p, p.diff(X), p.diff(Y)])
 
     def jets(x: Float64, y: Float64, t: Float64) -> Float64:
