@@ -36,6 +36,8 @@ from granpinn.arrays import Float64
 from granpinn.data import check_flow
 from granpinn.identification.case import pose, sound
 from granpinn.kernels import ops
+from granpinn.physics.laws import Law
+from granpinn.training import equations
 from tests.runs import tiny
 
 
@@ -213,13 +215,26 @@ def test_an_identification_knows_the_source() -> None:
     assert "source of momentum" in str(result.simulated_pressure.objection)
 
 
-def test_the_study_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("local", [False, True])
+def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The local law has no mean at any point."""
+    seen: list[float] = []
+
+    def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:  # noqa: E741
+        found = whole(I, theta, law)
+        seen.append(float(found.max()))
+        return found
+
+    whole = equations.ill_posed
+    monkeypatch.setattr(equations, "ill_posed", ill_posed)
     words = ["--cases", "plug 16", "--seeds", "2", "--device", "cpu", "--steps", "12"]
+    words += ["--local-law"] if local else []
     words += ["--network.widths", "9,7", "--batch.interior", "33", "--batch.surface", "6"]
     monkeypatch.setattr(sys, "argv", ["run", *words, "--json", str(tmp_path / "floor.json")])
     assert run.main() == 0
     found = json.loads((tmp_path / "floor.json").read_text())
     assert [row["seed"] for row in found["rows"]] == [0, 1]
+    assert found["local_law"] is local is (max(seen) == 0)
     for row in found["rows"]:
         assert row["mu_s_percent"] == pytest.approx(100 * (row["found"]["mu_s"] / 0.4 - 1))
         assert len(row["mu_percent"]) == len(found["I"])
