@@ -18,7 +18,7 @@ from granpinn.arrays import Float64
 from granpinn.data import Flow, known_sd
 from granpinn.data.symmetry import invariant_axes
 from granpinn.estimates.gradients import Gradients, gradients
-from granpinn.estimates.noise import Noise, grid_noise, noise_map
+from granpinn.estimates.noise import Noise, grid_noise, noise_map, of_pairs
 from granpinn.estimates.scattered_fits import (
     ParticleFits,
     particle_fits,
@@ -68,7 +68,9 @@ class Facts:
     @cached_property
     def noise(self) -> Noise:
         """The noise of a typical vector."""
-        return grid_noise(self.view) if self.flow.particles is None else self.fits.noise
+        if self.flow.particles is None:
+            return grid_noise(self.view)
+        return self.fits.noise if self.flow.steady else of_pairs(self.fits.noise, *self.vectors)
 
     @cached_property
     def noise_cells(self) -> Float64:

@@ -22,19 +22,20 @@ For particles see `scattered_fits.py`.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.estimates.pairs import pair_noise
+from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, rms, spread
 from granpinn.estimates.view import View
 
 ORDER = 3
-FEWEST = 50  # differences below which there is no estimate
-NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates
 FARTHEST = 4  # cells at which correlation is looked for
-LEAST_CORRELATION = 0.05  # below this it is scatter
+LEAST_SHARE = 0.5  # of the differences in time that a flow without gaps has
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def grid_noise(view: View) -> Noise:
     factor = _growth(ORDER)
     space = [_spread(np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2), factor**2) for a in pair]
     chosen = space if view.steady or None in time else time
-    return Noise(
+    found = Noise(
         sigma=_rms(chosen),
         u=chosen[0],
         v=chosen[1],
@@ -72,6 +73,26 @@ def grid_noise(view: View) -> Noise:
         in_space=_rms(space),
         vectors_per_independent=1.0 if view.steady else _per_independent(in_time),
     )
+    if view.steady or not _gaps(view, in_time[0]):
+        return found
+    k, j, i = np.nonzero(view.there)
+    return of_pairs(found, view.t[k], view.x[i], view.y[j], view.u[k, j, i], view.v[k, j, i])
+
+
+def of_pairs(found: Noise, t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> Noise:
+    """The noise from pairs of the vectors, all [N]; `found` if these or the frames are too few."""
+    pairs = pair_noise(t, x, y, u, v)
+    if pairs is None:
+        return found
+    sigma = rms(pairs.u, pairs.v)
+    return dataclasses.replace(found, sigma=sigma, in_time=sigma, **vars(pairs))
+
+
+def _gaps(view: View, in_time: Float64) -> bool:
+    """Whether most of the differences in time are missing, as they cross gaps."""
+    frames = len(view.t)
+    whole = view.there.sum() * max(0, frames - ORDER) / frames
+    return bool(np.isfinite(in_time).sum() < LEAST_SHARE * whole)
 
 
 def _order_in_time(view: View) -> int:
@@ -98,15 +119,13 @@ def noise_map(view: View) -> Float64:
 
 
 def _spread(values: Float64, factor: float) -> float | None:
-    finite = values[np.isfinite(values)]
-    if finite.size < FEWEST:
-        return None
-    return float(NORMAL * np.median(np.abs(finite)) / factor)
+    found = spread(values)
+    return None if found is None else found / factor
 
 
 def _rms(pair: list[float | None]) -> float | None:
     u, v = pair
-    return None if u is None or v is None else math.sqrt((u * u + v * v) / 2)
+    return None if u is None or v is None else rms(u, v)
 
 
 def _per_independent(differences: list[Float64]) -> float:
@@ -118,20 +137,16 @@ def _per_independent(differences: list[Float64]) -> float:
             n = differences[0].shape[axis]
             if lag >= n:
                 break
-            correlation = np.mean([_correlation(values, axis, lag) for values in differences])
-            if not correlation > LEAST_CORRELATION:
+            shared = np.mean([_at_lag(values, axis, lag) for values in differences])
+            if not shared > LEAST_CORRELATION:
                 break
-            total += 2 * float(correlation)
+            total += 2 * float(shared)
         product *= total
     return product
 
 
-def _correlation(values: Float64, axis: int, lag: int) -> float:
-    """Rank-like correlation of neighbors: of the signs, turned into that of normal deviates."""
+def _at_lag(values: Float64, axis: int, lag: int) -> float:
+    """Of neighbors."""
     n = values.shape[axis]
     a, b = np.take(values, range(n - lag), axis), np.take(values, range(lag, n), axis)
-    product = a * b
-    product = product[np.isfinite(product) & (product != 0)]
-    if product.size < FEWEST:
-        return 0.0
-    return math.sin(math.pi / 2 * float(np.mean(np.sign(product))))
+    return correlation(a * b)

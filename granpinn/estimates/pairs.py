@@ -1,0 +1,191 @@
+r"""Noise of vectors with gaps between them, from pairs of vectors of one frame.
+
+Every vector is predicted twice: from its nearest vectors in the frames 1, 3, 5, ... before and
+after its own, and from those in the frames 2, 4, 6, ... Each prediction is a local parabola in x, y
+and t. No vector is in both. So the two errors a and b of vector i share the error e_i of the vector
+itself, and nothing else:
+
+$$\overline{a_i b_j} = \overline{e_i e_j} = \sigma^2 \rho_{ij}$$
+
+for two vectors i and j of one frame, and $\sigma^2$ for i = j. Means are taken of signs: for normal
+deviates $\overline{\mathrm{sign}(a b)} = \frac{2}{\pi} \arcsin \mathrm{corr}(a, b)$. So a few bad
+vectors do not matter. The number of vectors that share one error is
+
+$$1 + \sum_k \rho_k$$
+
+over the neighbors k = 1, 2, ... in the order of their distance, without any cell or length.
+
+The frames reach as far as makes sigma least: parabolas leave more where they are too long. Errors
+that stay the same for several frames count as flow, as in differences in time. Errors that more
+than MOST_PARTNERS neighbors share are seen in part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from granpinn.arrays import Float64, Index
+from granpinn.estimates.fits import quadratic_basis
+from granpinn.estimates.robust import FEWEST, LEAST_CORRELATION, NORMAL, correlation
+
+NEIGHBORS = 24  # of a prediction, which has 10 coefficients
+LEAST_REACH = 4  # frames: the even ones up to it are four, enough for a parabola in time
+MOST_PARTNERS = 80  # neighbors at which correlation is looked for: those of a cell in 9 x 9 cells
+FRAMES, SAMPLES = 60, 6000  # at most, spread over the flow
+MOST_GAIN = 2.0  # variance of a prediction over that of its vectors; more is an extrapolation
+
+
+@dataclass(frozen=True)
+class PairNoise:
+    """Standard deviations of the components, and vectors that share one error, dimensionless."""
+
+    u: float
+    v: float
+    vectors_per_independent: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Vectors:
+    """Vectors of all frames: t [N], place [N, 2], velocity [N, 2], and the indices by frame."""
+
+    t: Float64
+    place: Float64
+    velocity: Float64
+    frames: list[Index]
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Errors of both predictions [2, S, 2], NaN where there is none; sigma [2]; corr(a, b) [2]."""
+
+    both: Float64
+    sigma: Float64
+    shared: Float64
+
+
+def pair_noise(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> PairNoise | None:
+    """The noise of vectors in frames, all [N], in any units; None if vectors or frames are few."""
+    order = np.argsort(t, kind="stable")
+    frames = np.split(order, np.flatnonzero(np.diff(t[order])) + 1)
+    data = _Vectors(t, np.stack([x, y], -1), np.stack([u, v], -1), frames)
+    n = len(frames) - 2 * LEAST_REACH
+    if n < 1 or t.size < 2 * len(frames):
+        return None
+    used = LEAST_REACH + np.unique(np.linspace(0, n - 1, min(n, FRAMES)).astype(int))
+    patches = [_patch(data, k, SAMPLES // len(used)) for k in used]
+    best, reach = None, LEAST_REACH
+    while 2 * reach <= len(frames):
+        found = _errors(data, used, patches, reach)
+        if best is not None and (found is None or not _size(found) < _size(best)):
+            break
+        best, reach = found, 2 * reach
+    if best is None:
+        return None
+    partners = [_partners(data, k, patch) for k, patch in zip(used, patches, strict=True)]
+    u_sigma, v_sigma = map(float, best.sigma)
+    return PairNoise(u_sigma, v_sigma, _sharing(best, partners))
+
+
+def _size(found: _Errors) -> float:
+    return float(np.sum(found.sigma**2))
+
+
+def _patch(data: _Vectors, k: int, size: int) -> Index:
+    """So many vectors of frame k around one of them, or all of a small frame."""
+    own = data.frames[k]
+    if own.size <= size:
+        return own
+    place = data.place[own]
+    middle = place[np.random.default_rng(k).integers(own.size)]
+    return own[np.argsort(np.sum((place - middle) ** 2, axis=1), kind="stable")[:size]]
+
+
+def _errors(data: _Vectors, used: Index, patches: list[Index], reach: int) -> _Errors | None:
+    """Of all patches, from frames up to `reach` before and after; None if they are few."""
+    parts = []
+    for k, patch in zip(used, patches, strict=True):
+        after = [np.arange(first, reach + 1, 2) for first in (1, 2)]
+        near = [np.concatenate([k - steps, k + steps]) for steps in after]
+        inside = [frames[(frames >= 0) & (frames < len(data.frames))] for frames in near]
+        two = [_prediction(data, patch, [data.frames[j] for j in frames]) for frames in inside]
+        parts.append(data.velocity[patch] - np.stack(two))
+    both = np.concatenate(parts, axis=1)
+    there = np.isfinite(both).all(axis=(0, 2))
+    if there.sum() < FEWEST:
+        return None
+    sizes = NORMAL * np.median(np.abs(both[:, there]), axis=1)
+    shared = np.array([correlation(both[0, :, c] * both[1, :, c]) for c in (0, 1)])
+    return _Errors(both, np.sqrt(np.maximum(shared, 0.0) * sizes[0] * sizes[1]), shared)
+
+
+def _prediction(data: _Vectors, patch: Index, frames: list[Index]) -> Float64:
+    """Velocity at the vectors of a patch [S, 2] from those of other frames; NaN where they fail."""
+    place = data.place[patch]
+    lower, upper = place.min(axis=0), place.max(axis=0)
+    margin = upper - lower
+    others = np.concatenate(frames)
+    points = data.place[others]
+    others = others[((points >= lower - margin) & (points <= upper + margin)).all(axis=1)]
+    if others.size < NEIGHBORS:
+        return np.full((patch.size, 2), np.nan)
+    distance, found = cKDTree(data.place[others]).query(place, k=NEIGHBORS)
+    near = others[found]
+    size = np.maximum(distance[:, -1:], np.finfo(float).tiny)
+    dx, dy = ((data.place[near, axis] - place[:, axis, None]) / size for axis in (0, 1))
+    dt = data.t[near] - data.t[patch][:, None]
+    basis = quadratic_basis([dx, dy, dt / np.abs(dt).max()])
+    n = basis.shape[-1]
+    normal = np.swapaxes(basis, 1, 2) @ basis
+    normal += 1e-9 * np.eye(n) * np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    weights = np.einsum("skn,sn->sk", basis, np.linalg.solve(normal, np.eye(n)[:, :1])[..., 0])
+    # Weights of a sum other than 1 do not keep a constant: the vectors do not fix a parabola.
+    sound = (np.abs(weights.sum(axis=1) - 1) < 1e-3) & (np.sum(weights**2, axis=1) < MOST_GAIN)
+    predicted = np.einsum("sk,skc->sc", weights, data.velocity[near])
+    return np.where(sound[:, None], predicted, np.nan)
+
+
+def _partners(data: _Vectors, k: int, patch: Index) -> Index:
+    """Nearest vectors of the same frame, by distance: places in the patch [S, MOST_PARTNERS].
+
+    -1 for a vector outside of the patch, -2 where the frame has no more.
+    """
+    own = data.frames[k]
+    inside = np.full(own.size + 1, -2)
+    inside[:-1] = -1
+    inside[np.searchsorted(own, patch)] = np.arange(patch.size)
+    wanted = MOST_PARTNERS + 1
+    _, near = cKDTree(data.place[own]).query(data.place[patch], k=[*range(2, wanted + 1)])
+    return np.asarray(inside[near])
+
+
+def _sharing(found: _Errors, partners: list[Index]) -> float:
+    """1 + the sum of the correlations with all partners."""
+    if not (found.shared > 0).all():
+        return 1.0
+    starts = np.cumsum([0, *(len(p) for p in partners[:-1])])
+    near = np.concatenate(
+        [np.where(p < 0, p, p + s) for p, s in zip(partners, starts, strict=True)]
+    )
+    total, first = 1.0, 0
+    while first < MOST_PARTNERS:
+        group = near[:, first : 2 * first + 1]
+        shared = _of_group(found, group)
+        if not shared > LEAST_CORRELATION:
+            break
+        total += shared * float((group > -2).sum(axis=1).mean())
+        first = 2 * first + 1
+    return total
+
+
+def _of_group(found: _Errors, group: Index) -> float:
+    """Mean correlation of the errors of vectors [S] with those of their partners [S, n]."""
+    there = group >= 0
+    mean = 0.0
+    for c in (0, 1):
+        a, b = found.both[..., c]
+        products = np.concatenate([p[:, None] * q[group] for p, q in ((a, b), (b, a))])
+        mean += correlation(products[np.tile(there, (2, 1))]) / float(found.shared[c]) / 2
+    return mean
