@@ -8,6 +8,9 @@ estimate. It is smaller where the vectors of neighboring cells share pixels, and
 are wider than the shear layers. The correlation of differences in time between neighboring cells
 gives the number of independent vectors.
 
+Where most of these differences are missing, as they cross gaps, both come from pairs of vectors
+(`pairs.py`), and so they do for particles.
+
 In a steady flow the estimate is that in space, and every vector counts as independent: the frames
 are means over a time in which the whole flow may drift, and a drift is no noise of vectors. First
 differences in time, $\sqrt{2}\,\sigma$, show it. A flow of one frame has none.
@@ -15,9 +18,8 @@ differences in time, $\sqrt{2}\,\sigma$, show it. A flow of one frame has none.
 This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
 large (docs/guides/inspecting.md). Errors that are the same in every frame, such as means over
-windows, cancel.
-
-For particles see `scattered_fits.py`.
+windows, cancel. What stays the same for a few frames cancels in part: differences of every third
+frame show up to 1.7 times the noise in grains (bench/studies/noise/note.md).
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class Noise:
     Attributes:
         sigma: the estimate for the inspection.
         u, v: for each component alone.
-        in_time, in_space: from differences in time, and in x and y.
+        in_time: from differences in time, or from pairs of vectors of one frame.
+        in_space: from differences in x and y, or for particles from parabolas (scattered_fits.py).
         vectors_per_independent: number of vectors over number of independent ones.
     """
 

@@ -1,7 +1,8 @@
 """Noise and shear rate of scattered vectors, by local parabolas in x and y.
 
 A parabola is fitted to each of some vectors and its nearest neighbors in the same frame. What it
-leaves is the noise. The random motion of grains about the mean flow counts as noise.
+leaves is the noise. The random motion of grains about the mean flow counts as noise. What neighbors
+share is no part of it: `pairs.py` shows that, where there are frames enough.
 """
 
 from __future__ import annotations

@@ -125,8 +125,10 @@ def _noise(found: Inspection) -> list[str]:
         lines.append(
             f"Noise seen in time is {n.in_time / n.in_space:.1f} times that in space: "
             + (
-                "neighboring vectors share pixels, or frames are too far apart."
+                "neighboring vectors share their errors, or frames are too far apart."
                 if larger
+                else "the vectors of a frame are too sparse for the layers that shear."
+                if found.counts.particles
                 else "the cells are wider than the layers that shear; use smaller windows."
             )
         )
