@@ -1,0 +1,163 @@
+"""The noise from pairs of vectors equals the noise that was added, beside gaps and scattered."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granpinn.arrays import Float64
+from granpinn.data import Flow, Particles, add_noise, particle_flow
+from granpinn.data.noise import max_speed
+from granpinn.data.scaling import scales_of
+from granpinn.estimates import noise as noise_module
+from granpinn.estimates.facts import Facts
+from granpinn.estimates.pairs import pair_noise
+from granpinn.inspection import inspect
+from granpinn.inspection.text import lines_of
+from granpinn.uncertainty.of_data import verdict
+
+FRAMES, SIDE, PER_FRAME = 24, 30.0, 200
+WAVES = 300
+
+
+def random_field(x: Float64, y: Float64, length: float, seed: int) -> Float64:
+    """Two normal fields [2, n] with the correlation exp(-h^2 / (2 length^2)); white for 0."""
+    generator = np.random.default_rng(seed)
+    if length == 0:
+        return generator.standard_normal((2, x.size))
+    waves = generator.standard_normal((2, WAVES)) / length
+    phases = generator.uniform(0, 2 * np.pi, (2, 1, WAVES))
+    turns = np.outer(x, waves[0]) + np.outer(y, waves[1]) + phases
+    return np.asarray(np.sqrt(2 / WAVES) * np.cos(turns).sum(axis=-1))
+
+
+def vectors(
+    length: float, seed: int, *, cells: bool, frames: int = FRAMES, sd: float = 0.05
+) -> tuple[list[Float64], float]:
+    """t, x, y, u, v of a smooth flow with noise, and the number of vectors that share one error.
+
+    Args:
+        cells: at the centers of randomly chosen cells, or anywhere.
+    """
+    generator = np.random.default_rng(seed)
+    made, sharing = [], []
+    for k in range(frames):
+        if cells:
+            place = generator.choice(int(SIDE) ** 2, PER_FRAME, replace=False)
+            x, y = (a.astype(float) for a in np.divmod(place, int(SIDE)))
+        else:
+            x, y = generator.uniform(0, SIDE, (2, PER_FRAME))
+        e = sd * random_field(x, y, length, seed + 1 + k)
+        a, b, c = x / 10, y / 10, k / 12
+        u, v = np.sin(a + c) * np.cos(b), np.cos(a) * np.sin(b - c)
+        made.append(np.stack([np.full(PER_FRAME, 0.1 * k), x, y, u + e[0], v + e[1]]))
+        if length > 0:
+            square = (x - x[:, None]) ** 2 + (y - y[:, None]) ** 2
+            sharing.append(np.exp(-square / 2 / length**2).sum() / PER_FRAME)
+    return [*np.concatenate(made, axis=1)], float(np.mean(sharing or [1.0]))
+
+
+@pytest.mark.parametrize("length", [0.0, 1.5, 3.0])
+@pytest.mark.parametrize("cells", [True, False])
+def test_size_and_correlation(length: float, cells: bool, seed: int) -> None:
+    data, truth = vectors(length, seed, cells=cells)
+    found = pair_noise(*data)
+    assert found is not None
+    assert [found.u, found.v] == pytest.approx([0.05, 0.05], rel=0.2)
+    assert found.vectors_per_independent == pytest.approx(truth, rel=0.25)
+
+
+def test_order_units_and_a_few_bad_vectors_do_not_matter(seed: int) -> None:
+    data, truth = vectors(1.5, seed, cells=False)
+    plain = pair_noise(*data)
+    assert plain is not None
+    generator = np.random.default_rng(seed)
+    order = generator.permutation(data[0].size)
+    factors = (3.0, 0.2, 0.2, 7.0, 7.0)
+    other = pair_noise(*(factor * a[order] for factor, a in zip(factors, data, strict=True)))
+    assert other is not None
+    assert other.u == pytest.approx(7 * plain.u, rel=1e-6)
+    assert other.vectors_per_independent == pytest.approx(plain.vectors_per_independent, rel=1e-6)
+    wrong = generator.uniform(size=order.size) < 0.01
+    bad = pair_noise(*data[:3], *(np.where(wrong, 5.0, a) for a in data[3:]))
+    assert bad is not None
+    assert bad.u == pytest.approx(0.05, rel=0.25)
+    assert bad.vectors_per_independent == pytest.approx(truth, rel=0.4)
+
+
+@pytest.mark.parametrize("frames", [1, 8])
+def test_few_frames_have_no_pairs(frames: int) -> None:
+    data, _ = vectors(0.0, 0, cells=False, frames=frames)
+    assert pair_noise(*data) is None
+
+
+def test_frames_of_one_vector_have_no_pairs() -> None:
+    data, _ = vectors(0.0, 0, cells=False)
+    assert pair_noise(np.arange(data[0].size, dtype=float), *data[1:]) is None
+
+
+def thinned(flow: Flow, part: float, seed: int) -> Flow:
+    gone = np.random.default_rng(seed).uniform(size=flow.u.shape) > part
+    u, v = (np.where(gone, np.nan, a).astype(np.float32) for a in (flow.u, flow.v))
+    return replace(flow, u=u, v=v)
+
+
+def shared_noise(flow: Flow, sd: float, seed: int) -> Flow:
+    """Errors of `sd` times the largest speed that 3 x 3 cells share."""
+    generator = np.random.default_rng(seed)
+
+    def errors() -> Float64:
+        e = generator.standard_normal((flow.t.size, flow.y.size // 3 + 1, flow.x.size // 3 + 1))
+        whole = e.repeat(3, axis=1).repeat(3, axis=2)
+        return np.asarray(sd * max_speed(flow) * whole[:, : flow.y.size, : flow.x.size])
+
+    u, v = ((a + errors()).astype(np.float32) for a in (flow.u, flow.v))
+    return replace(flow, u=u, v=v)
+
+
+def test_a_part_of_a_grid_has_the_noise_of_the_whole(demo: Flow, seed: int) -> None:
+    """Half and a tenth of the vectors: 3 and 1.8 of the 9 cells of a block, in the mean."""
+    flow = shared_noise(demo, 0.05, seed)
+    scales = scales_of(flow)
+    whole = Facts(flow, scales)
+    for part, truth in ((0.5, 1 + 8 * 0.5), (0.1, 1 + 8 * 0.1)):
+        few = Facts(thinned(flow, part, seed), scales)
+        assert few.noise.sigma == pytest.approx(whole.noise.sigma, rel=0.15)
+        assert few.noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
+        assert few.independent == few.view.count.sum() / few.noise.vectors_per_independent
+
+
+def test_differences_are_used_where_gaps_are_few(
+    demo: Flow, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Float64) -> None:
+        raise AssertionError("pairs of a grid that has most of its differences")
+
+    monkeypatch.setattr(noise_module, "pair_noise", refused)
+    flow = add_noise(demo, 0.05, seed)
+    scales = scales_of(flow)
+    for part in (1.0, 0.9):
+        assert Facts(thinned(flow, part, seed), scales).noise.sigma is not None
+    steady = replace(thinned(flow, 0.1, seed), attributes={"steady": 1})
+    assert Facts(steady, scales).noise.vectors_per_independent == 1
+
+
+def test_particles_that_share_errors(seed: int) -> None:
+    """Grains that move together: parabolas of one frame follow them, predictions do not."""
+    (t, x, y, u, v), truth = vectors(3.0, seed, cells=False)
+    particles = Particles(t, x, y, u.astype(np.float32), v.astype(np.float32))
+    flow = particle_flow(particles, gravity=(0.0, -1.0), density=1.0, grain_diameter=1.0)
+    found = inspect(flow)
+    noise = found.noise
+    assert noise.sigma is not None
+    assert noise.in_space is not None
+    assert noise.sigma * found.scales.velocity == pytest.approx(0.05, rel=0.2)
+    assert noise.in_space < 0.5 * noise.sigma
+    assert noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
+    text = " ".join(lines_of(found, verdict(found)))
+    assert "neighbors share one error" in text
+    assert "neighboring vectors share their errors" in text
+    again = particle_flow(
+        particles, gravity=(0.0, -1.0), density=1.0, grain_diameter=1.0, attributes={"steady": 1}
+    )
+    assert Facts(again, scales_of(again)).noise.vectors_per_independent == 1
