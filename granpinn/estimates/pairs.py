@@ -15,13 +15,14 @@ $$1 + \sum_k \rho_k$$
 
 over the neighbors k = 1, 2, ... in the order of their distance, without any cell or length.
 
-The frames reach as far as makes sigma least: parabolas leave more where they are too long. Errors
+The frames reach farther as long as that makes sigma less: too long a parabola leaves more. Errors
 that stay the same for several frames count as flow, as in differences in time. Errors that more
 than MOST_PARTNERS neighbors share are seen in part.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +80,7 @@ def pair_noise(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> Pa
     best, reach = None, LEAST_REACH
     while 2 * reach <= len(frames):
         found = _errors(data, used, patches, reach)
-        if best is not None and (found is None or not _size(found) < _size(best)):
+        if best is not None and (found is None or not _less(found, best)):
             break
         best, reach = found, 2 * reach
     if best is None:
@@ -89,8 +90,10 @@ def pair_noise(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> Pa
     return PairNoise(u_sigma, v_sigma, _sharing(best, partners))
 
 
-def _size(found: _Errors) -> float:
-    return float(np.sum(found.sigma**2))
+def _less(found: _Errors, best: _Errors) -> bool:
+    """Whether the noise is smaller, by more than the standard error of a squared median."""
+    part = 1 - 2.3 / math.sqrt(found.both.shape[1])
+    return bool(np.sum(found.sigma**2) < part * np.sum(best.sigma**2))
 
 
 def _patch(data: _Vectors, k: int, size: int) -> Index:
