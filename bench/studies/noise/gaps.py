@@ -152,7 +152,8 @@ def main() -> int:
     parser.add_argument("--reference", nargs="*", type=Path, default=[])
     parser.add_argument("--json", type=Path, required=True)
     own = parser.parse_args()
-    found: dict[str, Any] = {"command": " ".join(["python", *sys.argv])}
+    command = ["python", "-m", "bench.studies.noise.gaps", *sys.argv[1:]]
+    found: dict[str, Any] = {"command": " ".join(command)}
     flows = {case.name: case.flow for case in map(case_of_scene, scenes_in(own.scenes))}
     flows = {name: flow for name, flow in flows.items() if not flow.steady}
     found["strides"] = {name: strides(flow) for name, flow in flows.items()}
