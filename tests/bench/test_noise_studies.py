@@ -12,6 +12,7 @@ import pytest
 
 from bench.studies.draws import read_bounds, read_study, statistics, thinned, with_bounds
 from bench.studies.inertial_number import run as inertial_study
+from bench.studies.noise import gaps
 from bench.studies.noise import run as noise_study
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
@@ -150,3 +151,23 @@ def test_an_earlier_study_without_statistics_is_read_and_shown(
     rows = study.with_bounds(rows, read_bounds([tmp_path / "bound.json"]))
     assert math.isnan(rows[0]["rmse_over_bound"]["mu_s"])
     assert "nan" in study.text(rows)
+
+
+@pytest.mark.parametrize("length", [0.0, 2.0])
+def test_added_noise_has_the_stated_size_and_correlation(length: float, seed: int) -> None:
+    flow = make_flow(frames=30, rows=40, columns=40)
+    speed = np.sqrt(np.mean((flow.u**2 + flow.v**2)[flow.valid]))
+    e = (gaps.noisy(flow, 0.1, length, seed).u - flow.u) / speed
+    assert np.nanstd(e) == pytest.approx(0.1, rel=0.1)
+    neighbors = np.nanmean(e[:, :, 1:] * e[:, :, :-1]) / np.nanvar(e)
+    truth = np.exp(-1 / 2 / length**2) if length else 0.0
+    assert neighbors == pytest.approx(truth, abs=0.1)
+
+
+def test_made_up_fields_have_their_noise(seed: int) -> None:
+    found = gaps.made_up(2.0, 0.05, "scattered", 0.1, seed)
+    assert found["sigma"] == pytest.approx(found["true_sigma"], rel=0.15)
+    truth = found["true_vectors_per_independent"]
+    # The mean over pairs in a square, less than 2 pi l^2 times the density because of its edges.
+    assert 0.8 * (1 + 2 * np.pi * 4 * 0.1) < truth < 1 + 2 * np.pi * 4 * 0.1
+    assert found["vectors_per_independent"] == pytest.approx(truth, rel=0.3)
