@@ -110,18 +110,21 @@ def script(shell: str, verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
 
 
 def _fish(verbs: Mapping[str, Mapping[str, Sequence[str]]]) -> str:
-    """One `complete` for the verbs, and one for every flag."""
+    """One `complete` for the verbs, and one for every flag: the second word says which apply."""
     first = "complete -c granpinn -n"
     lines = [f"{first} __fish_use_subcommand -f -a {_words([*verbs, 'completion'])}"]
     lines += [
-        f"{first} '__fish_seen_subcommand_from {verb}' -l {flag[2:]}"
-        + (f" -x -a {_words(values)}" if values else "")
+        f"{first} {_after(verb)} -l {flag[2:]}" + (f" -x -a {_words(values)}" if values else "")
         for verb, found in verbs.items()
         for flag, values in found.items()
     ]
-    shells = f"'__fish_seen_subcommand_from completion' -f -a {_words(SHELLS)}"
-    lines.append(f"{first} {shells}")
+    lines.append(f"{first} {_after('completion')} -f -a {_words(SHELLS)}")
     return FISH + "\n".join(lines)
+
+
+def _after(verb: str) -> str:
+    """The condition that a line is about a verb; a file may have the name of another one."""
+    return shlex.quote(f"contains -- {verb} (commandline -opc)[2]")
 
 
 def _words(words: Sequence[str] | Mapping[str, Sequence[str]]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 import granpinn
 from granpinn.command import cli, completion
 
-FLAGS = {
+FLAGS: dict[str, dict[str, list[str]]] = {
     "train": {"--out": [], "--level": ["V0", "V1", "V2"], "--network.widths": []},
     "report": {"--paraview": []},
 }
@@ -142,6 +143,50 @@ def complete(words: Sequence[str], cwd: Path) -> list[str]:
 )
 def test_bash_completes(words: list[str], offered: list[str], tmp_path: Path) -> None:
     assert complete(words, tmp_path) == offered
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("granpinn ", ["completion", "report", "train"]),
+        ("granpinn tr", ["train"]),
+        ("granpinn train --", ["--level", "--network.widths", "--out"]),
+        ("granpinn train flow.h5 --net", ["--network.widths"]),
+        ("granpinn train --level ", ["V0", "V1", "V2"]),
+        ("granpinn train --level=V2", ["--level=V2"]),
+        ("granpinn report --level ", []),
+        ("granpinn report train --", ["--paraview"]),  # a folder with the name of a verb
+        ("granpinn train flo", []),
+        ("granpinn completion z", ["zsh"]),
+    ],
+    ids=str,
+)
+def test_fish_completes(line: str, offered: list[str], tmp_path: Path) -> None:
+    fish = shutil.which("fish")
+    if fish is None:
+        pytest.skip("fish is not installed: its completion was not tried")
+    code = f"{completion.script('fish', FLAGS)}\ncomplete -C {shlex.quote(line)}"
+    argv, where = [fish, "--no-config", "-c", code], {"HOME": str(tmp_path)}
+    done = subprocess.run(argv, capture_output=True, text=True, cwd=tmp_path, env=where, check=True)
+    assert done.stderr == ""
+    assert sorted(done.stdout.split()) == offered
+
+
+def test_the_script_of_fish_has_a_line_for_the_verbs_and_for_each_flag() -> None:
+    text = completion.script("fish", FLAGS)
+    lines = [shlex.split(line) for line in text.splitlines() if not line.startswith("#")]
+    assert all(words[:4] == ["complete", "-c", "granpinn", "-n"] for words in lines)
+    train, report, shells = (
+        f"contains -- {verb} (commandline -opc)[2]" for verb in ("train", "report", "completion")
+    )
+    assert [words[4:] for words in lines] == [
+        ["__fish_use_subcommand", "-f", "-a", "train report completion"],
+        [train, "-l", "out"],
+        [train, "-l", "level", "-x", "-a", "V0 V1 V2"],
+        [train, "-l", "network.widths"],
+        [report, "-l", "paraview"],
+        [shells, "-f", "-a", "bash zsh fish"],
+    ]
 
 
 def test_flags_and_choices_come_from_the_help() -> None:
