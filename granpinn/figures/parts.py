@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from granpinn.figures.style import (
     BLACK,
     BLUE,
     GREY,
     ORANGE,
+    WIDTH,
     Drawing,
     NothingToDraw,
     new_figure,
     styled,
+    width,
 )
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.parts import Split
 
-COLUMNS = 2
+COLUMNS = 2  # one on phones
+HEIGHT = 2.6  # inches of a panel
 POINTS = 100  # of a curve
 
 
@@ -29,9 +33,10 @@ def law_on_parts(result: Result) -> Drawing:
     if result.parts is None or not result.parts.splits:
         raise NothingToDraw("the law on parts of the data is not known")
     splits = result.parts.splits
-    rows = -(-len(splits) // COLUMNS)
-    figure = new_figure(2.6 * rows)
-    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    columns = COLUMNS if width() == WIDTH else 1
+    rows = -(-len(splits) // columns)
+    figure = new_figure(HEIGHT * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, split in zip(panels, splits, strict=False):
         _curves(axes, split, result)
     for axes in panels[len(splits) :]:
@@ -53,6 +58,10 @@ def _curves(axes: Axes, split: Split, result: Result) -> None:
         whole = np.broadcast_to(law.friction(I, *result.theta), I.shape)
         axes.plot(I, whole, color=GREY, lw=1.0, ls=(0, (4, 3)))
     axes.set_xscale("log")
+    # Half of the data holds about a decade of I.
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("inertial number $I$")
     axes.set_ylabel(r"$\mu(I)$")
     axes.grid(True)

@@ -55,6 +55,7 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     histogram.set_xlabel(RESIDUAL_LABEL)
     histogram.set_title("(b) share of points")
     histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    histogram.margins(y=0.3)  # for the legend above the bars
     histogram.legend(loc="upper right")
     return Drawing(
         figure,

@@ -1,33 +1,43 @@
-"""The fields over time, for the slider of the page: frames quantised to a palette of 255 colours.
+"""The fields over time, for the slider of the page.
 
-Every quantity becomes one indexed PNG: a sheet with its frames one below the other. The page draws
-its frames from the sheet.  A pixel is the nearest grid point, index 255 is "no grains"
-(transparent).  If the sheets would make the page too large, all of them get fewer pixels.
+Every quantity becomes one sheet of all frames (sheets.py); the page draws its frames from the
+sheet. A pixel is the nearest grid point. If the sheets would make the page too large, all of them
+get fewer pixels; more than `MAX_FRAMES` frames are thinned out.
 """
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
-from PIL import Image
+from matplotlib.ticker import MaxNLocator
 
 from granpinn.arrays import Bytes, Floats, Int64
 from granpinn.figures.residual import RESIDUAL_RANGE
-from granpinn.figures.style import VALUE_MAP, NothingToDraw
+from granpinn.figures.style import NothingToDraw
+from granpinn.report.sheets import (
+    LEVELS,
+    OUTSIDE,
+    UNSHEARED,
+    columns_of,
+    indexed_png,
+    laid_out,
+    mask_png,
+    palette,
+    quantise,
+)
 from granpinn.results import Fields
 from granpinn.results.zones import D2_STAGNANT
 
-MAX_FRAMES = 25
+MAX_FRAMES = 200
 MAX_PIXELS = 400  # of the longer side of a frame
 MIN_PIXELS = 40
 BUDGET = 1_500_000  # bytes of all sheets, in base64
-OUTSIDE = 255  # palette index of pixels without grains
 DECADES = 1e-4  # a logarithmic scale shows at most this part of its largest value
+SHAPES = (0.2, 12.0)  # width over height of the film on the page
+OTHER_TIMES = (238, 240, 242)  # colour of places that hold grains at other times
+TICKS = 6  # most ticks of the longer axis
 
 
 class Quantity(NamedTuple):
@@ -63,7 +73,10 @@ QUANTITIES = {
 
 
 class Sheet(NamedTuple):
-    """One quantity: its frames as a PNG in base64, and its colour scale from `low` to `high`."""
+    """One quantity: its frames as a PNG in base64, and its colour scale from `low` to `high`.
+
+    `moving`: grains that do not shear have a colour of their own.
+    """
 
     name: str
     label: str
@@ -71,6 +84,7 @@ class Sheet(NamedTuple):
     low: float
     high: float
     log: bool
+    moving: bool
     png: str
 
     @property
@@ -79,30 +93,43 @@ class Sheet(NamedTuple):
         return float((self.low * self.high) ** 0.5 if self.log else (self.low + self.high) / 2)
 
 
+class Axis(NamedTuple):
+    """The label of an axis, and its ticks: per cent of the way along it, and text."""
+
+    label: str
+    ticks: tuple[tuple[float, str], ...]
+
+
 class Film(NamedTuple):
     """
     Attributes:
         width, height: of a frame in pixels; y points up.
+        shape: width over height on the page.
+        columns: frames side by side in a sheet.
         times: of the frames, as text with their unit.
         start: index of the frame to show first.
         still: that frame of the first quantity as a PNG in base64.
-        x, y: the ranges of the frames, as text.
+        other_times: the places that hold grains at any time, as a PNG in base64.
+        x, y: the axes.
         colors: of the scale, from low to high.
     """
 
     sheets: tuple[Sheet, ...]
     width: int
     height: int
+    shape: float
+    columns: int
     times: tuple[str, ...]
     start: int
     still: str
-    x: str
-    y: str
+    other_times: str
+    x: Axis
+    y: Axis
     colors: tuple[str, ...]
 
 
 def shoot(fields: Fields, frame: int, budget: int = BUDGET) -> Film:
-    """The film of a run, which shows frame index `frame` (or the nearest one) first.
+    """The film of a run, which shows frame index `frame` first.
 
     Raises:
         NothingToDraw: there are no grains, or none of the variables.
@@ -111,32 +138,72 @@ def shoot(fields: Fields, frame: int, budget: int = BUDGET) -> Film:
     if not shown:
         raise NothingToDraw("fields.h5 has none of the variables of the film")
     rows, columns = grain_box(fields)
-    frames = np.unique(np.linspace(0, fields.t.size - 1, MAX_FRAMES).round().astype(int))
-    start = int(np.argmin(np.abs(fields.t[frames] - fields.t[frame])))
+    frames = frames_of(fields.t.size, frame)
     pixels = MAX_PIXELS
     while True:
         y, x = pixel_grid(fields.y[rows], fields.x[columns], pixels)
         cut = np.ix_(rows.start + y[::-1], columns.start + x)
-        sheets = _sheets(fields, frames, cut)
-        if not sheets:
+        pictures = _pictures(fields, frames, cut)
+        if not pictures:
             raise NothingToDraw("fields.h5 has no finite value to show")
-        size = sum(len(sheet.png) for sheet in sheets)
+        across = columns_of(frames.size, y.size, x.size)
+        pngs = [indexed_png(laid_out(picture.indices, across)) for picture in pictures]
+        size = sum(map(len, pngs))
         if size <= budget or pixels <= MIN_PIXELS:
             break
         pixels = max(MIN_PIXELS, int(0.95 * max(y.size, x.size) * (budget / size) ** 0.5))
-    pictures = np.asarray(Image.open(io.BytesIO(base64.b64decode(sheets[0].png))))
-    still = pictures[start * y.size : (start + 1) * y.size]
+    start = int(np.searchsorted(frames, frame))
+    first = pictures[0].indices
+    shape = x.size / y.size
     return Film(
-        sheets=tuple(sheets),
+        sheets=tuple(_sheet(fields, p, png) for p, png in zip(pictures, pngs, strict=True)),
         width=x.size,
         height=y.size,
-        times=tuple(f"{t:.3g}{_unit(fields.units.time)}" for t in fields.t[frames]),
+        shape=float(np.clip(shape, *SHAPES)),
+        columns=across,
+        times=times_of(fields.t[frames], _unit(fields.units.time)),
         start=start,
-        still=_png(still),
-        x=_range(fields.x[columns], fields.units.length),
-        y=_range(fields.y[rows], fields.units.length),
-        colors=tuple("#{:02x}{:02x}{:02x}".format(*rgb) for rgb in palette()[:OUTSIDE:16]),
+        still=indexed_png(first[start]),
+        other_times=mask_png((first != OUTSIDE).any(axis=0), OTHER_TIMES),
+        x=axis("x", fields.x[columns], x.size, fields.units.length, TICKS * min(1.0, shape)),
+        y=axis("y", fields.y[rows], y.size, fields.units.length, TICKS / max(1.0, shape)),
+        colors=tuple("#{:02x}{:02x}{:02x}".format(*rgb) for rgb in palette()[:LEVELS:16]),
     )
+
+
+def frames_of(count: int, frame: int) -> Int64:
+    """All frames; of more than `MAX_FRAMES` evenly spaced ones, and in any case `frame`."""
+    if count <= MAX_FRAMES:
+        return np.arange(count)
+    some = np.linspace(0, count - 1, MAX_FRAMES - 1).round().astype(np.int64)
+    return np.union1d(some, frame)
+
+
+def times_of(t: Floats, unit: str) -> tuple[str, ...]:
+    """Times as text, with as many digits as tell them apart, three to eight."""
+    for digits in range(3, 9):
+        texts = [f"{time:.{digits}g}" for time in t]
+        if len(set(texts)) == len(texts):
+            break
+    return tuple(text + unit for text in texts)
+
+
+def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> Axis:
+    """The axis of a frame, from the outer edge of its first pixel to that of its last.
+
+    Args:
+        name: of the coordinate.
+        centers: of the grid, of which the first and the last are those of the outer pixels.
+        pixels: how many there are.
+        unit: of the length; "1" is not shown.
+        most: how many steps between ticks there may be; at least 2 are allowed.
+    """
+    half = float(np.ptp(centers)) / max(1, pixels - 1) / 2 or 0.5
+    low, high = float(centers[0]) - half, float(centers[-1]) + half
+    locator = MaxNLocator(max(2, round(most)), steps=[1, 2, 2.5, 5, 10])
+    values = [float(v) for v in locator.tick_values(low, high) if low <= v <= high]
+    ticks = tuple((100 * (v - low) / (high - low), f"{v + 0.0:.6g}") for v in values)
+    return Axis(name if unit == "1" else f"{name} [{unit or 'units of the file'}]", ticks)
 
 
 def grain_box(fields: Fields) -> tuple[slice, slice]:
@@ -176,29 +243,42 @@ def nearest_index(axis: Floats, wanted: Floats) -> Int64:
     return np.asarray(np.searchsorted(middles, wanted), np.int64)
 
 
-def _sheets(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[Sheet]:
+class _Pictures(NamedTuple):
+    """The frames of one quantity [T, H, W] as palette indices, and the ends of its scale."""
+
+    name: str
+    indices: Bytes
+    low: float
+    high: float
+
+
+def _pictures(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[_Pictures]:
     made = []
     for name, q in QUANTITIES.items():
         if not set(q.variables) <= set(fields.values):
             continue
-        pictures = [_picture(fields, q, int(k))[cut] for k in frames]
-        values = np.concatenate(pictures)
-        limits = scale_of(values, q)
+        values = np.stack([_values(fields, q, int(k))[cut] for k in frames])
+        still = np.zeros(values.shape, bool)
+        if q.moving and "D2" in fields.values:
+            rate = np.stack([fields.frame("D2", int(k))[cut] for k in frames]) * fields.time
+            still = np.isfinite(values) & (rate < D2_STAGNANT)
+        limits = scale_of(np.where(still, np.nan, values), q)
         if limits is not None:
-            unit = fields.units.of(q.kind)
-            text = "" if unit == "1" else (unit or "units of the file")
-            png = _png(quantise(values, *limits, q.log))
-            made.append(Sheet(name, q.label, text, *limits, q.log, png))
+            indices = np.where(still, UNSHEARED, quantise(values, *limits, q.log))
+            made.append(_Pictures(name, indices.astype(np.uint8), *limits))
     return made
 
 
-def _picture(fields: Fields, quantity: Quantity, k: int) -> Floats:
+def _sheet(fields: Fields, pictures: _Pictures, png: str) -> Sheet:
+    q = QUANTITIES[pictures.name]
+    unit = fields.units.of(q.kind)
+    text = "" if unit == "1" else (unit or "units of the file")
+    return Sheet(pictures.name, q.label, text, pictures.low, pictures.high, q.log, q.moving, png)
+
+
+def _values(fields: Fields, quantity: Quantity, k: int) -> Floats:
     """The values of a quantity at frame k [Y, X]."""
-    values = quantity.value(*(fields.frame(v, k) for v in quantity.variables))
-    if not quantity.moving or "D2" not in fields.values:
-        return values
-    moves = fields.frame("D2", k) * fields.time >= D2_STAGNANT
-    return np.asarray(np.where(moves, values, np.nan))
+    return quantity.value(*(fields.frame(v, k) for v in quantity.variables))
 
 
 def scale_of(values: Floats, quantity: Quantity) -> tuple[float, float] | None:
@@ -215,31 +295,5 @@ def scale_of(values: Floats, quantity: Quantity) -> tuple[float, float] | None:
     return (low / 10, low) if quantity.log else (low, low + (abs(low) or 1.0))
 
 
-def quantise(values: Floats, low: float, high: float, log: bool) -> Bytes:
-    """Palette indices 0..254 of values between `low` and `high`; 255 where there is none."""
-    known = np.isfinite(values)
-    inside = np.clip(np.where(known, values, low), low, high)
-    share = np.log(inside / low) / np.log(high / low) if log else (inside - low) / (high - low)
-    return np.where(known, np.rint(share * (OUTSIDE - 1)), OUTSIDE).astype(np.uint8)
-
-
-def palette() -> Bytes:
-    """Colours [256, 3] of the indices; the last one stands for "no grains"."""
-    colors = colormaps[VALUE_MAP](np.linspace(0, 1, OUTSIDE))[:, :3]
-    return np.concatenate([np.rint(255 * colors), [[255, 255, 255]]]).astype(np.uint8)
-
-
-def _png(indices: Bytes) -> str:
-    image = Image.fromarray(indices)
-    image.putpalette(palette().tobytes())
-    memory = io.BytesIO()
-    image.save(memory, format="PNG", transparency=OUTSIDE, optimize=True)
-    return base64.b64encode(memory.getvalue()).decode("ascii")
-
-
 def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
-
-
-def _range(axis: Floats, unit: str) -> str:
-    return f"{axis[0]:.3g} to {axis[-1]:.3g}{_unit(unit)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from granpinn.figures.parts import law_on_parts
-from granpinn.figures.style import NothingToDraw
+from granpinn.figures.style import NothingToDraw, for_phones
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.parts import SPLITS, Part, Parts, Split
@@ -45,6 +46,23 @@ def test_each_half_is_drawn_over_its_own_I(contents: Contents) -> None:
     mu = LAWS[result.law.name].friction(late, 0.46, 0.69, 0.3)
     np.testing.assert_allclose(np.asarray(curves["late times"].get_ydata(), float), mu)
     assert "late times need 15 % more friction" in law_on_parts(result).caption
+
+
+def test_nothing_is_cut_or_covered_on_phones(contents: Contents) -> None:
+    known = {"I": 0.05, "percent": 15.0, "std_percent": 2.0}
+    splits = (split("time", 1.15, **known, limit_percent=6.0), split("rate", 1.15, **known))
+    with for_phones():
+        figure = law_on_parts(replace(contents.result, parts=Parts(0.05, splits))).figure
+    first, second = figure.axes
+    assert first.get_position().y0 > second.get_position().y1  # one above the other
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        labels = [text for text in axes.get_xticklabels(which="both") if text.get_text()]
+        boxes = [text.get_window_extent() for text in labels]
+        ends = sorted((b.x0, b.x1) for b in boxes if axes.bbox.x0 <= b.x1 <= axes.bbox.x1)
+        assert len(ends) >= 2
+        assert all(end < start for (_, end), (start, _) in itertools.pairwise(ends))
+        assert axes._left_title.get_window_extent().x1 <= figure.bbox.x1  # type: ignore[attr-defined]
 
 
 def test_nothing_is_drawn_without_parts(contents: Contents) -> None:

@@ -1,4 +1,4 @@
-"""The sheets of the film: the meaning of a pixel, places without grains, and the size limit."""
+"""The film: the meaning of a pixel, its frames and axes, places without grains, the size limit."""
 
 from __future__ import annotations
 
@@ -13,17 +13,23 @@ from PIL import Image
 
 from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
+from granpinn.report import sheets
 from granpinn.results import Fields
 from tests.examples import make_fields
 from tests.flows import make_flow
 from tests.run_folder import Contents, with_values, without_frame
 
 
-def pixels(png: str) -> npt.NDArray[np.uint8]:
+def pixels(png: str, transparent: int = sheets.OUTSIDE) -> npt.NDArray[np.uint8]:
     image = Image.open(io.BytesIO(base64.b64decode(png, validate=True)))
     assert image.mode == "P"
-    assert image.info["transparency"] == films.OUTSIDE
+    assert image.info["transparency"] == transparent
     return np.asarray(image)
+
+
+def frame_of(sheet: npt.NDArray[np.uint8], film: films.Film, k: int) -> npt.NDArray[np.uint8]:
+    top, left = k // film.columns * film.height, k % film.columns * film.width
+    return sheet[top : top + film.height, left : left + film.width]
 
 
 @pytest.fixture
@@ -38,27 +44,26 @@ def test_a_frame_of_a_sheet_is_that_frame_upside_down(fields: Fields) -> None:
     film = films.shoot(fields, 0)
     sheet = next(s for s in film.sheets if s.name == "pressure")
     picture = pixels(sheet.png)
-    assert picture.shape == (5 * film.height, film.width)
     rows, columns = films.grain_box(fields)
     for k in range(5):
-        shown = picture[k * film.height : (k + 1) * film.height].astype(float)
+        shown = frame_of(picture, film, k).astype(float)
         known = fields.frame("p", k)[rows, columns][::-1]
         assert shown.shape == known.shape
-        np.testing.assert_array_equal(shown == films.OUTSIDE, np.isnan(known))
-        value = sheet.low + shown / (films.OUTSIDE - 1) * (sheet.high - sheet.low)
-        step = (sheet.high - sheet.low) / (films.OUTSIDE - 1)
+        np.testing.assert_array_equal(shown == sheets.OUTSIDE, np.isnan(known))
+        value = sheet.low + shown / (sheets.LEVELS - 1) * (sheet.high - sheet.low)
+        step = (sheet.high - sheet.low) / (sheets.LEVELS - 1)
         clipped = np.clip(known, sheet.low, sheet.high)
         assert np.nanmax(np.abs(np.where(np.isnan(known), np.nan, value) - clipped)) <= step
 
 
-def test_the_still_is_the_first_frame_to_show(contents: Contents) -> None:
+@pytest.mark.parametrize("k", [0, 7])
+def test_the_film_begins_at_the_time_of_the_figures(contents: Contents, k: int) -> None:
     fields = contents.fields
-    film = films.shoot(fields, 7)
-    assert len(film.times) == min(films.MAX_FRAMES, fields.t.size)
-    picture = pixels(film.sheets[0].png)
-    part = picture[film.start * film.height : (film.start + 1) * film.height]
-    np.testing.assert_array_equal(pixels(film.still), part)
-    assert film.times[film.start].startswith(f"{fields.t[7]:.3g}")
+    film = films.shoot(fields, k)
+    assert len(film.times) == fields.t.size
+    assert film.start == k
+    assert film.times[k].startswith(f"{fields.t[k]:.3g}")
+    np.testing.assert_array_equal(pixels(film.still), frame_of(pixels(film.sheets[0].png), film, k))
 
 
 def test_all_quantities_of_a_run_are_there(contents: Contents) -> None:
@@ -66,13 +71,65 @@ def test_all_quantities_of_a_run_are_there(contents: Contents) -> None:
     assert names == list(films.QUANTITIES)
 
 
-def test_a_film_of_many_frames_keeps_the_first_and_the_last() -> None:
-    fields = make_fields(make_flow(frames=60, rows=5, columns=6))
-    film = films.shoot(fields, 59)
-    assert len(film.times) == films.MAX_FRAMES
-    assert film.start == films.MAX_FRAMES - 1
-    assert film.times[0].startswith(f"{fields.t[0]:.3g}")
-    assert film.times[-1].startswith(f"{fields.t[-1]:.3g}")
+@pytest.mark.parametrize("k", [0, 123, 1999])
+def test_a_film_of_many_frames_keeps_the_first_the_last_and_that_of_the_figures(k: int) -> None:
+    frames = films.frames_of(2000, k)
+    assert {0, k, 1999} <= set(frames.tolist())
+    assert films.MAX_FRAMES - 1 <= frames.size <= films.MAX_FRAMES
+    assert set(np.diff(frames)) <= {*range(1, 12)}
+    assert films.frames_of(films.MAX_FRAMES, k).tolist() == list(range(films.MAX_FRAMES))
+
+
+def test_times_have_the_digits_that_tell_them_apart() -> None:
+    assert films.times_of(np.array([0.0, 0.5, 3.5]), " s") == ("0 s", "0.5 s", "3.5 s")
+    assert films.times_of(np.array([12.30, 12.34, 12.36]), "") == ("12.3", "12.34", "12.36")
+
+
+@pytest.mark.parametrize(
+    ("shape", "columns"), [((1, 9, 9), 1), ((6, 2, 10), 1), ((5, 10, 4), 4), ((9, 7, 7), 3)]
+)
+def test_a_sheet_holds_every_frame_once(shape: tuple[int, int, int], columns: int) -> None:
+    frames, height, width = shape
+    assert sheets.columns_of(*shape) == columns
+    numbers = np.arange(np.prod(shape), dtype=np.uint8).reshape(shape) % 200
+    sheet = sheets.laid_out(numbers, columns)
+    for k in range(frames):
+        top, left = k // columns * height, k % columns * width
+        part = sheet[top : top + height, left : left + width]
+        np.testing.assert_array_equal(part, numbers[k])
+    assert np.count_nonzero(sheet == sheets.OUTSIDE) == sheet.size - numbers.size
+
+
+def test_ticks_stand_at_their_coordinates() -> None:
+    x = films.axis("x", 0.05 + 0.1 * np.arange(40), 40, "m", 6)
+    assert x.label == "x [m]"
+    assert [text for _, text in x.ticks] == ["0", "1", "2", "3", "4"]
+    assert [place for place, _ in x.ticks] == pytest.approx([0, 25, 50, 75, 100])
+    short = films.axis("y", np.array([-1e-3, 0.0, 1e-3]), 3, "1", 0.4)
+    assert short.label == "y"
+    assert [text for _, text in short.ticks] == ["-0.001", "0", "0.001"]
+    assert films.axis("x", np.array([2.0]), 1, "", 6).label == "x [units of the file]"
+
+
+def test_grains_that_do_not_shear_have_no_residual_and_a_colour(contents: Contents) -> None:
+    fields = contents.fields
+    still = with_values(fields, D2=0.0)
+    assert "residual" not in [sheet.name for sheet in films.shoot(still, 0).sheets]
+    half = np.where(np.arange(fields.index.size) % 2, 0.0, 1e3 / fields.time)
+    film = films.shoot(with_values(fields, D2=half), 0)
+    sheet = next(s for s in film.sheets if s.name == "residual")
+    shown = pixels(sheet.png)
+    assert sheet.moving
+    assert np.count_nonzero(shown == sheets.UNSHEARED) > 10
+    assert np.count_nonzero(shown < sheets.LEVELS) > 10
+
+
+def test_places_of_other_times_are_pale(fields: Fields) -> None:
+    film = films.shoot(fields, 0)
+    ever = pixels(film.other_times, transparent=1) == 0
+    sheet = pixels(film.sheets[0].png)
+    for k in range(5):
+        assert not np.any((frame_of(sheet, film, k) != sheets.OUTSIDE) & ~ever)
 
 
 def test_noise_on_a_large_grid_stays_within_the_budget() -> None:
@@ -88,15 +145,15 @@ def test_noise_on_a_large_grid_stays_within_the_budget() -> None:
 
 def test_the_palette_marks_what_lies_outside_and_clips_the_rest() -> None:
     values = np.array([np.nan, -1.0, 0.0, 1.0, 2.0, 9.0, np.inf])
-    indices = films.quantise(values, 0.0, 2.0, log=False)
-    assert indices.tolist() == [255, 0, 0, 127, 254, 254, 255]
+    indices = sheets.quantise(values, 0.0, 2.0, log=False)
+    assert indices.tolist() == [255, 0, 0, 126, 253, 253, 255]
     values = np.array([0.0, -1.0, 1e-3, 1e-1, 10.0])
-    assert films.quantise(values, 1e-3, 10.0, log=True).tolist() == [0, 0, 0, 127, 254]
+    assert sheets.quantise(values, 1e-3, 10.0, log=True).tolist() == [0, 0, 0, 126, 253]
 
 
 def test_colours_get_lighter_from_low_to_high() -> None:
     # Grey print and colour-blind readers have the lightness only: it must order the values.
-    r, g, b = films.palette()[: films.OUTSIDE].astype(float).T
+    r, g, b = sheets.palette()[: sheets.LEVELS].astype(float).T
     luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b
     assert np.all(np.diff(luminance[::8]) > 0)
 
@@ -136,7 +193,7 @@ def test_pixels_of_an_uneven_grid_are_even_and_nearest() -> None:
 
 def test_a_frame_without_grains_is_transparent(contents: Contents) -> None:
     film = films.shoot(without_frame(contents.fields, 0, 0.0), 1)
-    assert np.all(pixels(film.sheets[0].png)[: film.height] == films.OUTSIDE)
+    assert np.all(frame_of(pixels(film.sheets[0].png), film, 0) == sheets.OUTSIDE)
 
 
 def test_nothing_to_show_is_said(contents: Contents) -> None:

@@ -51,9 +51,9 @@ def test_the_page_needs_nothing_but_itself(built: Path) -> None:
 
 def test_the_figures_are_inside(built: Path) -> None:
     page = Page((built / "report.html").read_text(encoding="utf-8"))
-    law, pressure, still, *others = page.values("img", "src")
+    law, pressure, pale, still, *others = page.values("img", "src")
     sources = [law, pressure, *others]
-    assert still.startswith("data:image/png;base64,")
+    assert all(picture.startswith("data:image/png;base64,") for picture in (pale, still))
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
     titles["pressure_simulated"] = "Simulated pressure"
     titles["law_on_parts"] = "Law on parts of the data"
@@ -64,6 +64,7 @@ def test_the_figures_are_inside(built: Path) -> None:
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         assert content == (built / "figures" / f"{name}.png").read_bytes()
     alternatives = page.values("img", "alt")
+    assert alternatives.pop(2) == "places of the grains at all times"
     assert alternatives.pop(2).startswith("speed at t = ")
     assert alternatives == list(titles.values())
     assert "Missing on this page" not in page.text

@@ -5,6 +5,7 @@
   const find = (selector) => film.querySelector(selector);
   const canvas = find("canvas"), slider = find("input[type=range]"), play = find("button");
   const now = find(".now"), still = find(".still"), times = JSON.parse(film.dataset.times);
+  const columns = Number(film.dataset.columns), pause = Math.min(300, Math.max(40, 10000 / times.length));
   const choices = Array.from(film.querySelectorAll("input[type=radio]"));
   const context = canvas.getContext("2d");
   const sheets = new Map();
@@ -23,7 +24,8 @@
     }
     const width = canvas.width, height = canvas.height;
     context.clearRect(0, 0, width, height);
-    context.drawImage(sheet, 0, k * height, width, height, 0, 0, width, height);
+    const left = (k % columns) * width, top = Math.floor(k / columns) * height;
+    context.drawImage(sheet, left, top, width, height, 0, 0, width, height);
     now.textContent = words;
     canvas.setAttribute("aria-label", words);
     canvas.hidden = false;
@@ -35,6 +37,7 @@
     clearInterval(timer);
     timer = null;
     play.textContent = "Play";
+    now.setAttribute("aria-live", "polite");
   }
 
   function step() {
@@ -55,8 +58,9 @@
       stop();
       return;
     }
-    timer = setInterval(step, 300);
+    timer = setInterval(step, pause);
     play.textContent = "Pause";
+    now.setAttribute("aria-live", "off"); /* no listener follows so many times */
   });
   window.addEventListener("beforeprint", stop);
   find(".controls").hidden = false;
