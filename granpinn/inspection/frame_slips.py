@@ -14,8 +14,9 @@ from granpinn.results.slip import IMPROBABLE, Slip
 MANY = 0.1  # of the frames; fewer are an advice of the verdict
 UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
 # A jump of the center of mass: over the way of the mean velocity, over the scatter of all other
-# intervals, and over the size of a cell.
-JUMP, SCATTER, CELL = 3.0, 10.0, 0.5
+# intervals, and over the size of a cell. One lost frame adds one such way; half of it is nearer to
+# one than to none.
+JUMP, SCATTER, CELL = 0.5, 10.0, 0.5
 FEWEST_FRAMES = 4
 SOME = 8  # every so-many-th row
 

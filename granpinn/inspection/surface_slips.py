@@ -2,6 +2,9 @@
 
 - **Line.** It ends the grains: none are above it, and the first full cell is less than two cells
   below it. Three cells are a margin for a line and vectors of different origin.
+- **Lag.** It moves with the grains (line_lag.py). A lag of more than LATE frames and a cell
+  that explains half of what the line differs from the vectors is no accident: in sound flows the
+  surface moves by 0.2 cells in the lag at most (bench/studies/slips).
 - **Downhill.** Grains at a free surface have nothing above that drives them, so on average they
   move down: -y in the axes of gravity. In simulated grains this component is 0.24 to 0.98 of the
   speed there (chutes, drums, heaps, silos, collapses; bench/studies/slips). A plate has no surface.
@@ -16,11 +19,13 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface
+from granpinn.inspection.line_lag import Lag, lag_of
 from granpinn.inspection.upright import Upright, upright
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
 
 CELLS = 3.0  # between the line and the first full cell
 LAYER = 4.0  # cells below the line
+LATE, FAR, EXPLAINED = 1.5, 1.0, 0.5  # frames; cells; share of the variance
 ABOVE, FAR_ABOVE = 0.1, 0.5  # share of the vectors above the line
 UPHILL = -0.1  # mean of (v . g) over mean of |v| |g|
 FEWEST = 50  # vectors
@@ -36,12 +41,25 @@ class Line:
         above: share of the vectors more than CELLS above the line.
         gap: height of the line over the uppermost full cells, median over the columns without
             holes, in cells; 0 if most columns have holes.
+        lag: of the line behind the vectors; None: not known.
+        interval: median time between two frames.
         down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
     """
 
     above: float
     gap: float
+    lag: Lag | None
+    interval: float
     down: float | None
+
+    @property
+    def late(self) -> float | None:
+        """Frames by which the line is late; None if it may be in time."""
+        if self.lag is None or self.interval <= 0:
+            return None
+        frames = self.lag.time / self.interval
+        certain = self.lag.explained > EXPLAINED and self.lag.cells > FAR
+        return frames if certain and abs(frames) > LATE else None
 
 
 def surface_slips(flow: Flow) -> list[Slip]:
@@ -49,6 +67,16 @@ def surface_slips(flow: Flow) -> list[Slip]:
     line = line_of(flow)
     if line is None:
         return []
+    if line.late is not None:
+        side = "behind" if line.late > 0 else "ahead of"
+        return [
+            Slip(
+                IMPROBABLE,
+                f"the line of the free surface is {abs(line.late):.2g} frames {side} the motion of "
+                "the grains at the surface: check the times, the frame rate and the scale of the "
+                "line",
+            )
+        ]
     if line.above > ABOVE:
         return [
             Slip(
@@ -91,23 +119,30 @@ def line_of(flow: Flow) -> Line | None:
     grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
         return None
+    top, whole = _tops(grains, pose.y)
     return Line(
         above=float(np.mean((y > height + CELLS * dy)[grains])),
-        gap=_gap(grains, pose.height, pose.y) / dy,
+        gap=_gap(pose.height, top, whole) / dy,
+        lag=None if flow.steady else lag_of(pose, grains, top, whole),
+        interval=float(np.median(np.diff(flow.t))) if flow.t.size > 1 else 0.0,
         down=_downhill(pose, grains & (y > height - LAYER * dy)),
     )
 
 
-def _gap(grains: Bool, height: Float64, y: Float64) -> float:
-    """Median height of the line over the uppermost vectors [T, Y, X], in columns without holes."""
+def _tops(grains: Bool, y: Float64) -> tuple[Float64, Bool]:
+    """Height of the uppermost vectors [T, X], and which columns have no holes."""
     at = y[:, None]
     top = np.where(grains, at, -np.inf).max(axis=1)
     lowest = np.where(grains.any(axis=0), at, np.inf).min(axis=0)
-    dy = float(np.diff(y).mean())
     there = np.isfinite(top)
-    cells = np.where(there, top - lowest, 0) / dy + 1  # of a column without holes
-    dense = there & (grains.sum(axis=1) >= DENSE * cells)
-    return float(np.median((height - top)[dense])) if 2 * dense.sum() > there.sum() else 0.0
+    cells = np.where(there, top - lowest, 0) / float(np.diff(y).mean()) + 1
+    return top, there & (grains.sum(axis=1) >= DENSE * cells)
+
+
+def _gap(height: Float64, top: Float64, whole: Bool) -> float:
+    """Median height of the line over the uppermost vectors, if most columns have no holes."""
+    enough = 2 * whole.sum() > np.isfinite(top).sum()
+    return float(np.median((height - top)[whole])) if enough else 0.0
 
 
 def _some_frames(flow: Flow, line: Surface) -> Flow:

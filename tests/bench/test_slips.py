@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 
+import numpy as np
 import pytest
 
-from bench.studies.slips.plants import HIDDEN, PLANTS, Plant
+from bench.studies.slips.plants import HIDDEN, PLANTS, Plant, some_frames
 from bench.studies.slips.run import answer, sound, table, tutorial
 from granpinn.data import Flow
+from granpinn.inspection.slips import slips
 from tests.flows import make_channel, make_chute
 
 # What the sentence of a slip names, by the group of the slip.
@@ -51,6 +53,13 @@ def test_what_physics_cannot_show_is_silent(film: Flow, plant: Plant) -> None:
     assert found["severity"] == "silent"
 
 
+def test_two_lost_frames_of_a_hundred_are_named(film: Flow) -> None:
+    fewer = some_frames(np.delete(np.arange(100), [20, 21]), film)
+    (found,) = slips(fewer)
+    assert "between frames 20 and 21" in found.text
+    assert "times as far as its velocity takes it" in found.text
+
+
 def test_sound_flows_are_silent(film: Flow) -> None:
     for flow in (film, make_chute(), make_channel()):
         assert sound(flow) == []
@@ -72,5 +81,5 @@ def test_the_table_has_a_row_for_each_slip(film: Flow) -> None:
 def test_a_slip_without_sense_has_no_answer() -> None:
     steady = make_chute(frames=1, surface=None)
     senseless = [plant for plant in PLANTS if plant.group in ("frames", "surface")]
-    assert len(senseless) == 7
+    assert len(senseless) == 9
     assert all(answer(steady, plant) is None for plant in senseless)

@@ -16,7 +16,7 @@ from granpinn.inspection.frame_slips import missing, repeated
 from granpinn.inspection.gravity_slips import gravity_slips
 from granpinn.inspection.size_slips import against_fall, not_dense, size_slips
 from granpinn.inspection.slips import slips
-from granpinn.inspection.surface_slips import surface_slips
+from granpinn.inspection.surface_slips import line_of, surface_slips
 from granpinn.inspection.wording import about, digits
 from tests.flows import make_chute, make_flow
 from tests.inspection.falling import WIDTH, G, H, falling
@@ -121,6 +121,37 @@ def test_surface_line() -> None:
     assert at(5.0)[0].startswith("improbable: 33% of the vectors lie more than 3 cells above")
     assert at(0.0)[0].startswith("impossible: 75% of the vectors lie more than 3 cells above")
     assert "run uphill (0.37" in surface_slips(replace(chute, u=-chute.u))[0].text
+
+
+def with_line(flow: Flow, late: float, offset: float = 0.0) -> Flow:
+    """The block with a line at its top, which is late by a time and too high."""
+    t, x = (a.ravel() for a in np.meshgrid(flow.t, flow.x[2:10], indexing="ij"))
+    y = 0.5 + H - G * np.maximum(t - late, 0) ** 2 / 2 + offset
+    return replace(flow, surface=Surface(t, x, y))
+
+
+@pytest.mark.parametrize("frames_late", [-3.0, 3.0, 4.0])
+@pytest.mark.parametrize("offset", [0.0, 0.025])  # a cell
+def test_a_line_that_is_late(frames_late: float, offset: float) -> None:
+    flow = with_line(falling(noise=0.2), 0.01 * frames_late, offset)
+    line = line_of(flow)
+    assert line is not None
+    assert line.late == pytest.approx(frames_late, abs=0.6)
+    side = "behind" if frames_late > 0 else "ahead of"
+    (found,) = surface_slips(flow)
+    assert found.severity == "improbable"
+    assert f"frames {side} the motion of the grains at the surface" in found.text
+
+
+@pytest.mark.parametrize(("frames_late", "offset"), [(0.0, 0.0), (0.0, 0.05), (1.0, 0.0)])
+def test_a_line_that_may_be_in_time(frames_late: float, offset: float) -> None:
+    flow = with_line(falling(noise=0.2), 0.01 * frames_late, offset)
+    line = line_of(flow)
+    assert line is not None
+    assert line.lag is not None
+    assert line.lag.time == pytest.approx(0.01 * frames_late, abs=0.005)
+    assert line.late is None
+    assert surface_slips(flow) == []
 
 
 def frames(flow: Flow, kept: list[int]) -> Flow:

@@ -164,6 +164,21 @@ def surface(factor: float = 1.0, flip: bool = False, offset: float = 0.0) -> Cha
     return change
 
 
+def times_of_the_line(factor: float = 1.0, late: float = 0.0) -> Change:
+    """The times of the line: of another frame rate, or late by a part of the film."""
+
+    def change(flow: Flow) -> Flow:
+        line, begin, end = flow.surface, float(flow.t[0]), float(flow.t[-1])
+        if line is None or flow.steady:
+            raise LookupError("it has no surface line with times")
+        t = begin + factor * (line.t - begin) + late * (end - begin)
+        kept = t <= end
+        line = replace(line, t=t[kept], x=line.x[kept], y=line.y[kept], p=None)
+        return replace(flow, surface=line)
+
+    return change
+
+
 def grains(factor: float) -> Change:
     """The grain diameter."""
     return lambda flow: replace(flow, grain_diameter=flow.grain_diameter * factor)
@@ -226,6 +241,8 @@ PLANTS = (
     Plant("surface", "line in other units (x 1000)", surface(factor=1000)),
     Plant("surface", "line a tenth of the picture too high", surface(offset=0.1)),
     Plant("surface", "line upside down", surface(flip=True)),
+    Plant("surface", "line a tenth of the film late", times_of_the_line(late=0.1)),
+    Plant("surface", "line of another frame rate (t x 1.25)", times_of_the_line(factor=1.25)),
 )
 
 

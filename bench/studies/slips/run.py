@@ -94,6 +94,7 @@ def measures(flow: Flow) -> dict[str, float | str | None]:
     """What the checks measure in a sound flow, beside their bounds."""
     body, line = body_of(flow), line_of(flow)
     fall = None if flow.steady else fall_of(flow, body)
+    lag = None if line is None else line.lag
     energy = None if flow.steady else energy_of(flow, body, 1.0)
     return {
         "side": None if fall is None else fall.side,
@@ -102,6 +103,8 @@ def measures(flow: Flow) -> dict[str, float | str | None]:
         "energy_share": None if energy is None else energy.share,
         "height_over_width": slender(body, flow.gravity)[0],
         "line_gap_cells": None if line is None else line.gap,
+        "line_late_frames": None if line is None or lag is None else lag.time / line.interval,
+        "line_late_cells": None if lag is None else lag.cells,
         "downhill": None if line is None else line.down,
     }
 
