@@ -38,8 +38,9 @@ struct MixedForm {
     return residual < 2 ? kMomentum : residual == 2 ? kContinuity : kConstitutive;
   }
 
-  // From raw jets z, the body force and weights w, one per residual: the residuals e, and the gradient z_a, theta_a
-  // of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an adjoint.
+  // From raw jets z, the body force and weights w, one per residual: the residuals e, and the
+  // gradient z_a, theta_a of sum_r w_r e_r^2 / 2, in reverse mode. A name that ends in _a is an
+  // adjoint.
   template <class Law, class R, class T, int N>
   static GRANPINN_HD void gradient(const R (&z)[fields][channels], const R (&theta)[N],
                                    const Physics<T>& c, const BodyForce<R>& force,
