@@ -61,8 +61,9 @@ def test_the_rest_of_the_training_stays() -> None:
     before = collocated(flow)
     after = trained(flow)
     assert len(after.equation_weights) == len(after.between) + len(after.strip)
+    assert before.source is after.source is None
     for field in fields(before):
-        if field.name not in ("strip", "equation_weights"):
+        if field.name not in ("strip", "equation_weights", "source"):
             assert torch.equal(getattr(after, field.name), getattr(before, field.name))
 
 
