@@ -1,6 +1,7 @@
 # Writes build_info.h: what the module was built with, for granpinn._C.build_info() and doctor.
 set(BUILD_INFO_DIR ${CMAKE_CURRENT_BINARY_DIR}/generated)
 list(JOIN SIMD_NAMES " " BUILD_SIMD)
+list(JOIN TORCH_VERSIONS " " BUILD_TORCH)
 string(TOUPPER ${CMAKE_BUILD_TYPE} build_type)
 get_target_property(options granpinn_options INTERFACE_COMPILE_OPTIONS)
 list(JOIN options " " options)

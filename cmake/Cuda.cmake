@@ -1,5 +1,7 @@
-# The CUDA part of granpinn._C: GRANPINN_CUDA = auto, on or off (environment, or -C cmake.define).
-#   auto  built where torch is a CUDA build and the CUDA compiler of the same major version is found
+# The kernels for NVIDIA GPUs and their operators.
+# GRANPINN_CUDA = auto, on or off (environment, or -C cmake.define):
+#   auto  built where every torch is a CUDA build and the CUDA compiler of the same major version is
+#         found
 #   on    likewise, but an error where something is missing
 # GRANPINN_CUDA_ARCHITECTURES is CMake's list, "90" for a quick build, "native", "90a-real;100".
 # torch's own libraries are linked; the CUDA toolkit is asked for nothing but nvcc and its runtime.
@@ -8,7 +10,7 @@ foreach(name GRANPINN_CUDA GRANPINN_CUDA_ARCHITECTURES)
     set(${name} "$ENV{${name}}")
   endif()
 endforeach()
-if(NOT GRANPINN_CUDA)
+if("${GRANPINN_CUDA}" STREQUAL "")  # not `if(NOT GRANPINN_CUDA)`: off is false
   set(GRANPINN_CUDA auto)
 endif()
 if(NOT GRANPINN_CUDA MATCHES "^(auto|on|off)$")
@@ -23,8 +25,10 @@ string(REPLACE " " ";" GRANPINN_CUDA_ARCHITECTURES "${GRANPINN_CUDA_ARCHITECTURE
 set(CUDA_MISSING "")
 if(GRANPINN_CUDA STREQUAL off)
   set(CUDA_MISSING "switched off by GRANPINN_CUDA")
-elseif(TORCH_CUDA STREQUAL none)
-  set(CUDA_MISSING "torch ${TORCH_VERSION} is a build without CUDA, install one with it")
+elseif(none IN_LIST TORCH_CUDA)
+  list(FIND TORCH_CUDA none first)
+  list(GET TORCH_VERSIONS ${first} version)
+  set(CUDA_MISSING "torch ${version} is a build without CUDA, install one with it")
 else()
   if(NOT CMAKE_CUDA_COMPILER)  # asked anew in each build: it may have been installed since
     unset(CMAKE_CUDA_COMPILER CACHE)
@@ -39,8 +43,9 @@ else()
   include(CheckLanguage)
   check_language(CUDA)
   if(NOT CMAKE_CUDA_COMPILER)
+    list(GET TORCH_CUDA 0 cuda)
     set(CUDA_MISSING
-      "no CUDA compiler found, install CUDA ${TORCH_CUDA} like torch's or name nvcc in CUDACXX")
+      "no CUDA compiler found, install CUDA ${cuda} like torch's or name nvcc in CUDACXX")
   endif()
 endif()
 
@@ -50,12 +55,14 @@ if(NOT CUDA_MISSING)
   set(CMAKE_CUDA_RUNTIME_LIBRARY Shared)
   set(CMAKE_CUDA_ARCHITECTURES ${GRANPINN_CUDA_ARCHITECTURES})
   enable_language(CUDA)
-  string(REGEX MATCH "^[0-9]+" torch_major "${TORCH_CUDA}")
   string(REGEX MATCH "^[0-9]+" nvcc_major "${CMAKE_CUDA_COMPILER_VERSION}")
-  if(NOT torch_major EQUAL nvcc_major)
-    string(CONCAT CUDA_MISSING "torch is built for CUDA ${TORCH_CUDA} but ${CMAKE_CUDA_COMPILER} is "
-      "of CUDA ${CMAKE_CUDA_COMPILER_VERSION}, install one of CUDA ${torch_major}")
-  endif()
+  foreach(cuda IN LISTS TORCH_CUDA)
+    string(REGEX MATCH "^[0-9]+" torch_major "${cuda}")
+    if(NOT torch_major EQUAL nvcc_major)
+      string(CONCAT CUDA_MISSING "torch is built for CUDA ${cuda} but ${CMAKE_CUDA_COMPILER} is "
+        "of CUDA ${CMAKE_CUDA_COMPILER_VERSION}, install one of CUDA ${torch_major}")
+    endif()
+  endforeach()
 endif()
 
 if(CUDA_MISSING)
@@ -71,31 +78,37 @@ else()
   set(CUDA_SUMMARY "CUDA kernels for ${CUDA_ARCHITECTURES} by ${CUDA_COMPILER}")
 endif()
 
-# Adds csrc/cuda to a module, where it can be built.
-function(granpinn_add_cuda module)
+# Adds granpinn_cuda and, for every torch, the operators on top of it, where they can be built.
+function(granpinn_add_cuda)
   if(CUDA_MISSING)
     return()
   endif()
   file(GLOB kernels RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS
     csrc/cuda/*.cu csrc/cuda/*/*.cu)
-  file(GLOB sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS
+  file(GLOB operators RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS
     csrc/cuda/*.cpp csrc/cuda/*/*.cpp)
 
   # no torch header goes into a .cu file
-  add_library(${module}_cuda OBJECT ${kernels})
-  target_include_directories(${module}_cuda PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/csrc)
+  add_library(granpinn_cuda SHARED ${kernels})
+  target_include_directories(granpinn_cuda PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/csrc)
   # warning 128 would tell of loops that one instance of a template never enters
-  target_compile_options(${module}_cuda PRIVATE
+  target_compile_options(granpinn_cuda PRIVATE
     --expt-relaxed-constexpr -lineinfo -diag-suppress=128 -Xcompiler=-Wall,-Wextra)
   # C++17: older releases of CMake do not know that nvcc has C++20
-  set_target_properties(${module}_cuda PROPERTIES
-    CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON CUDA_VISIBILITY_PRESET hidden)
+  set_target_properties(granpinn_cuda PROPERTIES CUDA_STANDARD 17 CUDA_STANDARD_REQUIRED ON
+    CUDA_VISIBILITY_PRESET default VISIBILITY_INLINES_HIDDEN ON)
+  set(targets granpinn_cuda)
 
-  target_sources(${module} PRIVATE ${sources} $<TARGET_OBJECTS:${module}_cuda>)
-  target_compile_definitions(${module} PRIVATE GRANPINN_WITH_CUDA)
-  target_include_directories(${module} SYSTEM PRIVATE ${CMAKE_CUDA_TOOLKIT_INCLUDE_DIRECTORIES})
-  foreach(name torch_cuda c10_cuda)
-    find_library(TORCH_LIBRARY_${name} ${name} PATHS ${TORCH_ROOT}/lib NO_DEFAULT_PATH REQUIRED)
-    target_link_libraries(${module} PRIVATE ${TORCH_LIBRARY_${name}})
+  foreach(torch root IN ZIP_LISTS TORCH_BUILDS TORCH_ROOTS)
+    set(target granpinn_${torch}_cuda)
+    add_library(${target} SHARED ${operators})
+    target_include_directories(${target} SYSTEM PRIVATE ${CMAKE_CUDA_TOOLKIT_INCLUDE_DIRECTORIES})
+    target_link_libraries(${target} PRIVATE granpinn_options granpinn_cuda ${torch})
+    foreach(name torch_cuda c10_cuda)
+      target_link_libraries(${target} PRIVATE
+        ${root}/lib/${CMAKE_SHARED_LIBRARY_PREFIX}${name}${CMAKE_SHARED_LIBRARY_SUFFIX})
+    endforeach()
+    list(APPEND targets ${target})
   endforeach()
+  set(GRANPINN_TARGETS ${GRANPINN_TARGETS} ${targets} PARENT_SCOPE)
 endfunction()

@@ -11,11 +11,11 @@ endif()
 # The order matters. An inline function or template from a common header may be emitted in every
 # variant under one name; the linker keeps the first copy, which must be one that any processor can
 # run. So the generic objects come before avx2, and avx2 before avx512.
-function(granpinn_add_simd_objects module libraries)
+function(granpinn_add_simd_objects module)
   foreach(name IN LISTS SIMD_NAMES)
     set(target ${module}_${name})
     add_library(${target} OBJECT ${ARGN})
-    target_link_libraries(${target} PRIVATE granpinn_options ${libraries})
+    target_link_libraries(${target} PRIVATE granpinn_options)
     target_compile_definitions(${target} PRIVATE GRANPINN_SIMD_NAMESPACE=${name})
     target_compile_options(${target} PRIVATE ${SIMD_FLAGS_${name}} -ffp-contract=fast)
     target_sources(${module} PRIVATE $<TARGET_OBJECTS:${target}>)

@@ -18,8 +18,8 @@ class version: cuda = "12.4"
 ABSENT = "raise ImportError('it is not there')"
 
 
-def configure(folder: Path, **environment: str) -> str:
-    """What CMake says to a configuration that fails, without its line breaks."""
+def configure(folder: Path, code: int = 1, **environment: str) -> str:
+    """What CMake says to a configuration with this exit code, without its line breaks."""
     tools = {name: shutil.which(name) for name in ("cmake", "ninja")}
     if None in tools.values():
         pytest.skip("cmake and ninja are needed; pip install cmake ninja")
@@ -32,8 +32,8 @@ def configure(folder: Path, **environment: str) -> str:
         capture_output=True,
         text=True,
     )
-    assert done.returncode != 0
-    return " ".join(done.stderr.split())
+    assert done.returncode == code
+    return " ".join((done.stderr if code else done.stdout).split())
 
 
 def shadow(folder: Path, package: str, text: str) -> str:
@@ -75,3 +75,25 @@ def test_cuda_that_is_wanted_and_cannot_be(tmp_path: Path) -> None:
         missing = "no CUDA compiler found, install CUDA"
     said = configure(tmp_path, GRANPINN_CUDA="on", CUDACXX=str(tmp_path / "no-such-compiler"))
     assert f"GRANPINN_CUDA=on: {missing}" in said
+
+
+def test_cuda_that_is_switched_off(tmp_path: Path) -> None:
+    said = configure(tmp_path, code=0, GRANPINN_CUDA="off")
+    assert "no CUDA kernels (switched off by GRANPINN_CUDA)" in said
+
+
+def test_operators_for_several_torches(tmp_path: Path) -> None:
+    """As in a wheel: from unpacked packages, none of which is imported."""
+    folders = []
+    for minor, cuda in (("2.11", "None"), ("2.12", "'13.0'")):
+        folders.append(tmp_path / minor)
+        folders[-1].mkdir()
+        (folders[-1] / "version.py").write_text(f"__version__ = '{minor}.1+x'\ncuda = {cuda}\n")
+    said = configure(tmp_path, code=0, GRANPINN_TORCH=";".join(map(str, folders)))
+    assert "for torch 2.11.1+x, 2.12.1+x; CPU kernels for" in said
+    assert "no CUDA kernels (torch 2.11.1+x is a build without CUDA, install one with it)" in said
+
+
+def test_a_folder_without_a_torch(tmp_path: Path) -> None:
+    said = configure(tmp_path, GRANPINN_TORCH=str(tmp_path))
+    assert f"GRANPINN_TORCH must list folders of unpacked torch packages, and {tmp_path}" in said

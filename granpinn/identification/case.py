@@ -31,6 +31,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.identification.balance import Balance
 from granpinn.inspection.inertia import inertial_numbers
 from granpinn.inspection.slips import refuse_slips
+from granpinn.kernels import builds
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
@@ -204,8 +205,8 @@ def choose_device(name: str) -> torch.device:
     kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
     if name == "cuda" and not kernels:
         raise ConfigError(
-            "--device cuda needs the CUDA kernels, which this granpinn was built without: build it "
-            "where nvcc is, or use --device cpu"
+            f"--device cuda needs the CUDA kernels ({builds.cuda_missing()}): install the wheel "
+            "with them, or build granpinn where nvcc is, or use --device cpu"
         )
     if name == "cuda" and not torch.cuda.is_available():
         raise ConfigError(

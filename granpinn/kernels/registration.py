@@ -9,15 +9,10 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from granpinn.kernels import builds
 from granpinn.physics.terms import NAMES, RESIDUALS
 
-try:
-    from granpinn import _C  # noqa: F401  (registers torch.ops.granpinn)
-except ImportError as error:
-    raise ImportError(
-        "granpinn's kernels are not built for this Python and torch: build them from a clone with "
-        "pip install --no-build-isolation -e . (python -m granpinn.doctor says more)"
-    ) from error
+builds.load()
 
 CHANNELS = (1, 4, 7)  # of jets of order 0, 1, 2
 # The inputs of residual_loss after params and theta that have no gradient.

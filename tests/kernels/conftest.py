@@ -25,13 +25,13 @@ def cpu_ops() -> ModuleType:
 @pytest.fixture
 def cuda_ops(cpu_ops: ModuleType) -> ModuleType:
     """granpinn.kernels.ops on the GPU, for tensors of the CPU."""
-    from granpinn import _C
+    from granpinn.kernels import builds
 
     if not torch.cuda.is_available():
         pytest.skip("torch finds no GPU")
-    missing = _C.build_info()["cuda_missing"]
+    missing = builds.cuda_missing()
     if missing:
-        pytest.skip(f"granpinn was built without CUDA kernels: {missing}")
+        pytest.skip(f"no CUDA kernels: {missing}")
     return OnDevice(cpu_ops, "cuda")
 
 
