@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import base64
-import json
 import runpy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from matplotlib import pyplot
@@ -15,14 +13,8 @@ from matplotlib import pyplot
 from granpinn.data import read_flow, write_flow
 from granpinn.simulation import demo_path
 from tests.docs.test_site import hook
+from tests.notebooks import NOTEBOOKS, cells, program
 from tests.runs import TINY
-
-NOTEBOOKS = sorted((Path(__file__).parents[1] / "examples").glob("*.ipynb"))
-
-
-def cells(path: Path, kind: str) -> list[Any]:
-    content = json.loads(path.read_text(encoding="utf-8"))
-    return [cell for cell in content["cells"] if cell["cell_type"] == kind]
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +37,11 @@ def test_a_notebook_runs(
     tiny = TINY | {"simulated_pressure__frames": 0}
     settings = {"flow_file": str(small_flow), "run_dir": str(tmp_path / "run"), "settings": tiny}
     settings |= {"members": 2}
-    given = [f"{name} = {value!r}" for name, value in settings.items()]
-    code = ["".join(cell["source"]) for cell in cells(path, "code")]
-    tags = [cell["metadata"].get("tags", []) for cell in cells(path, "code")]
-    code[tags.index(["settings"])] = "\n".join(given)
-    program = tmp_path / f"{path.stem}.py"
-    program.write_text("\n\n".join(code), encoding="utf-8")
+    code = tmp_path / f"{path.stem}.py"
+    code.write_text(program(path, settings), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     try:
-        names = runpy.run_path(str(program))
+        names = runpy.run_path(str(code))
         assert pyplot.get_fignums()
     finally:
         pyplot.close("all")

@@ -10,6 +10,12 @@
 
 #include "field.h"
 
+// The hypot of glibc 2.35 differs from its predecessor in errno alone, which nobody reads here. The
+// older name lets wheels run with glibc 2.34 too.
+#if defined(__GLIBC__) && defined(__x86_64__)
+__asm__(".symver hypot, hypot@GLIBC_2.2.5");
+#endif
+
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
 // The drag per volume on u (k = 0) or v (k = 1) at a face, from the fraction c, the pressure p and
