@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -87,6 +88,7 @@ def bound_torch(wheel: Path, oldest: str, newest: str, work: Path, out: Path) ->
     major, minor = newest.split(".")[:2]
     bounds = f"torch>={oldest.rpartition('.')[0]},<{major}.{int(minor) + 1}"
     unpacked = work / "unpacked" / wheel.stem
+    shutil.rmtree(unpacked, ignore_errors=True)
     python(sys.executable, work, "-m", "wheel", "unpack", wheel, "--dest", unpacked)
     [metadata] = unpacked.glob("*/*.dist-info/METADATA")
     text, count = re.subn(
@@ -112,6 +114,7 @@ def main() -> None:
     for interpreter in options.python:
         wheel = compile_wheel(interpreter, options.kind, torches, work)
         tagged = work / "manylinux" / wheel.stem
+        shutil.rmtree(tagged, ignore_errors=True)
         excluded = [word for name in OF_TORCH for word in ("--exclude", name)]
         python(
             sys.executable,

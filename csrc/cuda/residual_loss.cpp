@@ -1,6 +1,4 @@
 // granpinn::residual_loss on the GPU: the fused kernels where they fit, else layer after layer.
-#include <ATen/cuda/CUDAContext.h>
-
 #include <algorithm>
 
 #include "backend.h"
@@ -45,17 +43,23 @@ DeviceLoss<T> device_loss(const LossTensors& in, const LossResult& out) {
   return a;
 }
 
+// A limit of the current device. torch's own header for it would need all libraries of CUDA.
+int limit(cudaDeviceAttr name) {
+  int device = 0, value = 0;
+  check(cudaGetDevice(&device), "residual_loss");
+  check(cudaDeviceGetAttribute(&value, name, device), "residual_loss");
+  return value;
+}
+
 template <class T>
 cudaError_t evaluate(const DeviceLoss<T>& a, bool fast, const at::Tensor& params) {
   const auto stream = c10::cuda::getCurrentCUDAStream();
   if constexpr (std::is_same_v<T, float>) {
-    const cudaDeviceProp& device = *at::cuda::getCurrentDeviceProperties();
+    const fused::DeviceLimits device{limit(cudaDevAttrMultiProcessorCount),
+                                     limit(cudaDevAttrMaxSharedMemoryPerBlockOptin),
+                                     limit(cudaDevAttrMaxSharedMemoryPerMultiprocessor)};
     fused::LaunchPlan plan;
-    if (fused::make_launch_plan(
-            a, fast,
-            {device.multiProcessorCount, static_cast<int>(device.sharedMemPerBlockOptin),
-             static_cast<int>(device.sharedMemPerMultiprocessor)},
-            plan)) {
+    if (fused::make_launch_plan(a, fast, device, plan)) {
       const at::Tensor memory = scratch(fused::scratch_size(a, plan), params);
       return fused::loss(a, plan, memory.mutable_data_ptr(), stream);
     }

@@ -99,7 +99,7 @@ class Environment:
     def training(self, steps: int) -> dict[str, Any]:
         """The law that a short training of the demonstration finds, and a digest of its network."""
         demo = self.output("-c", DEMO).strip()
-        options = ("--steps", str(steps), "--device", "cpu")
+        options = ("--steps", str(steps), "--device", "cpu", "--simulated_pressure.frames", "0")
         run = self.folder / "run"
         self.output("-m", "granpinn.train", demo, "--out", run, *options)
         parameters = json.loads((run / "results.json").read_text())["parameters"]
@@ -201,7 +201,7 @@ def main() -> None:
         rows = []
         for i, python in enumerate(options.environments):
             work = Path(folder) / f"wheel{i}"
-            rows.append(from_wheel(python.absolute(), options.wheels, options.steps, work))
+            rows.append(from_wheel(python.absolute(), options.wheels.absolute(), options.steps, work))
             print(json.dumps(rows[-1], indent=1), flush=True)
     compared(rows, sources)
     wheels = [contents(path) for path in sorted(options.wheels.glob("*.whl"))]
