@@ -104,10 +104,8 @@ function(granpinn_add_cuda)
     add_library(${target} SHARED ${operators})
     target_include_directories(${target} SYSTEM PRIVATE ${CMAKE_CUDA_TOOLKIT_INCLUDE_DIRECTORIES})
     target_link_libraries(${target} PRIVATE granpinn_options granpinn_cuda ${torch})
-    foreach(name torch_cuda c10_cuda)
-      target_link_libraries(${target} PRIVATE
-        ${root}/lib/${CMAKE_SHARED_LIBRARY_PREFIX}${name}${CMAKE_SHARED_LIBRARY_SUFFIX})
-    endforeach()
+    target_link_libraries(${target} PRIVATE
+      ${root}/lib/${CMAKE_SHARED_LIBRARY_PREFIX}c10_cuda${CMAKE_SHARED_LIBRARY_SUFFIX})
     list(APPEND targets ${target})
   endforeach()
   set(GRANPINN_TARGETS ${GRANPINN_TARGETS} ${targets} PARENT_SCOPE)

