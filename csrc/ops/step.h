@@ -132,7 +132,8 @@ struct StepOps {
                      const at::Tensor& average_q, Doubles law_adam, const at::Tensor& variables,
                      const at::Tensor& bounds, bool law_moves) {
     const c10::DeviceGuard guard(params.device());
-    const auto [E, P] = ensemble_of(params);
+    const auto sizes = ensemble_of(params);  // not as [E, P]: Clang's OpenMP cannot capture those
+    const std::int64_t E = sizes.first, P = sizes.second;
     const at::ScalarType type = params.scalar_type();
     InPlace tensors(params);
     tensors.changes("params", params, type, {E, P});
@@ -198,7 +199,8 @@ struct StepOps {
                       const at::Tensor& average_params, std::int64_t offset, std::int64_t apart,
                       double learning_rate, c10::string_view precision) {
     const c10::DeviceGuard guard(params.device());
-    const auto [E, P] = ensemble_of(params);
+    const auto sizes = ensemble_of(params);
+    const std::int64_t E = sizes.first, P = sizes.second;
     const at::ScalarType type = params.scalar_type();
     GRANPINN_CHECK_TYPE(G.scalar_type() == type && G.device() == params.device(),
                         "G must have the type and device of params, ", shape_of(params), ", got ",
