@@ -188,7 +188,7 @@ def main() -> None:
     parser.add_argument("environments", nargs="*", type=Path, help="interpreters with a torch")
     parser.add_argument("--source", nargs="*", type=Path, default=[], help="with a source build")
     parser.add_argument("--wheels", type=Path, default=Path("dist"), help="folder of the wheels")
-    parser.add_argument("--steps", type=int, default=60, help="of the training")
+    parser.add_argument("--steps", type=int, default=20, help="of the training")
     parser.add_argument("--json", type=Path, help="file for the raw results")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
