@@ -71,6 +71,10 @@ class TrainingSet:
     wall_velocity: torch.Tensor
     source: torch.Tensor | None = None
 
+    def arrays(self) -> dict[str, torch.Tensor]:
+        """All arrays by name; `source` only where there is one."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
     def pooled(self) -> TrainingSet:
         """The training set with the B, S and W points among the data points, for batches.
 
@@ -169,8 +173,8 @@ def training_set(
         wall_points=tensor(points[:0]),
         wall_velocity=tensor(velocity[:0]),
     )
-    for name, values in vars(training).items():
-        if values is not None and not torch.isfinite(values).all():
+    for name, values in training.arrays().items():
+        if not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
                 "an overflow: check the units and the values of the flow"

@@ -85,7 +85,7 @@ def surface_file(path: Path, flow: Flow, factor: float, unit: str) -> str:
 def assert_same(ours: tuple[TrainingSet, float], theirs: tuple[TrainingSet, float]) -> None:
     """To 1e-6, relative to the largest of each array: flow files hold float32 velocities."""
     assert ours[1] == pytest.approx(theirs[1], rel=1e-6)
-    for name, value in vars(theirs[0]).items():
+    for name, value in theirs[0].arrays().items():
         found, expected = (torch.as_tensor(a) for a in (getattr(ours[0], name), value))
         assert found.shape == expected.shape, name
         if expected.numel():

@@ -198,7 +198,7 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
     velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
-    tensors = {name: v.to(device) for name, v in vars(data).items() if v is not None}
+    tensors = {name: value.to(device) for name, value in data.arrays().items()}
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
     member = Member(posed, moved, seed, DEFAULT, {})
