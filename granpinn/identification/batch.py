@@ -14,7 +14,6 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.estimates.facts import Facts
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
@@ -181,7 +180,7 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         if config.noise:
             return posed(*read[key], config)
         first = clean[key]
-        fixed = fixed_values(config, Facts(first.seen, first.scales))
+        fixed = fixed_values(config, first.facts)
         law = LAWS[config.law]
         member = dataclasses.replace(first.member, seed=config.seed, law=law, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)

@@ -7,6 +7,7 @@ import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -63,6 +64,11 @@ class Case:
     known_sd: float
     balance: Balance
     redrawn: bool = False
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What the vectors of `seen` show; each fact is measured once."""
+        return Facts(self.seen, self.scales)
 
 
 @dataclass(frozen=True)

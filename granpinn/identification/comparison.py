@@ -15,7 +15,6 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.config import Config, ConfigError
 from granpinn.errors import CannotGoOn
-from granpinn.estimates.facts import Facts
 from granpinn.identification.case import Case, fixed_values
 from granpinn.physics.laws import LAWS, cohesive, free
 from granpinn.results import Parameter, Parameters, Result
@@ -67,7 +66,7 @@ def _others(config: Config) -> list[str]:
 
 def _with_law(case: Case, name: str) -> Case:
     config = dataclasses.replace(case.config, law=name)
-    fixed = fixed_values(config, Facts(case.seen, case.scales))
+    fixed = fixed_values(config, case.facts)
     member = dataclasses.replace(case.member, law=LAWS[name], fixed=fixed)
     return dataclasses.replace(case, config=config, member=member)
 
@@ -156,7 +155,7 @@ class _FreeCurve:
         self.grains: ModelError | None = table.model_error.get(kind) if kind else None
         steps = result.timing.steps
         self.scale = error_bars.discrepancy_scale(result.residuals, steps, table)
-        self.scale *= self.error.growth(Facts(case.seen, case.scales).relative_noise)
+        self.scale *= self.error.growth(case.facts.relative_noise)
         self.I_range = result.law.I_range
         known = _quadratic(run, place, len(free.LAW.curve))
         if known is None:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from granpinn import results
-from granpinn.estimates.facts import Facts
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
@@ -55,7 +54,7 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
 
 def measured_noise(case: Case) -> float | None:
     """Noise that the vectors show, relative to their rms; None if they are too few."""
-    sigma = Facts(case.seen, case.scales).noise.sigma
+    sigma = case.facts.noise.sigma
     return None if sigma is None else sigma * math.sqrt(2) / _rms_speed(case)
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from granpinn.arrays import Floats
 from granpinn.data.surface_sd import SOLVER
-from granpinn.estimates.facts import Facts
 from granpinn.identification import balance, comparison
 from granpinn.identification.case import Case
 from granpinn.identification.law_curve import Shear, with_law_curve
@@ -66,7 +65,7 @@ def with_parts(result: Result, case: Case, run: TrainingLoop, place: int) -> Res
     """The result with the law on parts of the data, and their answer in its verdict."""
 
     def on_parts() -> Result:
-        ended, noise = run.trainer.ended(place), Facts(case.seen, case.scales).relative_noise
+        ended, noise = run.trainer.ended(place), case.facts.relative_noise
         halves = laws_on_parts(*ended) if ended else []
         return of_parts.judged(result, halves, case.config, _kind(result, case), noise)
 
