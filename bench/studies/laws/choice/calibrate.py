@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
-from bench.studies.coverage.calibrate import text_of
+from bench.studies.coverage.calibrate import rows_and_dates, text_of
 from granpinn.arrays import Float64
 from granpinn.physics.laws import cohesive
 from granpinn.uncertainty import calibration
@@ -89,13 +89,11 @@ def main() -> int:
     parser.add_argument("runs", nargs="+", type=Path)
     parser.add_argument("--write", type=Path, help="the table that gets the entry")
     own = parser.parse_args()
-    contents = [json.loads(path.read_text(encoding="utf-8")) for path in own.runs]
-    rows = [row for content in contents for row in content["rows"]]
+    _, rows, dates = rows_and_dates(own.runs)
     table = calibration.load()
     before = table.free_curve
     if before is None:
         parser.error(f"{calibration.PATH.name} has no entry free_curve, which made the bands")
-    dates = ", ".join(sorted({content["date"] for content in contents}))
     found = error_of(rows, before, f"bench.studies.laws.choice.run of {dates}")
     print(json.dumps(dataclasses.asdict(found), indent=1))
     if own.write is not None:
