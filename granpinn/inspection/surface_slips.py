@@ -41,7 +41,7 @@ class Line:
         above: share of the vectors more than CELLS above the line.
         gap: height of the line over the uppermost full cells, median over the columns without
             holes, in cells; 0 if most columns have holes.
-        lag: of the line behind the vectors; None: not known.
+        lag: of the line behind the vectors; None: not known, as where most columns have holes.
         interval: median time between two frames.
         down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
     """
@@ -120,10 +120,11 @@ def line_of(flow: Flow) -> Line | None:
     if grains.sum() < FEWEST:
         return None
     top, whole = _tops(grains, pose.y)
+    dense = 2 * whole.sum() > np.isfinite(top).sum()
     return Line(
         above=float(np.mean((y > height + CELLS * dy)[grains])),
-        gap=_gap(pose.height, top, whole) / dy,
-        lag=None if flow.steady else lag_of(pose, grains, top, whole),
+        gap=float(np.median((pose.height - top)[whole])) / dy if dense else 0.0,
+        lag=lag_of(pose, grains, top, whole) if dense and not flow.steady else None,
         interval=float(np.median(np.diff(flow.t))) if flow.t.size > 1 else 0.0,
         down=_downhill(pose, grains & (y > height - LAYER * dy)),
     )
@@ -137,12 +138,6 @@ def _tops(grains: Bool, y: Float64) -> tuple[Float64, Bool]:
     there = np.isfinite(top)
     cells = np.where(there, top - lowest, 0) / float(np.diff(y).mean()) + 1
     return top, there & (grains.sum(axis=1) >= DENSE * cells)
-
-
-def _gap(height: Float64, top: Float64, whole: Bool) -> float:
-    """Median height of the line over the uppermost vectors, if most columns have no holes."""
-    enough = 2 * whole.sum() > np.isfinite(top).sum()
-    return float(np.median((height - top)[whole])) if enough else 0.0
 
 
 def _some_frames(flow: Flow, line: Surface) -> Flow:

@@ -223,12 +223,14 @@ def judged(
 
     Args:
         kind: of the flow (of_kind.kind_of).
-        noise: of the vectors over the rms speed.
+        noise: of the vectors over the rms speed, as measured without a training. What the network
+            follows of it, such as thin shear bands, is no noise.
     """
     table = calibration.of_level(config.level) or calibration.load()
     if not halves or result.residuals is None:
         return result
-    known = table.halves is not None and table.halves.holds(noise, result.timing.steps)
+    left = min(noise, result.residuals.velocity)
+    known = table.halves is not None and table.halves.holds(left, result.timing.steps)
     if not known or uncalibrated(config):
         table = dataclasses.replace(table, halves=None)
     parts = compared(halves, LAWS[result.law.name], table, kind)

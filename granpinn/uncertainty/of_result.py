@@ -98,7 +98,7 @@ def _training(result: Result, summary: Summary) -> tuple[list[str], list[str], l
         bad.append(f"The training diverged: {result.failure or 'its last good state is shown'}.")
     if summary.drift is not None:
         drift = max(summary.drift.values())
-        symbols = " and ".join(result.friction_law.parameter(name).text for name in summary.drift)
+        symbols = " and ".join(summary.drift)
         words = f"{symbols} changed by up to {100 * drift:.2g} % over the last tenth of the steps"
         if drift > DRIFT_CARE:
             (bad if drift > DRIFT_BAD else care).append(f"{words}: train with more steps.")

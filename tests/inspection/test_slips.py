@@ -135,6 +135,15 @@ def test_parts_of_a_flow_are_sound(demo: Flow, seed: int) -> None:
         assert slips(part) == [], (kind, part.t[0], part.y[0], part.x[0])
 
 
+@pytest.mark.parametrize("part", [0.25, 0.06])
+@pytest.mark.parametrize("name", COLLAPSES)
+def test_few_vectors_say_nothing_of_the_line(name: str, part: float) -> None:
+    """Holes between the vectors leave the uppermost one of a column anywhere below the line."""
+    flow = collapse(name)
+    gone = np.random.default_rng(2).random(flow.u.shape) > part
+    assert slips(replace(flow, **{n: np.where(gone, np.nan, getattr(flow, n)) for n in "uv"})) == []
+
+
 def steady(u: Any, v: Any, **changes: Any) -> Flow:
     """A flow that fills the grid, with white noise."""
     t, y, x = np.linspace(0, 3, 30), np.linspace(-1, 1, 24), np.linspace(-1, 1, 30)

@@ -11,6 +11,7 @@ import torch
 from granpinn.config import Config
 from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.results import Timing
+from granpinn.results.named import Residuals
 from granpinn.results.parts import SPLITS, Part, Parts, Split
 from granpinn.results.records import Verdict
 from granpinn.training.parts import HalfLaws
@@ -103,11 +104,16 @@ def test_without_halves_in_the_table_the_error_of_the_whole_law_counts_twice() -
 def test_the_error_of_halves_counts_in_trainings_like_those_of_its_study() -> None:
     assert TABLE.halves is not None
     result = make_result(timing=Timing(wall_s=1.0, steps=40_000, steps_per_s=1.0))
+    assert result.residuals is not None
+    residuals = result.residuals
 
-    def error(noise: float, steps: int = 40_000, **settings: object) -> float:
+    def error(
+        noise: float, steps: int = 40_000, left: float | None = None, **settings: object
+    ) -> float:
         timing = dataclasses.replace(result.timing, steps=steps)
         config = Config(**settings)  # type: ignore[arg-type]
-        given = dataclasses.replace(result, timing=timing)
+        misfit = Residuals(dict(residuals) | {"velocity": noise if left is None else left})
+        given = dataclasses.replace(result, timing=timing, residuals=misfit)
         found = judged(given, [halves(sd=1e-6)], config, None, noise)
         assert found.parts is not None
         return found.parts.splits[0].model_percent or 0.0
@@ -116,6 +122,7 @@ def test_the_error_of_halves_counts_in_trainings_like_those_of_its_study() -> No
     assert error(0.06) == own
     for other in (error(0.0), error(0.3), error(0.06, 5000), error(0.06, form="strong")):
         assert other > own.expected
+    assert error(0.06, left=0.003) > own.expected  # a network that follows it: no noise
 
 
 def test_drums_of_grains_differ_by_more() -> None:
