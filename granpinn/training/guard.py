@@ -9,7 +9,7 @@ members, only the faulty ones stop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import torch
 from torch import Tensor
@@ -38,3 +38,23 @@ def require_finite(tensors: Mapping[str, Tensor]) -> None:
                 f"the {name} of the training set hold {bad} values that are NaN or infinite: "
                 f"points without a valid vector must be left out of the flow file (NaN there)"
             )
+
+
+def require_finite_members(
+    tensors: Mapping[str, Tensor], frozen: Container[int], step: int
+) -> None:
+    """Raise NonFiniteError for members whose state [E, ...] holds a NaN or an infinity.
+
+    Args:
+        frozen: members that do not count.
+        step: the one before which it was found.
+    """
+    sound = torch.stack([t.isfinite().flatten(1).all(1) for t in tensors.values()])
+    bad = {
+        e: f"the tensor {name} became NaN or infinite before step {step}"
+        for name, row in zip(tensors, sound.tolist(), strict=True)
+        for e, good in enumerate(row)
+        if not good and e not in frozen
+    }
+    if bad:
+        raise NonFiniteError(next(iter(bad.values())), bad)

@@ -11,7 +11,7 @@ The descent before it leaves the scatter of its small batches; this step removes
 The equations of the training hold, with two changes in the friction law (`equations.py`): it has a
 mean strain rate where it is ill-posed, and a small weight where errors of the pressure are large.
 The mean needs data below its point. So the weight is 0 at points that are closer to the lowest
-points than the length of the mean.
+points than the length of the mean. Data may contradict the mean (`mean_rate.py`).
 
 bench/studies/last_layer has the measurements. Everything is dimensionless and float64.
 """

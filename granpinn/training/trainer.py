@@ -18,10 +18,11 @@ from granpinn.config import Config
 from granpinn.kernels.network import initial_parameters
 from granpinn.training.control_table import ControlTable, Position
 from granpinn.training.graphs import Graphs
-from granpinn.training.guard import NonFiniteError
+from granpinn.training.guard import NonFiniteError, require_finite_members
 from granpinn.training.history import Row
 from granpinn.training.last_layer import last_layer
 from granpinn.training.law_variables import LawVariables
+from granpinn.training.mean_rate import mean_length
 from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
@@ -38,6 +39,7 @@ class Trainer:
         lr_scale: factor on the learning rates of each member.
         diverged: members that are frozen after a second fault, with the reason.
         solved: params [P] and theta [N] of the members after the last-layer step.
+        mean_lengths: of their strain rate there.
         graphs: CUDA graphs of the steps on a GPU; None on a CPU, and for a law
             without kernels, where each step is called.
     """
@@ -81,6 +83,7 @@ class Trainer:
         self.misfit = [0.0] * len(members)
         self.diverged: dict[int, str] = {}
         self.solved: dict[int, tuple[Tensor, Tensor]] = {}
+        self.mean_lengths: dict[int, float] = {}
         self.last: Evaluation | None = None
         captured = device.type == "cuda" and objective.operators.captured
         self.graphs = Graphs(self.one_step, self.changing()) if captured else None
@@ -185,16 +188,7 @@ class Trainer:
         A step tests what it uses. This finds the rest, such as the averages, before it is copied or
         saved.
         """
-        tensors = self.tensors()
-        sound = torch.stack([t.isfinite().flatten(1).all(1) for t in tensors.values()])
-        bad = {
-            e: f"the tensor {name} became NaN or infinite before step {self.step + 1}"
-            for name, row in zip(tensors, sound.tolist(), strict=True)
-            for e, good in enumerate(row)
-            if not good and e not in self.diverged
-        }
-        if bad:
-            raise NonFiniteError(next(iter(bad.values())), bad)
+        require_finite_members(self.tensors(), self.diverged, self.step + 1)
 
     def remember(self) -> None:
         """Keep a copy of the state in memory, for a rollback."""
@@ -243,6 +237,7 @@ class Trainer:
             return
         for e in range(len(self.objective.members)):
             if e not in self.diverged:
+                self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
                 self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step)
 
     def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
@@ -254,7 +249,9 @@ class Trainer:
     def _at_end(self, e: int) -> Member:
         """A member with the weights of the end of the training, and its data on the device."""
         member = self.objective.members[e]
-        problem = dataclasses.replace(member.problem, term_weights=self.final_weights(e))
+        length = self.mean_lengths.get(e, member.problem.mean_length)
+        weights = self.final_weights(e)
+        problem = dataclasses.replace(member.problem, term_weights=weights, mean_length=length)
         return dataclasses.replace(member, problem=problem, data=self.objective.data(e))
 
     def final_weights(self, member: int) -> list[float]:
