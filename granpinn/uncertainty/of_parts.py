@@ -12,7 +12,8 @@ halves of them share most of the error of their law. It is stated where $\sigma_
 the shape of $\sigma_r$ over I. Flows of grains add the usual error $\sigma_k$ of mu of their kind,
 $\sigma_k^2 (1/f_1 + 1/f_2)$: if it came from the parts independently, a part with the share f of
 what the data tell would have the error $\sigma_k / \sqrt f$. The same rule takes the error of mu(I)
-in trainings that differ from those of the study.
+in trainings that differ from those of the study, at no I less than its mean square over I: the
+errors of one simulator cross zero at the same I, those of other data need not.
 
 Parts differ if anywhere
 
@@ -104,6 +105,7 @@ def of_halves(
         return found
     if table.halves is None:
         value = parts * error_of_collapses(table, at)
+        value = np.maximum(value, value.mean())  # see the top
         found.append(Variance(value, table.discrepancy_weight))
     else:
         shape = residuals / max(float(residuals.min()), 1e-300)
@@ -223,14 +225,12 @@ def judged(
 
     Args:
         kind: of the flow (of_kind.kind_of).
-        noise: of the vectors over the rms speed, as measured without a training. What the network
-            follows of it, such as thin shear bands, is no noise.
+        noise: of the vectors over the rms speed.
     """
     table = calibration.of_level(config.level) or calibration.load()
     if not halves or result.residuals is None:
         return result
-    left = min(noise, result.residuals.velocity)
-    known = table.halves is not None and table.halves.holds(left, result.timing.steps)
+    known = table.halves is not None and table.halves.holds(noise, result.timing.steps)
     if not known or uncalibrated(config):
         table = dataclasses.replace(table, halves=None)
     parts = compared(halves, LAWS[result.law.name], table, kind)
