@@ -11,9 +11,9 @@ $\sigma_m$ is the further error of halves. Simulated collapses of one law show i
 halves of them share most of the error of their law. It is stated where $\sigma_r$ is least, and has
 the shape of $\sigma_r$ over I. Flows of grains add the usual error $\sigma_k$ of mu of their kind,
 $\sigma_k^2 (1/f_1 + 1/f_2)$: if it came from the parts independently, a part with the share f of
-what the data tell would have the error $\sigma_k / \sqrt f$. The same rule takes the error of mu(I)
-in trainings that differ from those of the study, at no I less than its mean square over I: the
-errors of one simulator cross zero at the same I, those of other data need not.
+what the data tell would have the error $\sigma_k / \sqrt f$. In trainings that differ from those of
+the study of halves the error of mu(I) counts by the same rule, if it is larger. It alone would be
+too small at some I: the errors of one simulator cross zero there, those of other data need not.
 
 Parts differ if anywhere
 
@@ -81,7 +81,13 @@ class Place(NamedTuple):
 
 
 def of_halves(
-    table: Calibration, kind: str | None, at: Place, split: str, residuals: Float64, parts: float
+    table: Calibration,
+    kind: str | None,
+    at: Place,
+    split: str,
+    residuals: Float64,
+    parts: float,
+    alike: bool = True,
 ) -> list[Variance] | None:
     """Variances of the difference between two halves, beyond that of the residuals.
 
@@ -90,6 +96,7 @@ def of_halves(
         split: its name.
         residuals: variance by the residuals at every I [n].
         parts: sum of 1/f over both parts.
+        alike: whether the training is like those of the study of halves.
 
     Returns:
         None without data on this kind.
@@ -103,14 +110,14 @@ def of_halves(
         found.append(Variance(value, entry.flows))
     if kind not in (None, COLLAPSE):
         return found
+    whole = Variance(parts * error_of_collapses(table, at), table.discrepancy_weight)
     if table.halves is None:
-        value = parts * error_of_collapses(table, at)
-        value = np.maximum(value, value.mean())  # see the top
-        found.append(Variance(value, table.discrepancy_weight))
-    else:
-        shape = residuals / max(float(residuals.min()), 1e-300)
-        found.append(Variance(table.halves.sd[split] ** 2 * shape, table.halves.flows))
-    return found
+        return [*found, whole]
+    shape = residuals / max(float(residuals.min()), 1e-300)
+    own = Variance(table.halves.sd[split] ** 2 * shape, table.halves.flows)
+    if not alike:
+        own = Variance(np.maximum(own.value, whole.value), whole.freedom)
+    return [*found, own]
 
 
 def error_of_collapses(table: Calibration, at: Place) -> Float64:
@@ -127,13 +134,17 @@ def error_of_collapses(table: Calibration, at: Place) -> Float64:
     return np.asarray(np.einsum("ni,ij,nj->n", J, D, J) * (slow / at.mu) ** 2)
 
 
-def compared(halves: Sequence[HalfLaws], law: Law, table: Calibration, kind: str | None) -> Parts:
-    """The differences between the laws on parts of the data."""
-    splits = tuple(_split(h, law, table, kind, LEVEL / len(halves)) for h in halves)
+def compared(
+    halves: Sequence[HalfLaws], law: Law, table: Calibration, kind: str | None, alike: bool = True
+) -> Parts:
+    """The differences between the laws on parts of the data; arguments as of `of_halves`."""
+    splits = tuple(_split(h, law, table, kind, LEVEL / len(halves), alike) for h in halves)
     return Parts(LEVEL, splits)
 
 
-def _split(halves: HalfLaws, law: Law, table: Calibration, kind: str | None, level: float) -> Split:
+def _split(
+    halves: HalfLaws, law: Law, table: Calibration, kind: str | None, level: float, alike: bool
+) -> Split:
     theta, ranges = halves.theta.cpu().numpy(), halves.I.cpu().numpy()
     share = halves.share.cpu().numpy()
     parts = [
@@ -154,7 +165,8 @@ def _split(halves: HalfLaws, law: Law, table: Calibration, kind: str | None, lev
     known = [Variance(np.max([v for v, _ in of_boxes], axis=0), of_boxes[0][1])]
     best = int(np.argmin(known[0].value))
     at = _place(law, theta.mean(0), I, ranges)
-    model = of_halves(table, kind, at, halves.name, known[0].value, float(np.sum(1 / share)))
+    parts_of_data = float(np.sum(1 / share))
+    model = of_halves(table, kind, at, halves.name, known[0].value, parts_of_data, alike)
     known += model or ()
     total = sum(part.value for part in known)
     percent, std = 100 * (mu[1] / mu[0] - 1), 100 * np.sqrt(total)
@@ -231,9 +243,8 @@ def judged(
     if not halves or result.residuals is None:
         return result
     known = table.halves is not None and table.halves.holds(noise, result.timing.steps)
-    if not known or uncalibrated(config):
-        table = dataclasses.replace(table, halves=None)
-    parts = compared(halves, LAWS[result.law.name], table, kind)
+    alike = known and not uncalibrated(config)
+    parts = compared(halves, LAWS[result.law.name], table, kind, alike)
     resolved = velocity_error(result.residuals, table) <= table.largest_misfit
     return dataclasses.replace(
         result, parts=parts, verdict=verdict(result.verdict, parts, LAWS[result.law.name], resolved)

@@ -101,13 +101,23 @@ def test_without_halves_in_the_table_the_error_of_the_whole_law_counts_twice() -
     assert split.model_percent == pytest.approx(200 * np.sqrt(of_law[0]), rel=0.3)
 
 
-def test_the_error_of_a_law_is_nowhere_near_zero() -> None:
+def test_trainings_unlike_those_of_the_study_have_no_smaller_error() -> None:
     """At mu_s = 0.6 the errors of the simulated collapses cross zero at I = 0.03."""
-    table, law = dataclasses.replace(TABLE, halves=None), (0.6, 0.84, 0.3)
-    at = place(0.03, slow=0.6)
-    assert 100 * np.sqrt(error_of_collapses(table, at)) < 0.1
-    (split,) = compared([halves(factor=1.01, sd=1e-6, law=law)], DEFAULT, table, None).splits
+    law, at = (0.6, 0.84, 0.3), place(0.03, slow=0.6)
+    assert 100 * np.sqrt(error_of_collapses(TABLE, at)[0]) < 0.1
+    narrow = halves(factor=1.01, sd=1e-6, law=law, ranges=((0.01, 0.06), (0.02, 0.09)))
+    alone = dataclasses.replace(TABLE, halves=None)
+    (split,) = compared([narrow], DEFAULT, alone, None).splits
+    assert split.differs
+    (split,) = compared([narrow], DEFAULT, TABLE, None, alike=False).splits
     assert not split.differs
+    for I, larger in ((0.03, "halves"), (0.3, "whole law")):  # noqa: E741
+        at, residuals = place(I, slow=0.4), np.ones(1)
+        (like,), (unlike,), (whole,) = (
+            of_halves(table, None, at, "side", residuals, 4.0, alike) or ()
+            for table, alike in ((TABLE, True), (TABLE, False), (alone, False))
+        )
+        assert unlike.value == max(like.value, whole.value), larger
 
 
 def test_the_error_of_halves_counts_in_trainings_like_those_of_its_study() -> None:
