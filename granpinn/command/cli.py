@@ -43,6 +43,10 @@ VERBS = {
         "draw the figures and the page of a finished run again; write its fields for ParaView",
         "granpinn report run --paraview",
     ),
+    "collect": Verb(
+        "collect the results of many finished runs in one table",
+        "granpinn collect runs --out table.csv",
+    ),
     "simulate": Verb(
         "simulate a collapse, a chute or a silo with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",

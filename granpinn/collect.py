@@ -1,0 +1,141 @@
+"""The command `python -m granpinn.collect RUN...`: many finished runs as one table.
+
+A word is a run folder, or a folder with runs below it. The terminal gets a line for each run: its
+friction in the middle of its range of log I, and the verdict. `--out` writes a CSV with the row of
+each results.csv, and with the run and the verdict before it.
+
+Exit codes: 0 done; 2 bad input; 1 a run could not be read, or the table cannot be written.
+"""
+
+from __future__ import annotations
+
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("collect")
+
+import argparse
+import csv
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from granpinn.command.parser import Parser, program
+from granpinn.config import ConfigError
+from granpinn.errors import BadInput
+from granpinn.output import objection_to_file, write_text
+from granpinn.results import ResultsFileError, read_results
+from granpinn.results.results_csv import Cell, row
+from granpinn.uncertainty.of_result import headline
+
+RESULTS = "results.json"
+EXAMPLES = """examples:
+  python -m granpinn.collect runs --out table.csv
+      all runs below a folder, such as those of a job array
+  python -m granpinn.collect monday tuesday
+      two runs, in the terminal alone"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit code."""
+    return exit_codes.exit_code("collect", lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog=program("collect"),
+        usage="%(prog)s RUN... [--out FILE.csv]",
+        description="Collect the results of finished runs in one table.",
+        epilog=EXAMPLES.replace("python -m granpinn.collect", program("collect")),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "runs", metavar="RUN", type=Path, nargs="+", help="a run folder, or one with runs below it"
+    )
+    parser.add_argument("--out", metavar="FILE.csv", type=Path, help="file for the table")
+    options = parser.parse_args(argv)
+    if options.out is not None and (objection := objection_to_file(options.out)):
+        raise ConfigError(f"--out {objection}")
+    rows, unread = collected(options.runs)
+    if options.out is not None:
+        write_table(rows, options.out)
+    for cells in rows:
+        print(line(cells))
+    for sentence in unread:
+        print(f"granpinn.collect: {sentence}", file=sys.stderr)
+    if options.out is not None:
+        print(f"{len(rows)} runs: {options.out}")
+    return 1 if unread else 0
+
+
+def collected(folders: Sequence[Path]) -> tuple[list[dict[str, Cell]], list[str]]:
+    """The rows of all runs, each run once, and a sentence for each that cannot be read.
+
+    Raises:
+        BadInput: a folder does not exist, or has no run.
+    """
+    found: dict[Path, None] = {}
+    for folder in folders:
+        below = dict.fromkeys(runs_in(folder))
+        if not below:
+            missing = "has no finished run (results.json)" if folder.is_dir() else "is no folder"
+            raise BadInput(f"{folder} {missing}: name the --out of granpinn.train, or one above")
+        found |= below
+    rows: list[dict[str, Cell]] = []
+    unread = []
+    for run in found:
+        try:
+            result = read_results(run / RESULTS)
+        except ResultsFileError as error:
+            unread.append(str(error))
+            continue
+        verdict = headline(result, run / "history.csv")
+        rows.append({"run": str(run), "verdict": verdict, **row(result)})
+    return rows, unread
+
+
+def runs_in(folder: Path) -> Iterator[Path]:
+    """The run folders in a folder, by name: itself, or those below it but not inside of a run."""
+    if (folder / RESULTS).is_file():
+        yield folder
+    elif folder.is_dir():
+        for part in sorted(folder.iterdir()):
+            if part.is_dir() and not part.is_symlink():
+                yield from runs_in(part)
+
+
+def write_table(rows: Sequence[dict[str, Cell]], path: Path) -> None:
+    """Write all rows; a column that a run does not have is empty there."""
+    table = io.StringIO(newline="")
+    columns = dict.fromkeys(name for cells in rows for name in cells)
+    writer = csv.DictWriter(table, list(columns))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, table.getvalue())
+
+
+def line(cells: dict[str, Cell]) -> str:
+    """A run in the terminal."""
+    I, mu, low, high = (  # noqa: E741
+        cells[f"{name}_middle{end}"]
+        for name, end in (
+            ("I", ""),
+            ("mu_at_I", ""),
+            ("mu_at_I", "_low_90"),
+            ("mu_at_I", "_high_90"),
+        )
+    )
+    words = f"{cells['run']}: {cells['law']}, "
+    if not isinstance(mu, float):
+        words += "mu not determined"
+    elif low is None:
+        words += f"mu = {mu:.3f} at I = {I:.2g}, error not determined"
+    else:
+        words += f"mu = {mu:.3f} ({low:.3f} to {high:.3f}) at I = {I:.2g}"
+    return f"{words}; {cells['verdict']}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
