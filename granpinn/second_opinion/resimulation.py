@@ -232,6 +232,34 @@ def collapse_of(
     return collapse
 
 
+def scene_of(
+    flow: Flow,
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None = None,
+    wall_friction: float | None = None,
+) -> tuple[Collapse | Chute, Column | float] | str:
+    """The scene of a flow with its column or the depth of its layer, or why there is none.
+
+    Args:
+        flow: as `symmetry.with_layer` gives it.
+        theta, cells, wall_friction: as in `collapse_of` and `layers.chute_of`.
+    """
+    begin_with = initial_depth(flow) if flow.periodic else initial_column(flow)
+    if isinstance(begin_with, str):
+        return begin_with
+    scene: Collapse | Chute
+    try:
+        if isinstance(begin_with, Column):
+            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
+        else:
+            scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)
+        _require_few_steps(scene)
+    except ConfigError as error:
+        return str(error)
+    return scene, begin_with
+
+
 def resimulate(
     flow: Flow,
     law: Law,
@@ -248,19 +276,11 @@ def resimulate(
         SimulationError: a solve did not converge.
     """
     flow = with_layer(flow)
+    posed = scene_of(flow, law, theta, cells, wall_friction)
+    if isinstance(posed, str):
+        return Resimulation(posed), None
+    scene, begin_with = posed
     layer = flow.periodic
-    begin_with = initial_depth(flow) if layer else initial_column(flow)
-    if isinstance(begin_with, str):
-        return Resimulation(begin_with), None
-    scene: Collapse | Chute
-    try:
-        if isinstance(begin_with, Column):
-            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
-        else:
-            scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)
-        _require_few_steps(scene)
-    except ConfigError as error:
-        return Resimulation(str(error)), None
     begin = time.monotonic()
     recorder = Recorder(scene)
     record(recorder, listener or Silent(), flow.t.tolist())
