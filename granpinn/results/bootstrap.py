@@ -123,9 +123,10 @@ class Bootstrap:
     @property
     def noise(self) -> str:
         """The noise that was drawn, in words."""
-        if not self.noise_percent:
-            return "no noise measured"
-        size = f"noise of {self.noise_percent:.2g} % of the rms speed"
+        percent = f"{self.noise_percent or 0.0:.2f}"
+        if not float(percent):
+            return "no noise to draw"
+        size = f"noise of {percent} % of the rms speed"
         if self.noise_left_out is not None:
             return (
                 f"white {size}, although {self.noise_left_out:.2g} measured vectors count as one "

@@ -11,6 +11,8 @@ $$ \\sum_{a,b} \\rho_{ab} = \\Big( \\sum_i k_i \\Big)^4 \\Big/ \\Big( \\sum_i k_
 
 the number of vectors per independent one. The width of the kernel follows from the measured number;
 it is the same along x and y. At scattered places the noise is white.
+
+Where the file states a standard deviation for every vector, the noise varies in proportion to it.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from scipy.ndimage import convolve1d
 from scipy.optimize import brentq
 
 from granpinn.arrays import Float64, Floats
-from granpinn.data import Flow, known_sd
+from granpinn.data import Flow
+from granpinn.data.noise import stated_sigmas
 from granpinn.data.particles import grid_view
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
@@ -37,7 +40,7 @@ class DrawnNoise:
     """The noise that is added to the vectors of a simulated flow.
 
     Attributes:
-        sd: of u and v, in the units of the file.
+        sd: of u and v of a typical vector, in the units of the file.
         percent: rms of both, relative to the rms speed of the measured flow.
         vectors_per_independent: 1 for white noise.
         left_out: the measured number, where the noise is white all the same; else None.
@@ -55,7 +58,7 @@ def noise_of(measured: Flow, simulated: Flow) -> DrawnNoise:
     facts, own = Facts(measured, scales), Facts(simulated, scales)
     found, known = facts.noise, own.noise
     if found.u is None or found.v is None:  # too few vectors: the stated noise
-        sd = (known_sd(measured),) * 2
+        sd = _typical(measured)
     else:
         sd = (
             scales.velocity * _excess(found.u, known.u),
@@ -84,8 +87,8 @@ def with_noise(flow: Flow, noise: DrawnNoise, seed: int) -> Flow:
     random = np.random.Generator(np.random.Philox(key=seed))
     kernel = kernel_of(noise.vectors_per_independent)
     u, v = (
-        (field + sd * _draw(random, field, kernel)).astype(np.float32)
-        for field, sd in zip((vectors.u, vectors.v), noise.sd, strict=True)
+        (field + sd * share * _draw(random, field, kernel)).astype(np.float32)
+        for field, sd, share in zip((vectors.u, vectors.v), noise.sd, _shares(flow), strict=True)
     )
     vectors = replace(vectors, u=u, v=v)
     if flow.particles is None:
@@ -116,6 +119,24 @@ def _draw(random: np.random.Generator, field: Floats, kernel: Float64) -> Float6
     for axis in (1, 2) if kernel.size > 1 else ():
         deviates = convolve1d(deviates, kernel, axis=axis, mode="wrap")
     return deviates
+
+
+def _typical(flow: Flow) -> tuple[float, float]:
+    """The median of the stated standard deviations of u and of v; 0: unknown."""
+
+    def median(sigma: Any) -> float:
+        values = np.asarray(sigma, np.float64)
+        of_vectors = values[flow.valid] if values.shape == flow.u.shape else values
+        return float(np.median(of_vectors))
+
+    sigma_u, sigma_v = stated_sigmas(flow)
+    return median(sigma_u), median(sigma_v)
+
+
+def _shares(flow: Flow) -> list[Any]:
+    """Stated standard deviations over the typical one; 1 where the file states one for all."""
+    pairs = zip(stated_sigmas(flow), _typical(flow), strict=True)
+    return [sigma / typical if np.ndim(sigma) else 1.0 for sigma, typical in pairs]
 
 
 def _excess(measured: float, own: float | None) -> float:
