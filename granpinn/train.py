@@ -1,7 +1,7 @@
 """The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
 
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> simulated
-pressure -> figures, report; with --free-I0 and --resimulate before the figures.
+pressure -> figures, report; with --free-I0, --calibrate and --resimulate before the figures.
 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
 results.json, in the terminal and on the page (granpinn/results/attempt.py).
@@ -13,8 +13,8 @@ The work is in granpinn/command/training_run.py, which is loaded after the words
 `--help` and refusals are quick.
 
 Exit codes: 0 done, also without the simulated pressure, a figure or the page; 2 bad input; 1 the
-run could not go on, or it lacks fields, errors, or a part that --free-I0 or --resimulate asks for;
-130, 143 stopped by SIGINT, SIGTERM.
+run could not go on, or it lacks fields, errors, or a part that --free-I0, --calibrate or
+--resimulate asks for; 130, 143 stopped by SIGINT, SIGTERM.
 """
 
 from __future__ import annotations

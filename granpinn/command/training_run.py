@@ -13,12 +13,14 @@ from granpinn.command.answer import Answer
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
+from granpinn.identification.bootstrap import bootstrap
 from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
 from granpinn.output import objection_to_folder, owned
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
+    BOOTSTRAP,
     PROFILE,
     REPORT,
     RESIMULATION,
@@ -60,7 +62,7 @@ def run(config: Config) -> int:
 
 
 def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
-    """The result, with the profile of I0 if --free-I0 is set; every process takes part."""
+    """The result with what --free-I0 and --calibrate ask for; every process takes part."""
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
@@ -73,13 +75,32 @@ def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
     result: results.Result = identify(
         flow, config, run_dir=folder, progress=listener, known=answer.show
     )
-    if config.resimulate:
-        result = pending(result, RESIMULATION)
-    if not config.free_I0:
-        return result
-    result = pending(result, PROFILE)
+    after = {
+        PROFILE: config.free_I0,
+        BOOTSTRAP: config.calibrate,
+        RESIMULATION: config.resimulate,
+    }
+    result = pending(result, *(part for part, wanted in after.items() if wanted))
+    if config.free_I0:
+        _keep(result, folder, rank, answer)
+        result = _with_profile(config, result, folder)
+    if config.calibrate:
+        _keep(result, folder, rank, answer)
+        result = _with_bootstrap(config, result, folder, rank)
+    return result
+
+
+def _keep(result: results.Result, folder: Path, rank: int, answer: Answer) -> None:
+    """Write and show what is known before a part that takes long."""
     if rank == 0:
         results.write_results(result, folder / "results.json")
+        answer.show(result)
+
+
+def _with_profile(config: Config, result: results.Result, folder: Path) -> results.Result:
+    """The result with the profile of I0, or why it has none."""
+    assert config.flow is not None
+    flow = config.flow
     profile = attempt(
         PROFILE,
         lambda: profile_I0(
@@ -95,12 +116,28 @@ def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
     return having(result, PROFILE, profile=profile)
 
 
+def _with_bootstrap(
+    config: Config, result: results.Result, folder: Path, rank: int
+) -> results.Result:
+    """The result with the errors in simulated flows, or why it has none."""
+    assert config.flow is not None
+    flow = config.flow
+    listener = progress.automatic() if rank == 0 else progress.Silent()
+    found = attempt(
+        BOOTSTRAP,
+        lambda: bootstrap(flow, result, config, run_dir=folder / "bootstrap", progress=listener),
+    )
+    if isinstance(found, NotDone):
+        return lacking(result, found)
+    return having(result, BOOTSTRAP, bootstrap=found)
+
+
 def _conclude(config: Config, result: results.Result, answer: Answer) -> results.Result:
     """Add the second opinion if --resimulate is set; write the results and the report."""
     assert config.out is not None
     folder = Path(config.out)
     answer.show(result)
-    if config.free_I0 or config.resimulate:
+    if config.free_I0 or config.calibrate or config.resimulate:
         results.write_results(result, folder / "results.json")
     if config.resimulate:
         result = _resimulate(config, result, folder)

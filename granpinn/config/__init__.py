@@ -4,6 +4,7 @@ from granpinn.config.fields import ConfigError, flatten, setting, settings_of
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
+    Calibration,
     Network,
     Optimizer,
     Profile,
@@ -19,6 +20,7 @@ __all__ = [
     "LEVELS",
     "RECIPES",
     "Batch",
+    "Calibration",
     "Config",
     "ConfigError",
     "Level",

@@ -25,6 +25,7 @@ from granpinn.config.fields import (
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
+    Calibration,
     Network,
     Optimizer,
     Profile,
@@ -138,6 +139,12 @@ class Config:
         "of --max-time",
         free=True,
     )
+    calibrate: bool = setting(
+        False,
+        "after the training, simulate flows with the identified law, identify them in the same way "
+        "and show bias and scatter (group calibration); its time is not part of --max-time",
+        free=True,
+    )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
     tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
@@ -149,6 +156,7 @@ class Config:
     simulated_pressure: SimulatedPressure = section(SimulatedPressure, free=True)
     profile: Profile = section(Profile, free=True)
     resimulation: Resimulation = section(Resimulation, free=True)
+    calibration: Calibration = section(Calibration, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 

@@ -73,7 +73,7 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
         seed: 0 to 2**64 - 1.
     """
     surface = _noisy_surface(flow.surface, sd, seed) if sd else flow.surface
-    sigma_u, sigma_v = _sigmas(flow)
+    sigma_u, sigma_v = stated_sigmas(flow)
     if flow.particles is not None:
         again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed)
         return replace(flow, **grid_view(again), particles=again, surface=surface)
@@ -83,7 +83,7 @@ def redraw(flow: Flow, sd: float, seed: int) -> Flow:
 def known_sd(flow: Flow) -> float:
     """Rms standard deviation of one velocity component, in the units of the file; 0: unknown."""
     squares = []
-    for sigma in _sigmas(flow):
+    for sigma in stated_sigmas(flow):
         values = np.asarray(sigma, dtype=np.float64)
         if flow.particles is None and values.ndim:
             values = values[flow.valid]
@@ -91,7 +91,7 @@ def known_sd(flow: Flow) -> float:
     return math.sqrt(sum(squares) / 2)
 
 
-def _sigmas(flow: Flow) -> tuple[Any, Any]:
+def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     """sigma_u and sigma_v of the measured vectors, numbers or arrays; 0: unknown."""
     particles = flow.particles
     own = (None, None) if particles is None else (particles.sigma_u, particles.sigma_v)

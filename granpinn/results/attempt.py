@@ -1,9 +1,9 @@
 """Parts of a run that follow its results: each may fail alone.
 
 The identified values are written first. What comes after them (effect of the assumptions, pressure
-by the simulator, profile of I0, simulation with the identified law, figures, page) is optional for
-the values. So any error in such a part, a bug included, becomes one sentence: a `NotDone` in
-results.json, in the terminal and on the page.
+by the simulator, profile of I0, identification of simulated flows, simulation with the identified
+law, figures, page) is optional for the values. So any error in such a part, a bug included, becomes
+one sentence: a `NotDone` in results.json, in the terminal and on the page.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ PARTS = "law on parts of the data"
 PROFILE = "profile of I0"
 RESIMULATION = "simulation with the identified law"
 SIMULATOR_FIT = "fit of the simulator"
+BOOTSTRAP = "identification of simulated flows"
 REPORT = "report"
 # Parts that are made without a flag; a run without them has exit code 0.
 UNASKED = (ASSUMPTIONS, BASELINE, DETERMINED, LAW_CURVE, PARTS, SIMULATED_PRESSURE, REPORT)

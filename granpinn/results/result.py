@@ -19,6 +19,7 @@ from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
 from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
+from granpinn.results.bootstrap import Bootstrap
 from granpinn.results.comparison import HEAD, ComparedLaw, rows_of, table
 from granpinn.results.decoding import encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
@@ -70,6 +71,7 @@ class Result:
         not_done: parts after the identification that the run lacks, with the reasons.
         parts: the law on parts of the data.
         assumptions: what the data do not contain, and its effect on the law.
+        bootstrap: errors of identifications of flows that were simulated with the law.
     """
 
     parameters: Parameters
@@ -106,6 +108,7 @@ class Result:
     assumptions: tuple[Assumed, ...] = ()
     comparison: tuple[ComparedLaw, ...] = ()
     chosen: str | None = None
+    bootstrap: Bootstrap | None = None
 
     def __post_init__(self) -> None:
         given = {"level": self.level, "form": self.form, "law": self.law.name}
@@ -123,6 +126,8 @@ class Result:
                 raise ValueError(f"parameters: {p.name} must be positive, got {value}")
         if self.members is not None:
             require_names(self.members.values, law.free, where="members.")
+        if self.bootstrap is not None and self.bootstrap.objection is None:
+            require_names(self.bootstrap.parameters, law.free, where="bootstrap.parameters.")
         for assumed in self.assumptions:
             for name in ("derivative", "percent"):
                 if (values := getattr(assumed, name)) is not None:
@@ -203,7 +208,7 @@ class Result:
         parts += [] if self.law.I_range is None else [self.law]
         parts += [] if self.verdict is None else [self.verdict.words]
         parts += [*compared, *self.assumptions, self.baseline, self.simulated_pressure]
-        parts += [self.profile, self.resimulation, *self.not_done]
+        parts += [self.profile, self.resimulation, self.bootstrap, *self.not_done]
         return [str(part) for part in parts if part is not None]
 
 

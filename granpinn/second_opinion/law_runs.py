@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from threading import Event, Lock
@@ -22,9 +22,9 @@ from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
+from granpinn.second_opinion.threads import UntilStopped
 from granpinn.simulation import Collapse
-from granpinn.simulation.engine import State, StepReport
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.engine import State
 from granpinn.simulation.run import record
 
 Theta = tuple[float, float, float]  # mu_s, mu_2, I0
@@ -152,16 +152,5 @@ class LawRuns:
 
     def _run(self, collapse: Collapse) -> Float32:
         taken = AtPoints(collapse, self.flow, self.points)
-        record(taken, _UntilStopped(self._stopped), self.flow.t.tolist())
+        record(taken, UntilStopped(self._stopped), self.flow.t.tolist())
         return taken.velocity()
-
-
-class _UntilStopped(Silent):
-    """A listener that ends its run in the next step once an event is set."""
-
-    def __init__(self, stopped: Event) -> None:
-        self._stopped = stopped
-
-    def show(self, report: StepReport) -> None:
-        if self._stopped.is_set():
-            raise CancelledError

@@ -28,16 +28,14 @@ from granpinn.results.findings import Resimulation
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.comparison import Comparison, compare
+from granpinn.second_opinion.limits import MOST_CELLS, require_few_cells, require_few_steps
 from granpinn.simulation.chute import Chute
 from granpinn.simulation.parameters import FEWEST_CELLS, Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
-from granpinn.simulation.scene import CELLS_MULTIPLE, Scene, law_settings
+from granpinn.simulation.scene import CELLS_MULTIPLE, law_settings
 
-MOST_CELLS = 512  # across the box, unless the settings have a number
-LARGEST_AREA = 3  # largest number of cells of a box, in squares of so many across
-MOST_STEPS = 100_000  # of the largest length; the paper's collapse has 500
 LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
 LATEST_START = 0.1  # of the time in which the grains flow: latest time of the first frame
 AT_REST = 0.02  # of sqrt(|g| H)
@@ -155,34 +153,6 @@ def cells_of(flow: Flow, column: Column) -> int:
     return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), FEWEST_CELLS)
 
 
-def _require_few_cells(collapse: Collapse, chosen: int | None) -> None:
-    """Raise ConfigError for a box in the file that is absurdly large beside its grains.
-
-    `chosen`: cells across the box in the settings.
-    """
-    width, height = collapse.box
-    cells = collapse.cells * (height / collapse.spacing)  # as a float: there may be too many
-    most = LARGEST_AREA * max(MOST_CELLS, chosen or 0) ** 2
-    if not cells <= most:
-        raise ConfigError(
-            f"the box in the file, {width:g} x {height:g} around grains {collapse.width:g} wide "
-            f"and {collapse.height:g} high, would take {cells:.3g} cells of the simulator, at most "
-            f"{most} are allowed: state box_width and box_height in the unit of x and y"
-        )
-
-
-def _require_few_steps(scene: Scene) -> None:
-    """Raise ConfigError for a last time in the file that is absurdly late for its grains."""
-    assert scene.t_end is not None
-    steps = scene.t_end / scene.largest_step
-    if not steps <= MOST_STEPS:
-        raise ConfigError(
-            f"the last time in the file, {scene.t_end:g}, would take at least {steps:.3g} steps "
-            f"of the simulator, at most {MOST_STEPS} are allowed: check the units of time and "
-            f"gravity"
-        )
-
-
 def collapse_of(
     flow: Flow,
     column: Column,
@@ -228,8 +198,36 @@ def collapse_of(
         length_unit=flow.length_unit,
         time_unit=flow.time_unit,
     )
-    _require_few_cells(collapse, chosen)
+    require_few_cells(collapse, chosen)
     return collapse
+
+
+def scene_of(
+    flow: Flow,
+    law: Law,
+    theta: Sequence[float],
+    cells: int | None = None,
+    wall_friction: float | None = None,
+) -> tuple[Collapse | Chute, Column | float] | str:
+    """The scene of a flow with its column or the depth of its layer, or why there is none.
+
+    Args:
+        flow: as `symmetry.with_layer` gives it.
+        theta, cells, wall_friction: as in `collapse_of` and `layers.chute_of`.
+    """
+    begin_with = initial_depth(flow) if flow.periodic else initial_column(flow)
+    if isinstance(begin_with, str):
+        return begin_with
+    scene: Collapse | Chute
+    try:
+        if isinstance(begin_with, Column):
+            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
+        else:
+            scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)
+        require_few_steps(scene)
+    except ConfigError as error:
+        return str(error)
+    return scene, begin_with
 
 
 def resimulate(
@@ -248,19 +246,11 @@ def resimulate(
         SimulationError: a solve did not converge.
     """
     flow = with_layer(flow)
+    posed = scene_of(flow, law, theta, cells, wall_friction)
+    if isinstance(posed, str):
+        return Resimulation(posed), None
+    scene, begin_with = posed
     layer = flow.periodic
-    begin_with = initial_depth(flow) if layer else initial_column(flow)
-    if isinstance(begin_with, str):
-        return Resimulation(begin_with), None
-    scene: Collapse | Chute
-    try:
-        if isinstance(begin_with, Column):
-            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
-        else:
-            scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)
-        _require_few_steps(scene)
-    except ConfigError as error:
-        return Resimulation(str(error)), None
     begin = time.monotonic()
     recorder = Recorder(scene)
     record(recorder, listener or Silent(), flow.t.tolist())

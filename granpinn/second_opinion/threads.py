@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
+from threading import Event
+
+from granpinn.simulation.engine import StepReport
+from granpinn.simulation.progress import Silent
 
 
 @contextmanager
@@ -20,3 +24,14 @@ def threads(count: int) -> Iterator[ThreadPoolExecutor]:
         finished = True
     finally:
         pool.shutdown(wait=finished, cancel_futures=not finished)
+
+
+class UntilStopped(Silent):
+    """A listener that ends its run in the next step once an event is set."""
+
+    def __init__(self, stopped: Event) -> None:
+        self._stopped = stopped
+
+    def show(self, report: StepReport) -> None:
+        if self._stopped.is_set():
+            raise CancelledError

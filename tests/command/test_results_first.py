@@ -150,7 +150,7 @@ def test_fields_that_cannot_be_made_leave_the_values(
     assert result.loss is not None
 
 
-@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate"])
+@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate", "--calibrate"])
 @pytest.mark.usefixtures("no_report")
 def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     flag: str,
@@ -160,6 +160,7 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(training_run, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(training_run, "bootstrap", raising(KeyError("a bug")))
     monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", flag) == 1
     out, err = capsys.readouterr()
@@ -169,6 +170,20 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     result = results.read_results(tmp_path / "run" / "results.json")
     assert len(missing(result)) == 1
     assert result.simulated_pressure is not None
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_kill_in_simulated_flows_leaves_them_pending(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_run, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(training_run, "bootstrap", raising(KeyboardInterrupt()))
+    assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--calibrate") == 130
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert missing(result) == {
+        "identification of simulated flows": PENDING,
+        "profile of I0": "KeyError: 'a bug'",
+    }
 
 
 @pytest.mark.usefixtures("no_report")
