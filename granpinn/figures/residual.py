@@ -48,7 +48,8 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     if size.size == 0:
         raise NothingToDraw("the momentum residual is not finite where grains shear")
     median, high = np.quantile(size, (0.5, 0.95))
-    histogram.hist(size, RESIDUAL_EDGES, weights=np.full(size.size, 1 / size.size), color=SKY)
+    share = np.full(size.size, 1 / size.size)
+    histogram.hist(size, RESIDUAL_EDGES, weights=share, color=SKY, histtype="stepfilled", lw=0)
     histogram.axvline(median, color=BLACK, lw=1.2, label=f"median {median:.2g}")
     histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
     histogram.set_xscale("log")

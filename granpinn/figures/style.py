@@ -12,9 +12,10 @@ from contextvars import ContextVar
 from functools import wraps
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple, ParamSpec
+from typing import Any, NamedTuple, ParamSpec
 
 import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from granpinn.output import replacing
@@ -36,7 +37,7 @@ STYLE = {
     "lines.linewidth": 1.6,
     "xtick.labelsize": 9,
     "ytick.labelsize": 9,
-    "savefig.dpi": 150,
+    "figure.dpi": 150,
     "figure.facecolor": "white",
 }
 WIDTH = 6.6  # inches; one column of the report
@@ -119,8 +120,12 @@ def save(figure: Figure, path: Path) -> None:
 
 def encoded(figure: Figure, kind: str = "png") -> bytes:
     """The figure as a "png" or a "pdf"."""
-    unstated = ("Software",) if kind == "png" else ("Creator", "Producer", "CreationDate")
     memory = BytesIO()
     with _look():
-        figure.savefig(memory, format=kind, metadata=dict.fromkeys(unstated))
+        if kind == "png":  # savefig would draw twice: once for the layout alone
+            canvas: Any = FigureCanvasAgg(figure)
+            canvas.print_png(memory, metadata={"Software": None})
+        else:
+            unstated = dict.fromkeys(("Creator", "Producer", "CreationDate"))
+            figure.savefig(memory, format=kind, metadata=unstated)
     return memory.getvalue()

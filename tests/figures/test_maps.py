@@ -14,6 +14,7 @@ from granpinn.figures import maps, profiles, residual, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
+from tests.figures.drawn import shares
 from tests.run_folder import Array, Contents, with_values, without_frame
 
 K = 8
@@ -189,7 +190,7 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
     np.testing.assert_allclose(np.ma.compressed(colored.get_array()), size[now & ~rest], 1e-6)
     assert np.ma.count(grey.get_array()) == (now & rest).sum() > 0
     assert "Grey: grains at rest" in drawing.caption
-    heights = [bar.get_height() for bar in histogram.containers[0]]
+    heights = shares(histogram)
     assert sum(heights) == pytest.approx(1)
     median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
     assert median == pytest.approx(0.1, rel=0.02)

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
-from granpinn.figures import album, curves, style
+from granpinn.figures import album, curves, maps, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
-from tests.figures.drawn import labels, line, xy
-from tests.run_folder import Array, Contents, with_values
-
-
-def bars(axes: Axes) -> Array:
-    """Heights of the filled bars of a histogram."""
-    return np.array([bar.get_height() for bar in axes.containers[0]])
+from tests.figures.drawn import labels, line, shares, xy
+from tests.run_folder import Contents, with_values
 
 
 def test_the_histogram_of_I_counts_every_grain_point_after_the_start(
@@ -34,16 +29,16 @@ def test_the_histogram_of_I_counts_every_grain_point_after_the_start(
         curves.inertial_number(result, fields).figure.axes[0],
         curves.friction_law(result, fields).figure.axes[1],
     ):
-        assert bars(axes).sum() == pytest.approx(1)
+        assert shares(axes).sum() == pytest.approx(1)
         flowing = np.asarray(axes.patches[-1].get_path().vertices)[:, 1]
-        assert 0 < flowing.max() <= bars(axes).max() * (1 + 1e-12)
+        assert 0 < flowing.max() <= shares(axes).max() * (1 + 1e-12)
 
 
 def test_points_at_the_start_are_not_counted(result: Result, contents: Contents) -> None:
     fields = replace(contents.fields, t=contents.fields.t - contents.fields.t[0])
     start = fields.time_of_points() == 0
     drawing = curves.inertial_number(result, with_values(fields, I=np.where(start, 0.5, 0.02)))
-    assert bars(drawing.figure.axes[0]).max() == pytest.approx(1)
+    assert shares(drawing.figure.axes[0]).max() == pytest.approx(1)
 
 
 def test_the_share_of_points_below_the_histogram_is_said(
@@ -53,7 +48,7 @@ def test_the_share_of_points_below_the_histogram_is_said(
     fields = with_values(contents.fields, I=np.where(np.arange(K) < 0.25 * K, 1e-6, 0.1))
     drawing = curves.inertial_number(result, fields)
     assert "25 % of the points have I below 0.0001" in drawing.caption
-    assert bars(drawing.figure.axes[0]).sum() == pytest.approx(0.75, abs=1e-3)
+    assert shares(drawing.figure.axes[0]).sum() == pytest.approx(0.75, abs=1e-3)
     assert labels(drawing.figure.axes[0])[-2:] == ["$I_0$ = 0.25", "median 0.1"]
     assert xy(line(drawing.figure.axes[0], "$I_0$ = 0.25"))[0] == pytest.approx(0.25)
 
@@ -107,6 +102,15 @@ def test_a_figure_is_always_the_same_bytes(
     assert content == (tmp_path / "b.png").read_bytes()
     assert b"Software" not in content
     assert plt.imread(tmp_path / "a.png").shape[:2] == (3.0 * 150, 6.6 * 150)
+
+
+def test_a_figure_is_drawn_once_with_the_bytes_of_savefig(contents: Contents) -> None:
+    """savefig draws everything once more for the layout."""
+    memory = BytesIO()
+    with mpl.rc_context({**mpl.rcParamsDefault, **style.STYLE}):  # type: ignore[dict-item]
+        figure = maps.pressure_fields(contents.fields, 8).figure
+        figure.savefig(memory, metadata={"Software": None})
+    assert style.encoded(maps.pressure_fields(contents.fields, 8).figure) == memory.getvalue()
 
 
 def test_figures_are_not_kept_by_pyplot(result: Result, contents: Contents) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -38,13 +37,10 @@ EMPTY_IMAGE = base64.b64decode(
 def without_drawing() -> Iterator[None]:
     """Figures are composed, but an empty image is saved: drawing takes most of the time."""
 
-    def save(figure: Any, path: Any, **_: Any) -> None:
-        if hasattr(path, "write"):
-            path.write(EMPTY_IMAGE)
-        else:
-            Path(path).write_bytes(EMPTY_IMAGE)
+    def save(canvas: Any, file: Any, **_: Any) -> None:
+        file.write(EMPTY_IMAGE)
 
-    with mock.patch("matplotlib.figure.Figure.savefig", save):
+    with mock.patch("matplotlib.backends.backend_agg.FigureCanvasAgg.print_png", save):
         yield
 
 
