@@ -49,7 +49,8 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
     run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run.report, "build", lambda folder: folder / "report.html")
+    monkeypatch.setattr(run.report, "draw", lambda folder: [])
+    monkeypatch.setattr(run.report, "build", lambda folder, drawn: folder / "report.html")
 
 
 @pytest.fixture

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from contextlib import nullcontext
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from granpinn import report, results
 from granpinn.command import flow_warnings
@@ -17,7 +19,7 @@ from granpinn.identification.bootstrap import bootstrap
 from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
-from granpinn.output import objection_to_folder, owned
+from granpinn.output import OutputError, objection_to_folder, owned
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     BOOTSTRAP,
@@ -38,6 +40,9 @@ from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
 from granpinn.uncertainty.of_result import headline
 
+if TYPE_CHECKING:  # slow to import, and needed after the training
+    from granpinn.figures.album import Picture
+
 
 def run(config: Config) -> int:
     """Identify, write the results and the report; the exit code."""
@@ -51,17 +56,34 @@ def run(config: Config) -> int:
         nullcontext() if rank else owned(config.out),
         flow_warnings.in_one_line(),
     ):
-        answer = Answer()
-        result = _identify(config, rank, answer)
+        answer, drawn = Answer(), Drawn(Path(config.out))
+        result = _identify(config, rank, answer, drawn)
         if rank == 0:
-            result = _conclude(config, result, answer)
+            result = _conclude(config, result, answer, drawn)
     missing = asked_for(result)
     for part in missing if rank == 0 else ():
         print(f"granpinn.train: {part}; the other results are valid", file=sys.stderr)
     return 1 if missing else 0
 
 
-def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
+class Drawn:
+    """The figures of a run that are drawn while the pressure is simulated.
+
+    The threads of the simulation leave Python alone, and the figures need nothing else.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.pictures: Sequence[Picture] = ()
+
+    def draw(self) -> None:
+        """Draw the figures; what fails, fails again in its place, when the page is built."""
+        with suppress(OutputError):
+            made = attempt(REPORT, lambda: report.draw(self._folder))
+            self.pictures = () if isinstance(made, NotDone) else made
+
+
+def _identify(config: Config, rank: int, answer: Answer, drawn: Drawn) -> results.Result:
     """The result with what --free-I0 and --calibrate ask for; every process takes part."""
     assert config.flow is not None
     assert config.out is not None
@@ -72,9 +94,12 @@ def _identify(config: Config, rank: int, answer: Answer) -> results.Result:
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     flow = config.flow
-    result: results.Result = identify(
-        flow, config, run_dir=folder, progress=listener, known=answer.show
-    )
+
+    def known(result: results.Result) -> None:
+        answer.show(result)
+        drawn.draw()
+
+    result: results.Result = identify(flow, config, run_dir=folder, progress=listener, known=known)
     after = {
         PROFILE: config.free_I0,
         BOOTSTRAP: config.calibrate,
@@ -132,7 +157,9 @@ def _with_bootstrap(
     return having(result, BOOTSTRAP, bootstrap=found)
 
 
-def _conclude(config: Config, result: results.Result, answer: Answer) -> results.Result:
+def _conclude(
+    config: Config, result: results.Result, answer: Answer, drawn: Drawn
+) -> results.Result:
     """Add the second opinion if --resimulate is set; write the results and the report."""
     assert config.out is not None
     folder = Path(config.out)
@@ -143,7 +170,7 @@ def _conclude(config: Config, result: results.Result, answer: Answer) -> results
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
         answer.show(result)
-    page = attempt(REPORT, lambda: report.build(folder))
+    page = attempt(REPORT, lambda: report.build(folder, drawn=drawn.pictures))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")

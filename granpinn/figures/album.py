@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -114,17 +114,22 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
 
 
 def draw_all(
-    source: Source, folder: Path, pdf: bool = False
+    source: Source, folder: Path, pdf: bool = False, drawn: Sequence[Picture] = ()
 ) -> tuple[list[Picture], list[Missing]]:
     """Write every possible figure to `folder`; remove old files of figures that are missing.
 
     Args:
         pdf: write every figure as a PDF too.
+        drawn: figures that are there, and stay.
     """
     make_folder(folder)
     pictures, missing = [], []
+    there = {picture.path: picture for picture in drawn}
     for name, (title, draw) in (FIGURES | _of_checks(source)).items():
         path = folder / f"{name}.png"
+        if path in there:
+            pictures.append(there[path])
+            continue
         picture = attempt(title, partial(_write, draw, source, path, title, pdf))
         if isinstance(picture, NotDone):
             path.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from threading import Lock
 from typing import cast
 
@@ -12,6 +13,7 @@ from granpinn.config import Level, SideWalls
 from granpinn.data import Flow
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.confined import undetermined
+from granpinn.physics.laws import Law
 from granpinn.results import Parameters, Result
 from granpinn.results.baseline import Baseline, Difference, Point
 from granpinn.results.records import Verdict
@@ -43,6 +45,12 @@ class Balance:
             if scale not in self._made:
                 self._made[scale] = baseline(self.flow, scale, self._side_walls)
             return self._made[scale]
+
+
+def known_scale(law: Law, fixed: Mapping[str, float]) -> float | None:
+    """The inertial scale of the balance beside a law; None if the training identifies it."""
+    name = law.inertial_scale
+    return I0 if name is None else fixed.get(name)
 
 
 def beside(balance: Balance, result: Result) -> Baseline:

@@ -6,12 +6,14 @@ import dataclasses
 import os
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow
 from granpinn.identification import assumptions, simulated_fields
+from granpinn.identification.balance import known_scale
 from granpinn.identification.case import Case, choose_device, members, pose
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
@@ -58,7 +60,7 @@ def identify(
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
-        known: called with the result once its law is known, before the simulated pressure.
+        known: called with the result once its law is known, while the pressure is simulated.
 
     Returns:
         The result, with the network, its fields, the history and figures.
@@ -86,17 +88,32 @@ def identify(
     if others:
         parts = [*(parts or [folder]), *[None] * len(others)]
     run = start([*cases, *others], config, folder, progress, begin, parts, together)
-    run.train()
-    if all(k in run.trainer.diverged for k in range(len(cases))):
-        raise NonFiniteError(run.trainer.diverged[0])
-    if together.rank > 0:
-        return kept(conclude(cases, run, 0), run)
-    (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
-    concluded = with_comparisons(concluded, run)
-    if known is not None:
-        known(concluded.result)
-    with threads(len(os.sched_getaffinity(0))) as pool:
-        return kept(with_simulated_pressure(concluded, run, pool), run)
+    with threads(1) as beside:
+        if run.trainer.params.is_cuda and together.rank == 0:
+            balance_ahead(cases[0], beside)
+        run.train()
+        if all(k in run.trainer.diverged for k in range(len(cases))):
+            raise NonFiniteError(run.trainer.diverged[0])
+        if together.rank > 0:
+            return kept(conclude(cases, run, 0), run)
+        (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
+        concluded = with_comparisons(concluded, run)
+        with threads(len(os.sched_getaffinity(0))) as pool:
+            simulated = beside.submit(with_simulated_pressure, concluded, run, pool)
+            if known is not None:
+                known(concluded.result)
+            return kept(simulated.result(), run)
+
+
+def balance_ahead(case: Case, beside: Executor) -> None:
+    """Make the momentum balance of a case while a GPU trains, since the CPU has nothing to do.
+
+    It needs no network, only the inertial scale of the law, which is seldom identified. A balance
+    that fails is made again in its place (judgement.py), and fails there.
+    """
+    scale = known_scale(case.member.law, case.member.fixed)
+    if scale is not None:
+        beside.submit(case.balance.at, scale)
 
 
 def kept(concluded: Concluded, run: TrainingLoop) -> Identification:

@@ -48,18 +48,53 @@ PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
-def build(run_dir: str | Path, time: float | None = None, pdf: bool = False) -> Path:
+def draw(run_dir: str | Path) -> list[album.Picture]:
+    """Draw the figures of a run folder as it is now; `build` draws the others.
+
+    Nothing that follows the law, such as the simulated pressure, changes these figures.
+
+    Raises:
+        ResultsFileError: there is no valid results.json.
+    """
+    folder = Path(run_dir)
+    return album.draw_all(_read(folder, None)[0], folder / "figures")[0]
+
+
+def build(
+    run_dir: str | Path,
+    time: float | None = None,
+    pdf: bool = False,
+    drawn: Sequence[album.Picture] = (),
+) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
+        drawn: figures of this run that `draw` has drawn.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
+    source, problems = _read(folder, time)
+    pictures, missing = album.draw_all(source, folder / "figures", pdf, drawn)
+    figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
+    budget = min(films.BUDGET, PAGE - figures)
+    shot = attempt(FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget))
+    film = None if isinstance(shot, NotDone) else shot
+    if isinstance(shot, NotDone):
+        missing = [album.Missing(FILM, shot.why), *missing]
+    write_csv(source.result, folder / "results.csv")
+    page = folder / "report.html"
+    text = render(source.result, source.history, pictures, missing, problems, film)
+    write_text(page, text)
+    return page
+
+
+def _read(folder: Path, time: float | None) -> tuple[album.Source, list[str]]:
+    """The contents of a run folder, and what of it could not be read."""
     result = read_results(folder / "results.json")
     problems = []
     fields: Fields | None = None
@@ -81,18 +116,7 @@ def build(run_dir: str | Path, time: float | None = None, pdf: bool = False) -> 
         except (OSError, ValueError, KeyError, TypeError) as error:
             problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
-    source = album.Source(result, fields, history, frame, compared)
-    pictures, missing = album.draw_all(source, folder / "figures", pdf)
-    figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
-    budget = min(films.BUDGET, PAGE - figures)
-    shot = attempt(FILM, lambda: films.shoot(album.fields_of(source), frame, budget))
-    film = None if isinstance(shot, NotDone) else shot
-    if isinstance(shot, NotDone):
-        missing = [album.Missing(FILM, shot.why), *missing]
-    write_csv(result, folder / "results.csv")
-    page = folder / "report.html"
-    write_text(page, render(result, history, pictures, missing, problems, film))
-    return page
+    return album.Source(result, fields, history, frame, compared), problems
 
 
 def for_paraview(run_dir: str | Path) -> Path:
