@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from granpinn import results
-from granpinn.command import training_run
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
 from granpinn.second_opinion import resimulation, simulated_pressure
@@ -22,6 +21,7 @@ LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]
 
 @pytest.mark.parametrize("value", LENGTHS)
 @pytest.mark.parametrize("name", ["box_height", "box_width", "domain_size"])
+@pytest.mark.usefixtures("no_report")
 def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     name: str,
     value: float,
@@ -30,7 +30,6 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(training_run.report, "build", lambda folder: folder / "report.html")
     monkeypatch.setattr(simulated_pressure, "settle", raising(AssertionError("was simulated")))
     path = tmp_path / "flow.h5"
     write_flow(flow, path)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from granpinn import identify, results
 from granpinn.command import training_run
 from granpinn.figures import album
+from granpinn.output import OutputError
 from granpinn.results import NotDone
+from granpinn.second_opinion import simulated_pressure
 from tests.command.late_parts import missing, raising, run
 from tests.runs import tiny
 
@@ -58,6 +62,50 @@ def test_a_page_names_what_was_not_done(
     results.write_results(lacking, tmp_path / "results.json")
     page = training_run.report.build(tmp_path).read_text()
     assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
+
+
+def test_figures_are_drawn_while_the_pressure_is_simulated(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
+) -> None:
+    figures("evolution")
+    real, written = simulated_pressure.settle, []
+    first = tmp_path / "run" / "figures" / "evolution.png"
+
+    def settle(*args: Any) -> Any:
+        end = time.monotonic() + 60
+        while not first.exists() and time.monotonic() < end:
+            time.sleep(0.01)
+        written.append(first.read_bytes())
+        return real(*args)
+
+    monkeypatch.setattr(simulated_pressure, "settle", settle)
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    assert written == [first.read_bytes()] * 2  # frames
+    assert (first.parent / "pressure_simulated.png").exists()
+    out = capsys.readouterr().out
+    assert out.index("mu_s") < out.index("simulated pressure at 2 times")
+
+
+def test_early_figures_that_cannot_be_written_are_those_of_the_page(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_run.report, "draw", raising(OutputError("the disk is full")))
+    given = []
+
+    def build(folder: Path, drawn: Sequence[Any]) -> Path:
+        given.append(drawn)
+        return folder / "report.html"
+
+    monkeypatch.setattr(training_run.report, "build", build)
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    assert given == [()]
+    result = results.read_results(tmp_path / "run" / "results.json")
+    assert result.not_done == ()
+    assert result.simulated_pressure is not None
 
 
 @pytest.mark.usefixtures("no_report")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,10 +14,13 @@ from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.identification import balance, judgement
 from granpinn.identification.balance import Balance
+from granpinn.identification.single import balance_ahead
 from granpinn.inspection.baseline import baseline
-from granpinn.results import Parameter, Parameters, Result
+from granpinn.physics.laws import mu_of_i
+from granpinn.results import NotDone, Parameter, Parameters, Result
 from granpinn.results.attempt import BASELINE, asked_for
 from granpinn.results.baseline import Baseline
+from granpinn.second_opinion.threads import threads
 from tests.examples import make_result
 from tests.inspection.chutes import TANGENT, chute
 
@@ -27,6 +33,13 @@ def result_with(factor: float) -> Result:
         "I0": Parameter(0.3, fixed=True),
     }
     return make_result(parameters=Parameters(values), covariance=None, baseline=None)
+
+
+def case_of(of_flow: Balance, fixed: dict[str, float]) -> Any:
+    """What the balance needs of a case: itself, the law and its fixed parameters."""
+    return SimpleNamespace(
+        balance=of_flow, member=SimpleNamespace(law=mu_of_i.LAW, fixed=fixed), flow=of_flow.flow
+    )
 
 
 def test_a_right_law_does_not_warn() -> None:
@@ -90,6 +103,46 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
     assert [part.what for part in result.not_done] == [BASELINE]
     assert asked_for(result) == []
     assert result.baseline is None
+
+
+def test_a_balance_ahead_is_made_once_with_the_same_record(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = []
+
+    def counted(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
+        made.append(threading.current_thread())
+        return baseline(flow, I0, side_walls)
+
+    monkeypatch.setattr(balance, "baseline", counted)
+    case = case_of(Balance(chute()), {"I0": 0.3})
+    with threads(1) as beside:
+        balance_ahead(case, beside)
+        found = balance.beside(case.balance, result_with(1.0))
+    assert len(made) == 1
+    assert made[0] is not threading.main_thread()
+    assert found == balance.beside(Balance(chute()), result_with(1.0))
+
+
+def test_a_balance_at_an_identified_scale_waits_for_it() -> None:
+    case = case_of(Balance(chute()), {})
+    with threads(1) as beside:
+        balance_ahead(case, beside)
+    assert case.balance._made == {}
+
+
+def test_a_balance_ahead_that_fails_ends_as_one_in_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fail(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
+        raise RuntimeError("singular")
+
+    monkeypatch.setattr(balance, "baseline", fail)
+    case = case_of(Balance(chute()), {"I0": 0.3})
+    with threads(1) as beside:
+        balance_ahead(case, beside)
+    result = judgement._with_baseline(result_with(1.0), case)
+    assert result.not_done == (NotDone(BASELINE, "RuntimeError: singular"),)
 
 
 def test_a_flow_has_one_balance_for_each_inertial_scale(monkeypatch: pytest.MonkeyPatch) -> None:

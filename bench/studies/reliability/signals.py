@@ -147,8 +147,8 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
 
     exit_codes.guard_process("train")
     from granpinn import train
-    from granpinn.figures import album
-    from granpinn.identification import single
+    from granpinn.command import training_run
+    from granpinn.report import page
     from granpinn.second_opinion import resimulation
     from granpinn.training.trainer import Trainer
     from granpinn.uncertainty import of_assumptions
@@ -191,9 +191,9 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
         "training": (Trainer, "advance", lambda t: t.step > 200),
         "last layer": (Trainer, "solve_last_layer", always),
         "copies": (of_assumptions, "continued", always),
-        "simulated pressure": (single, "with_simulated_pressure", always),
+        "simulated pressure": (training_run.Drawn, "draw", always),  # in its threads
         "resimulation": (resimulation, "resimulate", always),
-        "figures": (album, "draw_all", always),
+        "figures": (page, "build", always),
     }
     owner, name, wanted = places[phase]
     setattr(owner, name, announced(getattr(owner, name), wanted))
