@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import pstats
+import resource
 import subprocess
 import sys
 import tempfile
@@ -29,12 +30,12 @@ ANSWER = "mu_s"  # the first word of the line that gives the answer
 
 
 def timed(words: list[str]) -> dict[str, float]:
-    """Seconds from the start of a command to its first output, its answer and its exit.
+    """Seconds from the start of a command to its first output, its answer and its exit; its CPU's.
 
     Raises:
         SystemExit: the command failed.
     """
-    begin = time.monotonic()
+    begin, used = time.monotonic(), _of_children()
     found: dict[str, float] = {}
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -44,9 +45,16 @@ def timed(words: list[str]) -> dict[str, float]:
             if line.startswith(ANSWER):
                 found.setdefault("answer_s", now)
     found["exit_s"] = time.monotonic() - begin
+    found["cpu_s"] = _of_children() - used
     if process.returncode:
         raise SystemExit(f"{' '.join(words)} ended with {process.returncode}")
     return {name: round(value, 2) for name, value in found.items()}
+
+
+def _of_children() -> float:
+    """CPU seconds of all processes that this one has started and that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def hot(stats: pstats.Stats) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
 
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> simulated
-pressure -> figures, report; with --free-I0, --calibrate and --resimulate before the figures.
+pressure, and figures beside it -> report; with --free-I0, --calibrate and --resimulate before the
+report.
 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
 results.json, in the terminal and on the page (granpinn/results/attempt.py).
@@ -37,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = parse(sys.argv[1:] if argv is None else argv)
         from granpinn.command import training_run
 
+        exit_codes.keep_what_is_loaded()
         return training_run.run(config)
 
     return exit_codes.exit_code("train", run)

@@ -19,6 +19,7 @@ With the environment variable GRANPINN_DEBUG=1 every sentence comes with its tra
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import signal
@@ -32,6 +33,7 @@ from granpinn.errors import BadInput, CannotGoOn, Interrupted
 from granpinn.signals import Handler, handled_by, set_handler
 
 DEBUG = "GRANPINN_DEBUG"
+_guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
 PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
 
 
@@ -108,7 +110,18 @@ def guard_process(command: str) -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout = _Stdout(sys.stdout)
     set_handler(_stopper(command))
+    _guarded.append(command)
     sys.excepthook = lambda kind, error, place: _unforeseen(command, error)
+
+
+def keep_what_is_loaded() -> None:
+    """Spare the garbage collector what is loaded by now, if the process belongs to a command.
+
+    Modules stay to the end of the process. Collections, above all those of its exit, would look
+    through all of them.
+    """
+    if _guarded:
+        gc.freeze()
 
 
 def _unforeseen(command: str, error: BaseException) -> None:

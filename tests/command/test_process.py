@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -246,3 +247,13 @@ def test_importing_the_boundary_changes_no_handler_and_loads_no_library() -> Non
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert exit_codes.DEBUG == "GRANPINN_DEBUG"
+
+
+def test_the_collector_spares_modules_in_the_process_of_a_command_alone() -> None:
+    before = gc.get_freeze_count()
+    exit_codes.keep_what_is_loaded()
+    assert gc.get_freeze_count() == before
+    code = "import gc; from granpinn.command import exit_codes as e; e.guard_process('train'); "
+    code += "e.keep_what_is_loaded(); print(gc.get_freeze_count())"
+    words = [sys.executable, "-c", code]
+    assert int(subprocess.run(words, capture_output=True, text=True, check=True).stdout) > 1000
