@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from granpinn.results import (
     Parameters,
     Result,
     read_results,
-    write_results,
 )
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import SimulatedPressure
@@ -77,26 +75,6 @@ def test_the_figures_are_inside(built: Path) -> None:
     assert alternatives.pop(2).startswith("speed at t = ")
     assert alternatives == list(titles.values())
     assert "Missing on this page" not in page.text
-
-
-def test_figures_drawn_before_the_simulated_pressure_are_those_of_the_page(
-    built: Path, run_dir: Path, figures: Callable[..., None]
-) -> None:
-    figures("friction_law", "pressure")
-    whole = read_results(run_dir / "results.json")
-    assert whole.simulated_pressure is not None
-    write_results(replace(whole, simulated_pressure=None), run_dir / "results.json")
-    drawn = pages.draw(run_dir)
-    assert [p.path.stem for p in drawn] == ["friction_law", "pressure", "law_on_parts"]
-    write_results(whole, run_dir / "results.json")
-    before = {p.path: p.path.stat().st_mtime_ns for p in drawn}
-    page = pages.build(run_dir, drawn=drawn).read_text(encoding="utf-8")
-    assert {path: path.stat().st_mtime_ns for path in before} == before
-    for name in ("friction_law", "pressure", "law_on_parts", "pressure_simulated"):
-        early, late = (folder / "figures" / f"{name}.png" for folder in (run_dir, built))
-        assert early.read_bytes() == late.read_bytes()
-    narrow = Page((built / "report.html").read_text(encoding="utf-8")).values("source", "srcset")
-    assert set(Page(page).values("source", "srcset")) <= set(narrow)
 
 
 def test_the_result_comes_first(built: Path) -> None:
