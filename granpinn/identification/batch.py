@@ -19,6 +19,7 @@ from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     Concluded,
     conclude,
+    simulated,
     with_assumptions,
     with_comparisons,
     with_simulated_pressure,
@@ -127,7 +128,8 @@ def identify_many(
         with threads(max(1, _cores() // group.size)) as pool:
 
             def finished(member: Concluded) -> Result:
-                made = with_simulated_pressure(with_comparisons(member, run), run, pool)
+                member = with_comparisons(member, run)
+                made = with_simulated_pressure(member, *simulated(member, run, pool))
                 return kept(made._replace(maps=None), run)
 
             found = _side_by_side(finished, written, config.device)

@@ -6,7 +6,7 @@ pending in the file until it is made:
 1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
    intervals. A law without uncertain assumptions has its intervals at once.
 2. `with_comparisons`: what needs the final intervals (judgement.py).
-3. `with_simulated_pressure`: the pressure that a simulator gives.
+3. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
 """
 
 from __future__ import annotations
@@ -179,28 +179,34 @@ def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
     return _kept(concluded, judgement.with_parts(result, case, run, place))
 
 
-def with_simulated_pressure(concluded: Concluded, run: TrainingLoop, pool: Executor) -> Concluded:
-    """The result with the simulated pressure if it is pending, written to its folder.
+def simulated(
+    concluded: Concluded, run: TrainingLoop, pool: Executor
+) -> tuple[Result, Fields | None]:
+    """The result with the simulated pressure if it is pending, and the fields that hold it, if any.
 
-    Its fields then hold this pressure. The threads of `pool` simulate the frames.
+    The threads of `pool` simulate the frames. Nothing is written.
     """
     result, case, model = concluded.result, concluded.case, concluded.model
     if all(part.what != SIMULATED_PRESSURE for part in result.not_done):
-        return concluded
+        return result, None
 
-    def simulated() -> tuple[Result, Fields | None]:
+    def made() -> tuple[Result, Fields | None]:
         pressures, record = simulated_fields.pressures(case, run, model, pool)
         maps = None
         if pressures:  # a batch does not keep the fields of all its members
             maps = concluded.maps or prediction.predict(case.flow, model)
             maps = simulated_fields.with_simulated_pressure(maps, pressures)
             record = simulated_fields.compared(case.flow, maps, record)
-        made = having(result, SIMULATED_PRESSURE, simulated_pressure=record)
-        return made if maps is None else _scored(made, case, model, maps), maps
+        found = having(result, SIMULATED_PRESSURE, simulated_pressure=record)
+        return found if maps is None else _scored(found, case, model, maps), maps
 
-    found = attempt(SIMULATED_PRESSURE, simulated)
-    result, maps = (lacking(result, found), None) if isinstance(found, NotDone) else found
-    if (folder := concluded.folder) is not None:
+    found = attempt(SIMULATED_PRESSURE, made)
+    return (lacking(result, found), None) if isinstance(found, NotDone) else found
+
+
+def with_simulated_pressure(concluded: Concluded, result: Result, maps: Fields | None) -> Concluded:
+    """`concluded` with what `simulated` gave, written to its folder."""
+    if (folder := concluded.folder) is not None and result is not concluded.result:
         if concluded.keep_fields and maps is not None:
             append_variable(maps, "p_simulated", folder / "fields.h5")
         _write_values(result, folder)

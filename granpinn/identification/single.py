@@ -20,6 +20,7 @@ from granpinn.identification.finish import (
     Concluded,
     conclude,
     parts_of,
+    simulated,
     with_assumptions,
     with_comparisons,
     with_simulated_pressure,
@@ -99,10 +100,11 @@ def identify(
         (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
         concluded = with_comparisons(concluded, run)
         with threads(len(os.sched_getaffinity(0))) as pool:
-            simulated = beside.submit(with_simulated_pressure, concluded, run, pool)
+            found = beside.submit(simulated, concluded, run, pool)
             if known is not None:
                 known(concluded.result)
-            return kept(simulated.result(), run)
+            # Written after `known`, which may read the files of the run.
+            return kept(with_simulated_pressure(concluded, *found.result()), run)
 
 
 def balance_ahead(case: Case, beside: Executor) -> None:
