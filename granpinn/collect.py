@@ -30,6 +30,8 @@ from granpinn.results.results_csv import Cell, row
 from granpinn.uncertainty.of_result import headline
 
 RESULTS = "results.json"
+# Columns of results.csv: I in the middle of its range, and mu there with its band.
+MIDDLE = ("I_middle", "mu_at_I_middle", "mu_at_I_middle_low_90", "mu_at_I_middle_high_90")
 EXAMPLES = """examples:
   python -m granpinn.collect runs --out table.csv
       all runs below a folder, such as those of a job array
@@ -118,15 +120,7 @@ def write_table(rows: Sequence[dict[str, Cell]], path: Path) -> None:
 
 def line(cells: dict[str, Cell]) -> str:
     """A run in the terminal."""
-    I, mu, low, high = (  # noqa: E741
-        cells[f"{name}_middle{end}"]
-        for name, end in (
-            ("I", ""),
-            ("mu_at_I", ""),
-            ("mu_at_I", "_low_90"),
-            ("mu_at_I", "_high_90"),
-        )
-    )
+    I, mu, low, high = (cells[name] for name in MIDDLE)  # noqa: E741
     words = f"{cells['run']}: {cells['law']}, "
     if not isinstance(mu, float):
         words += "mu not determined"
