@@ -16,10 +16,13 @@ Defends: the 90 % intervals of the default recipe hold 85 to 95 % of the truths.
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -28,29 +31,54 @@ from bench.studies import raw
 from bench.studies.cores import on_all_cores
 from bench.studies.coverage.judge import cases_of, report
 from bench.studies.coverage.materials import Task, draw, make, read
-from granpinn import identify_many
 from granpinn.config import Config, ConfigError
-from granpinn.results import Result
+from granpinn.identification import conclusion
+from granpinn.identification.case import Case, members, pose
+from granpinn.identification.final_loss import final_loss
+from granpinn.identification.single import start
 from granpinn.results.decoding import encode
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 from granpinn.uncertainty import calibration
 
 
-def row(task: Task, result: Result) -> dict[str, Any]:
-    """What judge.py needs of one identification."""
-    c, residuals = task.collapse, result.residuals
-    assert result.members is not None
+def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dict[str, Any]:
+    """What judge.py needs of one identification: the members of `run` from `first` on."""
+    c = task.collapse
+    found, shown = conclusion.members_of(cases, run, first)
+    residuals = conclusion.residuals_of(cases[shown], final_loss(run.trainer, first + shown))
+    failure = run.trainer.diverged.get(first + shown)
     return {
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
-        "members": encode(result.members),
+        "members": encode(found),
         "residuals": residuals,
-        "velocity_error_percent": result.error_percent.velocity,
-        "steps": result.timing.steps,
-        "n_points": result.data.n_points,
-        "failure": result.failure or (None if residuals else "residuals that are not finite"),
+        "steps": run.trainer.step,
+        "n_points": len(cases[shown].member.data.points),
+        "failure": failure or (None if residuals else "residuals that are not finite"),
     }
+
+
+def identified(
+    tasks: Sequence[Task], paths: Sequence[Path], config: Config
+) -> list[dict[str, Any]]:
+    """The rows of these flows, identified as one batch; the first has the seed of the settings.
+
+    Fields, figures and pressures, which `granpinn.identify_many` would add, are not made.
+    """
+
+    def posed(i: int) -> list[Case]:
+        own = dataclasses.replace(config, seed=config.seed + i)
+        return list(members(pose(read(tasks[i], paths[i]), own)))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        cases = list(pool.map(posed, range(len(tasks))))
+    every = [case for own in cases for case in own]
+    run = start(every, config, None, Lines(), time.monotonic(), [None] * len(every))
+    run.train()
+    firsts = range(0, len(every), config.members)
+    return list(map(row, tasks, cases, repeat(run), firsts))
 
 
 def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:
@@ -60,11 +88,10 @@ def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> 
     simulated = time.monotonic()
     print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
     rows = []
-    for start in range(0, len(tasks), at_once):
-        part = range(start, min(start + at_once, len(tasks)))
-        flows = [read(tasks[i], paths[i]) for i in part]
-        results = identify_many(flows, config, [config.seed + i for i in part], progress=Lines())
-        rows += [row(tasks[i], result) for i, result in zip(part, results, strict=True)]
+    for begun in range(0, len(tasks), at_once):
+        part = slice(begun, begun + at_once)
+        own = dataclasses.replace(config, seed=config.seed + begun)
+        rows += identified(tasks[part], paths[part], own)
     seconds = {"simulate_s": simulated - begin, "identify_s": time.monotonic() - simulated}
     return {"seconds": {k: round(v, 1) for k, v in seconds.items()}, "rows": rows}
 
