@@ -153,8 +153,8 @@ class _FreeCurve:
             raise ComparisonError("the data hold one I alone, which any law explains")
         self.error: FreeCurveError = table.free_curve
         self.grains: ModelError | None = table.model_error.get(kind) if kind else None
-        steps = result.timing.steps
-        self.scale = error_bars.discrepancy_scale(result.residuals, steps, table)
+        self.scale = error_bars.unresolved(result.residuals, table)
+        self.scale *= error_bars.slowness(result.timing.steps, self.error.steps)
         self.scale *= self.error.growth(case.facts.relative_noise)
         self.I_range = result.law.I_range
         known = _quadratic(run, place, len(free.LAW.curve))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -90,6 +91,7 @@ class FreeCurveError:
         cohesion: rms cohesion that was found in grains without any, over rho |g| H.
         cohesion_percent: rms relative error of the cohesion of cohesive grains.
         noise: largest noise of the vectors over the rms speed.
+        steps: of the shortest trainings that were no worse.
         flows: number of flows behind them.
         provenance: the trainings that gave the numbers.
     """
@@ -100,6 +102,7 @@ class FreeCurveError:
     cohesion: float
     cohesion_percent: float
     noise: float
+    steps: int
     flows: int
     provenance: str
 
@@ -136,6 +139,23 @@ class HalvesError:
 
 
 @dataclass(frozen=True)
+class ShortTraining:
+    """How wrong shorter trainings of such flows were.
+
+    Attributes:
+        steps: of the trainings.
+        discrepancy: as that of the table, at its knots; it holds what its widening lacks.
+        flows: number of flows behind it.
+        provenance: the trainings that gave the numbers.
+    """
+
+    steps: int
+    discrepancy: tuple[Matrix, ...]
+    flows: int
+    provenance: str
+
+
+@dataclass(frozen=True)
 class Calibration:
     """
     Attributes:
@@ -148,7 +168,7 @@ class Calibration:
         discrepancy: second moment of z at these knots, beyond the scatter.
         discrepancy_weight: number of truths behind each.
         misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
-        steps: of the shortest trainings in the study; the discrepancy grows for fewer steps.
+        steps: of the shortest trainings in the study.
         noise_part: velocity error of the fit, as a part of the measurement noise.
         widening: factors on the 90 % intervals of mu_s and mu_2, as errors are not quite normal.
         residuals: of the equations, by terms of the loss.
@@ -157,6 +177,7 @@ class Calibration:
         model_error: of flows of grains, by their kind (`KINDS`); a kind without data is absent.
         free_curve: error of the law `free`; None: not calibrated.
         halves: error of the law on halves of the data; None: not calibrated.
+        shorter: studies of shorter trainings, from few steps to many.
     """
 
     law: str
@@ -178,24 +199,45 @@ class Calibration:
     model_error: dict[str, ModelError] = field(default_factory=dict)
     free_curve: FreeCurveError | None = None
     halves: HalvesError | None = None
+    shorter: tuple[ShortTraining, ...] = ()
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")
         require_names(self.model_error, (), tuple(KINDS), "model_error.")
-        if len(self.mu_s) != len(self.discrepancy) or not self.mu_s:
-            raise ValueError(
-                f"discrepancy must have one matrix for each of {len(self.mu_s)} knots mu_s, "
-                f"got {len(self.discrepancy)}"
-            )
-        for matrix in (self.scatter, *self.discrepancy):
+        steps = [s.steps for s in self.lengths]
+        if min(steps) < 1 or steps != sorted(set(steps)):
+            raise ValueError(f"the steps of shorter and of the table must ascend, got {steps}")
+        for length in self.lengths:
+            if len(self.mu_s) != len(length.discrepancy) or not self.mu_s:
+                raise ValueError(
+                    f"discrepancy must have one matrix for each of {len(self.mu_s)} knots mu_s, "
+                    f"got {len(length.discrepancy)}"
+                )
+        for matrix in (self.scatter, *(m for s in self.lengths for m in s.discrepancy)):
             if matrix[0][1] != matrix[1][0] or min(np.linalg.eigvalsh(matrix)) < -1e-12:
                 raise ValueError(f"a covariance must be symmetric and not negative, got {matrix}")
 
-    def discrepancy_at(self, mu_s: float) -> Float64:
-        """Second moment [2, 2] of z, linear between the knots and constant beyond them."""
-        knots = np.array(self.discrepancy)
-        flat = [np.interp(mu_s, self.mu_s, knots[:, i, j]) for i in range(2) for j in range(2)]
-        return np.reshape(flat, (2, 2))
+    @property
+    def lengths(self) -> tuple[ShortTraining, ...]:
+        """The studies by their steps, from few to many; the table's own is the last."""
+        flows = round(self.discrepancy_weight)
+        return *self.shorter, ShortTraining(self.steps, self.discrepancy, flows, self.provenance)
+
+    def discrepancy_at(self, mu_s: float, steps: int) -> Float64:
+        """Second moment [2, 2] of z after so many steps.
+
+        Linear in mu_s between the knots and in log(steps) between the studies, constant beyond.
+        """
+        lengths = self.lengths
+        found = [_between(mu_s, self.mu_s, np.array(s.discrepancy)) for s in lengths]
+        at = [math.log(s.steps) for s in lengths]
+        return _between(math.log(max(1, steps)), at, np.array(found))
+
+
+def _between(x: float, knots: Sequence[float], values: Float64) -> Float64:
+    """Linear interpolation of matrices [K, 2, 2] at ascending knots, constant beyond them."""
+    flat = [np.interp(x, knots, values[:, i, j]) for i in range(2) for j in range(2)]
+    return np.reshape(flat, (2, 2))
 
 
 @cache

@@ -2,16 +2,16 @@ r"""Error bars of (mu_s, mu_2); for mu(I) alone, as they are calibrated by simul
 
 For the center c of an ensemble, with z = (error of mu_s, error of mu_2) / mu_s, the covariance is
 
-$$ C = V + s^2 D + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
+$$ C = V + s^2 D_n + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 
 V is the scatter of the center over seeds and measurement noise, estimated from the members and, as
-they are few, from the calibration table. D is the further error of simulated collapses with known
-parameters: the mean of e e^T, which includes a common offset. s enlarges D if the velocity error m
-is larger than in the study (m_0), or the number n of steps is smaller than there (n_0): mu_2 was
-12, 19 and 33 % too high after 4,000, 2,800 and 2,000 steps. m is the misfit beyond the known noise,
-capped by the misfit that the equation residuals imply (`resolution`): the rest of the misfit is
-noise that the file does not state. A is the effect of assumptions, such as the offset of the
-surface line (of_assumptions.py); their priors are given and do not change the degrees of freedom.
+they are few, from the calibration table. D_n is the further error of simulated collapses with known
+parameters after n steps: the mean of e e^T, which includes a common offset. s enlarges it if the
+velocity error m is larger than in the study (m_0), or n is smaller than in the study of the
+shortest trainings (n_0). m is the misfit beyond the known noise, capped by the misfit that the
+equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
+state. A is the effect of assumptions, such as the offset of the surface line (of_assumptions.py);
+their priors are given and do not change the degrees of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -24,7 +24,7 @@ variables). V is the V without noise plus this mean square, with as many degrees
 members are redrawn.
 The table does not enter the mean square: its studies have no noise.
 
-Intervals are from Student's distribution with the degrees of freedom of V + s^2 D (Welch,
+Intervals are from Student's distribution with the degrees of freedom of V + s^2 D_n (Welch,
 Satterthwaite), times the widening of the table. They are symmetric in log mu, so friction stays
 positive.
 """
@@ -52,7 +52,7 @@ Pair = tuple[float, float]
 Part = tuple[Float64, float]  # a covariance of z [2, 2] and its degrees of freedom
 
 LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of the value in the table
-SLOWNESS = 1.5  # errors of short trainings are proportional to steps^-SLOWNESS
+SLOWNESS = 1.5  # errors of trainings shorter than any study are proportional to steps^-SLOWNESS
 LONGEST = 10.0  # largest half interval, in log mu
 
 
@@ -78,7 +78,7 @@ def estimate(
 ) -> Estimate:
     """Center, covariance and intervals of an ensemble of K >= 1 trainings of so many steps."""
     mu = middle(members)
-    D = discrepancy_scale(residuals, steps, calibration) ** 2 * calibration.discrepancy_at(mu[0])
+    D = discrepancy(mu[0], residuals, steps, calibration)
     parts = scatter(members, calibration), (D, calibration.discrepancy_weight)
     return combined(mu, parts, calibration, assumed)
 
@@ -153,11 +153,21 @@ def resolution(residuals: Residuals, calibration: Calibration) -> float:
     return min(velocity_error(residuals, calibration), shown)
 
 
-def discrepancy_scale(residuals: Residuals, steps: int, calibration: Calibration) -> float:
-    """s, times the excess of the residuals over their limit where they reject the law."""
+def discrepancy(mu_s: float, residuals: Residuals, steps: int, calibration: Calibration) -> Float64:
+    """s^2 D_n [2, 2], times the squared excess of the residuals where they reject the law."""
+    s = unresolved(residuals, calibration) * slowness(steps, calibration.lengths[0].steps)
+    return s**2 * calibration.discrepancy_at(mu_s, steps)
+
+
+def unresolved(residuals: Residuals, calibration: Calibration) -> float:
+    """max(1, m / m_0), times the excess of the residuals over their limit."""
     resolved = max(1.0, resolution(residuals, calibration) / calibration.misfit)
-    trained = math.pow(max(1.0, calibration.steps / max(1, steps)), SLOWNESS)
-    return resolved * trained * excess(residuals, calibration)
+    return resolved * excess(residuals, calibration)
+
+
+def slowness(steps: int, studied: int) -> float:
+    """Factor on the errors of a training of fewer steps than were studied."""
+    return math.pow(max(1.0, studied / max(1, steps)), SLOWNESS)
 
 
 def _pair(values: npt.ArrayLike) -> Pair:

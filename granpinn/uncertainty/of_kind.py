@@ -74,8 +74,8 @@ def with_model_error(
     model = covariance(entry, mu, result.parameters["I0"].value, shear) / mu[0] ** 2
     parts = [error_bars.scatter(result.members, table)]
     if kind == "collapse":  # the errors of simulated collapses as well
-        scale = error_bars.discrepancy_scale(result.residuals, result.timing.steps, table)
-        parts.append((scale**2 * table.discrepancy_at(mu[0]), table.discrepancy_weight))
+        D = error_bars.discrepancy(mu[0], result.residuals, result.timing.steps, table)
+        parts.append((D, table.discrepancy_weight))
     parts.append((model, entry.flows))
     wide = dataclasses.replace(table, provenance=entry.provenance, widening=(1.0, 1.0))
     found = error_bars.combined(mu, parts, wide, result.assumptions)

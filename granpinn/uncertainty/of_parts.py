@@ -130,7 +130,7 @@ def error_of_collapses(table: Calibration, at: Place) -> Float64:
     x = at.I / (at.I + at.I0)
     J = np.stack([1 - x, x], 1)
     slow = np.minimum(np.clip(at.slow, *table.valid_mu_s), at.mu)
-    D = table.discrepancy_at(float(np.clip(at.slow, *table.valid_mu_s)))
+    D = table.discrepancy_at(float(np.clip(at.slow, *table.valid_mu_s)), table.steps)
     return np.asarray(np.einsum("ni,ij,nj->n", J, D, J) * (slow / at.mu) ** 2)
 
 

@@ -80,7 +80,9 @@ def judge(
         )
     }
     rows = tuple(tuple(row) for row in found.covariance.tolist())
-    long = steps >= table.steps  # a short training misses the velocity by more than the noise
+    long = (
+        steps >= table.lengths[0].steps
+    )  # a shorter training misses the velocity by more than the noise
     verdict = of_law.verdict(found.mu, residuals, table, noise() if long else None)
     return Judgement(free, Covariance(law.free, rows), found.bars, verdict)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -29,20 +30,33 @@ OFFSET = np.array([0.006, -0.005])
 SPREAD = np.array([[1e-5, 0.0], [0.0, 3e-4]])
 
 
-@pytest.mark.parametrize(("level", "caught"), [("V1", 6), ("V0", 5)])
-def test_flows_of_other_laws_are_caught(level: str, caught: int) -> None:
+def results(name: str) -> list[dict[str, Any]]:
+    """The rows of a study of the repository."""
+    path = Path(judge.__file__).parent / "results" / name
+    return list(json.loads(path.read_text())["rows"])
+
+
+@pytest.mark.parametrize(
+    ("name", "level", "truths", "caught"),
+    [
+        ("coverage.json", "V1", 90, 6),
+        ("coverage_V0.json", "V0", 90, 5),
+        ("steps_25000.json", "V1", 48, 5),
+        ("steps_25000_V0.json", "V0", 48, 5),
+    ],
+)
+def test_flows_of_other_laws_are_caught(name: str, level: str, truths: int, caught: int) -> None:
     """The trainings of the study, whose simulated vectors have no noise."""
     table = calibration.of_level(level)
     assert table is not None
-    name = "coverage.json" if level == "V1" else f"coverage_{level}.json"
-    rows = json.loads((Path(judge.__file__).parent / "results" / name).read_text())["rows"]
+    rows = results(name)
     found: dict[bool, list[bool | None]] = {True: [], False: []}
     for row in rows:
         mu = tuple(row["members"][key][0] for key in ("mu_s", "mu_2"))
         verdict = of_law.verdict(mu, Residuals(row["residuals"]), table, noise=0.0)
         found[row["law"] == materials.LAW].append(verdict.follows)
     assert (len(found[False]), found[False].count(False)) == (6, caught)
-    assert found[True] == [True] * 90
+    assert found[True] == [True] * truths
 
 
 def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[Case]:
@@ -91,7 +105,7 @@ def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
     np.testing.assert_allclose(table.scatter, SCATTER, rtol=0.1)
     expected = SPREAD + np.outer(OFFSET, OFFSET)
     for mu_s in (0.25, 0.4, 0.55):
-        found = np.diag(table.discrepancy_at(mu_s))
+        found = np.diag(table.discrepancy_at(mu_s, table.steps))
         np.testing.assert_allclose(found, np.diag(expected), rtol=0.35)
     assert (table.provenance, table.provisional) == ("made up", False)
     assert table.widening == pytest.approx((1, 1), abs=0.15)
@@ -100,6 +114,27 @@ def test_the_table_has_what_the_errors_were_made_of(seed: int) -> None:
     np.testing.assert_allclose(np.median(ratios, axis=0), 1, atol=0.3)
     verdicts = [of_law.verdict((0.4, 0.64), case.residuals, table) for case in cases]
     assert sum(verdict.follows is not True for verdict in verdicts) <= 2
+
+
+def test_shorter_trainings_get_errors_of_their_own(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    table = calibrate.fit(make_cases(300, generator), calibration.load(), "made up")
+    # Twice the error in mu_2 / mu_s, none in mu_s.
+    cases = []
+    for case in make_cases(100, generator):
+        z = 2 * (center(case.members)[1] - case.mu[1]) / case.mu[0]
+        mu_2 = case.mu[1] + case.mu[0] * (z + generator.normal(0, 0.02, 3))
+        values = {"mu_s": (float(case.mu[0]),) * 3, "mu_2": tuple(mu_2.tolist())}
+        members = Members((0, 1, 2), values, (False,) * 3)
+        cases.append(case._replace(members=members, steps=10_000))
+    found = calibrate.shorter(cases, table, "shorter")
+    assert (found.steps, found.flows) == (10_000, 100)
+    for D, usual in zip(np.array(found.discrepancy), np.array(table.discrepancy), strict=True):
+        assert D[0, 0] == pytest.approx(usual[0, 0])  # no error counts as smaller
+        assert 1.5 < np.sqrt(D[1, 1] / usual[1, 1]) < 4
+    short = dataclasses.replace(table, shorter=(found,))
+    covered = np.mean([judge.score(case, short).covered for case in cases], axis=0)
+    assert covered[1] >= 0.85
 
 
 def test_it_covers_90_percent_of_others(seed: int) -> None:

@@ -189,7 +189,7 @@ def test_boxes_are_joined_to_larger_ones() -> None:
 
 
 def test_errors_of_the_law_grow_with_the_scale_and_with_grains() -> None:
-    error = FreeCurveError((0.01, 0.02, 0.0), 2.0, 3.0, 1e-4, 20.0, 0.1, 10, "here")
+    error = FreeCurveError((0.01, 0.02, 0.0), 2.0, 3.0, 1e-4, 20.0, 0.1, 20_000, 10, "here")
     mu = np.full(I.shape, 0.4)
 
     def std(*arguments: Any) -> np.ndarray:

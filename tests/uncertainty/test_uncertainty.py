@@ -17,7 +17,7 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.results import Residuals
 from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, of_law
-from granpinn.uncertainty.calibration import Range
+from granpinn.uncertainty.calibration import Range, ShortTraining
 from granpinn.uncertainty.center import center, nearest
 
 Array = npt.NDArray[np.float64]
@@ -34,6 +34,7 @@ TABLE = dataclasses.replace(
     discrepancy_weight=1e4,
     misfit=0.0035,
     steps=1000,
+    shorter=(),
     widening=(1.0, 1.0),
     residuals={  # 1 at the misfit of CLEAN
         name: Range(math.log10(500), 1.0, 3.0) for name in ("momentum", "constitutive")
@@ -156,17 +157,35 @@ def test_discrepancy_grows_with_what_went_wrong(
     changes: dict[str, float], steps: int, factor: float
 ) -> None:
     residuals = Residuals(CLEAN, **changes)
-    scale = error_bars.discrepancy_scale(residuals, steps, TABLE)
-    assert scale == pytest.approx(max(1, factor))
+    D = error_bars.discrepancy(0.4, residuals, steps, TABLE)
+    np.testing.assert_allclose(D, max(1, factor) ** 2 * np.array(DISCREPANCY), rtol=1e-9)
 
 
 def test_discrepancy_is_linear_between_the_knots() -> None:
     other = ((8e-5, 0.0), (0.0, 4e-4))
     table = dataclasses.replace(TABLE, mu_s=(0.2, 0.4), discrepancy=(DISCREPANCY, other))
     middle = (np.array(DISCREPANCY) + np.array(other)) / 2
-    np.testing.assert_allclose(table.discrepancy_at(0.3), middle)
-    np.testing.assert_allclose(table.discrepancy_at(0.1), DISCREPANCY)
-    np.testing.assert_allclose(table.discrepancy_at(0.9), other)
+    np.testing.assert_allclose(table.discrepancy_at(0.3, 1000), middle)
+    np.testing.assert_allclose(table.discrepancy_at(0.1, 1000), DISCREPANCY)
+    np.testing.assert_allclose(table.discrepancy_at(0.9, 1000), other)
+
+
+def test_discrepancy_of_short_trainings_is_that_of_their_study() -> None:
+    other = ((9e-5, 0.0), (0.0, 9e-4))
+    table = dataclasses.replace(TABLE, shorter=(ShortTraining(250, (other,), 48, "here"),))
+    middle = (np.array(DISCREPANCY) + np.array(other)) / 2
+    for steps, expected in ((250, other), (500, middle), (1000, DISCREPANCY), (9000, DISCREPANCY)):
+        found = error_bars.discrepancy(0.4, CLEAN, steps, table)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    shorter = error_bars.discrepancy(0.4, CLEAN, 125, table)
+    np.testing.assert_allclose(shorter, 2**3 * np.array(other), rtol=1e-12)
+
+
+@pytest.mark.parametrize("steps", [0, 1000, 2000])
+def test_studies_of_other_lengths_are_refused_out_of_order(steps: int) -> None:
+    short = ShortTraining(steps, (DISCREPANCY,), 48, "here")
+    with pytest.raises(ValueError, match="must ascend"):
+        dataclasses.replace(TABLE, shorter=(short,))
 
 
 def test_intervals_hold_no_negative_friction_whatever_happened() -> None:
@@ -259,7 +278,7 @@ def test_the_table_that_is_shipped_is_sound() -> None:
     table = calibration.load()
     assert table.mu_s == tuple(sorted(table.mu_s))
     for mu_s in (0.2, 0.4, 0.6):
-        matrix = table.discrepancy_at(mu_s)
+        matrix = table.discrepancy_at(mu_s, table.steps)
         assert 0 < math.sqrt(matrix[0, 0]) < 0.05
         assert 0 < math.sqrt(matrix[1, 1]) < 0.2
     assert table.provisional is table.provenance.startswith("provisional")

@@ -1,13 +1,14 @@
 """Makes the shipped calibration of the error bars from coverage studies.
 
 python -m bench.studies.coverage.calibrate coverage.json --write
+python -m bench.studies.coverage.calibrate coverage.json --shorter steps_10000.json --write
 python -m bench.studies.coverage.calibrate half.json --test other_half.json
 
 --write writes the shipped table of the level of the studies (granpinn/uncertainty/calibration.json,
 calibration_V0.json at level V0), or the file that it names.
 The coverage that is printed is always that of truths which the table was not made from: those of
---test, or else each half of the truths with the table of the other half. The table that is written
-is made from all.
+--test, or else each half of the truths with the table of the other half; after fewer steps
+(--shorter) each truth with the table of the others. The table that is written is made from all.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
 from granpinn.config import Config
 from granpinn.uncertainty import calibration, error_bars, of_law
-from granpinn.uncertainty.calibration import Calibration, Range
+from granpinn.uncertainty.calibration import Calibration, Range, ShortTraining
 from granpinn.uncertainty.center import center as center_of
 from granpinn.uncertainty.center import values_of
 
@@ -56,19 +57,39 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
         provenance=provenance,
         provisional=False,
         widening=(1.0, 1.0),
+        shorter=(),
         scatter=_scatter(cases, base),
     )
     errors = [of_law.velocity_error(case.residuals, table) for case in cases]
     table = dataclasses.replace(
         table,
         misfit=float(np.quantile(errors, CONFIDENCE)),
-        steps=min(base.steps, *(case.steps for case in cases)),
+        steps=min(case.steps for case in cases),
     )
     table = _with_ranges(table, cases)
     table = _with_discrepancy(table, cases)
     reaches = np.array([_reach(case, table) for case in cases])
     missed = np.array([_missed(case) for case in cases])
     return dataclasses.replace(table, widening=_pair(_upper_quantile(missed / reaches)))
+
+
+def shorter(cases: Sequence[Case], table: Calibration, provenance: str) -> ShortTraining:
+    """What a study of one shorter length adds to the table of the usual one.
+
+    Its intervals keep the widening of the table, so what they lack is put into the discrepancy. No
+    error counts as smaller than after the usual steps: where it is, an error of short trainings
+    makes up for one of these simulations, and other data need not have that one.
+    """
+    (steps,) = {case.steps for case in cases}
+    alone = _with_discrepancy(dataclasses.replace(table, steps=steps, shorter=()), cases)
+    reaches = np.array([_reach(case, alone) for case in cases])
+    factor = _upper_quantile(np.array([_missed(case) for case in cases]) / reaches)
+    matrices = []
+    for D, usual in zip(alone.discrepancy, table.discrepancy, strict=True):
+        least = np.sqrt(np.diag(usual) / np.maximum(np.diag(D), 1e-300))
+        raised = np.maximum(np.maximum(1.0, factor), least)
+        matrices.append(_matrix(np.array(D) * np.outer(raised, raised)))
+    return ShortTraining(steps, tuple(matrices), len(cases), provenance)
 
 
 def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
@@ -109,7 +130,8 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
     for case in cases:
         center = np.array(center_of(case.members))
         z = (center - case.mu) / center[0]
-        scale = error_bars.discrepancy_scale(case.residuals, case.steps, table)
+        scale = error_bars.unresolved(case.residuals, table)
+        scale *= error_bars.slowness(case.steps, table.steps)
         scatter, _ = error_bars.scatter(case.members, table)
         beyond.append((np.outer(z, z) - scatter) / scale**2)
         mu_s.append(center[0])
@@ -157,6 +179,13 @@ def _pair(values: Array) -> tuple[float, float]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("studies", nargs="+", type=Path, help="files of coverage.run")
+    parser.add_argument(
+        "--shorter",
+        nargs="+",
+        type=Path,
+        default=[],
+        help="studies of fewer steps, one length each",
+    )
     parser.add_argument("--test", nargs="+", type=Path, default=[], help="studies to test it on")
     parser.add_argument(
         "--write",
@@ -182,14 +211,34 @@ def main() -> int:
             halves = [fit(law[k::2], base, note) for k in (1, 0)]
             tested = [(case, halves[i % 2]) for i, case in enumerate(law)]
             tested += [(case, table) for case in cases if case.law != LAW]
+        print(report(tested))
+        table = with_shorter(table, own.shorter)
     except ValueError as error:
         parser.error(str(error))
-    print(report(tested))
     text = text_of(table)
     print(text)
     if own.write:
         (calibration.PATHS[level] if own.write == SHIPPED else own.write).write_text(text + "\n")
     return 0
+
+
+def with_shorter(table: Calibration, paths: Sequence[Path]) -> Calibration:
+    """The table with studies of fewer steps; it prints what the table of the others says of each
+    of their flows.
+    """
+    found = []
+    for path in paths:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        cases = [case for case in cases_of(content["rows"]) if case.law == LAW]
+        note = _provenance([content], len(cases))
+        tested = []
+        for k, case in enumerate(cases):
+            others = shorter([*cases[:k], *cases[k + 1 :]], table, note)
+            tested.append((case, dataclasses.replace(table, shorter=(others,))))
+        print(f"after {content['steps']} steps:")
+        print(report(tested))
+        found.append(shorter(cases, table, note))
+    return dataclasses.replace(table, shorter=tuple(sorted(found, key=lambda s: s.steps)))
 
 
 def rows_and_dates(paths: Sequence[Path]) -> tuple[list[dict[str, Any]], list[dict[str, Any]], str]:

@@ -2,6 +2,10 @@
 
     python -m bench.studies.laws.choice.run --numbers 100 106 --noise 0 --json first.json
     python -m bench.studies.laws.choice.calibrate first.json ... --write calibration.json
+    python -m bench.studies.laws.choice.calibrate --shorter fewer.json --write calibration.json
+
+The second one tests new flows with fewer steps: where their curves are no worse than the entry
+says, it holds from that number of steps on.
 
 Flows with cohesion give no error of a curve, and flows without it give the cohesion that is found
 where there is none. The widths of the bands are quantiles over the flows, with the standard
@@ -32,28 +36,54 @@ COHESIVE = cohesive.LAW.name
 
 
 def error_of(
-    rows: Sequence[dict[str, Any]], before: FreeCurveError, provenance: str
+    rows: Sequence[dict[str, Any]], before: FreeCurveError, steps: int, provenance: str
 ) -> FreeCurveError:
     """The entry.
 
     Args:
         before: the entry with which the bands in the rows were made.
+        steps: of the trainings.
     """
-    plain = [row for row in rows if row["law"] != COHESIVE and row.get("low")]
-    amplitudes, cohesion = [], []
-    for row in plain:
-        relative = np.array(row["mu"]) / np.array(row["true"]) - 1
-        amplitudes.append(legendre.legfit(_xi(relative), relative, MODES - 1))
-        if row["comparison"]:
-            cohesion.append(_cohesion(row) / row["pressure"])
-    modes = np.sqrt(np.mean(np.square(amplitudes), axis=0))
+    plain = _without_cohesion(rows)
+    cohesion = [_cohesion(row) / row["pressure"] for row in plain if row["comparison"]]
+    modes = modes_of(plain)
     ratios = [_farthest(row, before, modes) for row in plain]
     wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
     wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
     return FreeCurveError(
-        tuple(modes.tolist()), wide, widest, c, percent, before.noise, len(plain), provenance
+        tuple(modes.tolist()), wide, widest, c, percent, before.noise, steps, len(plain), provenance
     )
+
+
+def modes_of(rows: Sequence[dict[str, Any]]) -> Float64:
+    """Rms of the Legendre parts of the relative errors of the curves [MODES]."""
+    relative = [np.array(row["mu"]) / np.array(row["true"]) - 1 for row in rows]
+    amplitudes = [legendre.legfit(_xi(r), r, MODES - 1) for r in relative]
+    return np.asarray(np.sqrt(np.mean(np.square(amplitudes), axis=0)))
+
+
+def for_fewer_steps(
+    rows: Sequence[dict[str, Any]], entry: FreeCurveError, steps: int, dates: str
+) -> FreeCurveError:
+    """The entry for trainings from `steps` on.
+
+    Raises:
+        ValueError: the curves of these rows are worse than the entry says.
+    """
+    plain = _without_cohesion(rows)
+    found, known = (float(np.linalg.norm(m)) for m in (modes_of(plain), entry.modes))
+    if found > known:
+        raise ValueError(
+            f"after {steps} steps the parts of the error add up to {found:.3g}, in the entry to "
+            f"{known:.3g}: make an entry from such trainings"
+        )
+    added = f"; {len(plain)} flows with {steps} steps of {dates} are no worse"
+    return dataclasses.replace(entry, steps=steps, provenance=entry.provenance + added)
+
+
+def _without_cohesion(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [row for row in rows if row["law"] != COHESIVE and row.get("low")]
 
 
 def _cohesion(row: dict[str, Any]) -> float:
@@ -86,15 +116,22 @@ def _xi(values: Float64) -> Float64:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("runs", nargs="+", type=Path)
+    parser.add_argument("runs", nargs="*", type=Path)
+    parser.add_argument("--shorter", type=Path, help="a run with fewer steps, to test the entry")
     parser.add_argument("--write", type=Path, help="the table that gets the entry")
     own = parser.parse_args()
-    _, rows, dates = rows_and_dates(own.runs)
+    if bool(own.runs) == bool(own.shorter):
+        parser.error("give the runs that make the entry, or --shorter with a run that tests it")
+    contents, rows, dates = rows_and_dates(own.runs or [own.shorter])
+    steps = min(content["steps"] for content in contents)
     table = calibration.load()
     before = table.free_curve
     if before is None:
         parser.error(f"{calibration.PATH.name} has no entry free_curve, which made the bands")
-    found = error_of(rows, before, f"bench.studies.laws.choice.run of {dates}")
+    if own.shorter:
+        found = for_fewer_steps(rows, before, steps, dates)
+    else:
+        found = error_of(rows, before, steps, f"bench.studies.laws.choice.run of {dates}")
     print(json.dumps(dataclasses.asdict(found), indent=1))
     if own.write is not None:
         table = calibration.load(own.write)
