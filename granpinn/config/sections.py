@@ -139,8 +139,8 @@ class SideWalls:
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
 
-    interior: int = setting(2048, "points inside the grains", low=1, high=2**31)
-    surface: int = setting(128, "points on the free surface", low=0, high=2**31)
+    interior: int = setting(1024, "points inside the grains", low=1, high=2**31)
+    surface: int = setting(64, "points on the free surface", low=0, high=2**31)
     collocation: float = setting(
         1.0,
         "random points between the vectors of a grid, for the equations alone, per vector; more "

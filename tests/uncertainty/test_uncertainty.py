@@ -17,7 +17,7 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.results import Residuals
 from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, of_law
-from granpinn.uncertainty.calibration import Range, ShortTraining
+from granpinn.uncertainty.calibration import Range
 from granpinn.uncertainty.center import center, nearest
 
 Array = npt.NDArray[np.float64]
@@ -168,24 +168,6 @@ def test_discrepancy_is_linear_between_the_knots() -> None:
     np.testing.assert_allclose(table.discrepancy_at(0.3, 1000), middle)
     np.testing.assert_allclose(table.discrepancy_at(0.1, 1000), DISCREPANCY)
     np.testing.assert_allclose(table.discrepancy_at(0.9, 1000), other)
-
-
-def test_discrepancy_of_short_trainings_is_that_of_their_study() -> None:
-    other = ((9e-5, 0.0), (0.0, 9e-4))
-    table = dataclasses.replace(TABLE, shorter=(ShortTraining(250, (other,), 48, "here"),))
-    middle = (np.array(DISCREPANCY) + np.array(other)) / 2
-    for steps, expected in ((250, other), (500, middle), (1000, DISCREPANCY), (9000, DISCREPANCY)):
-        found = error_bars.discrepancy(0.4, CLEAN, steps, table)
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
-    shorter = error_bars.discrepancy(0.4, CLEAN, 125, table)
-    np.testing.assert_allclose(shorter, 2**3 * np.array(other), rtol=1e-12)
-
-
-@pytest.mark.parametrize("steps", [0, 1000, 2000])
-def test_studies_of_other_lengths_are_refused_out_of_order(steps: int) -> None:
-    short = ShortTraining(steps, (DISCREPANCY,), 48, "here")
-    with pytest.raises(ValueError, match="must ascend"):
-        dataclasses.replace(TABLE, shorter=(short,))
 
 
 def test_intervals_hold_no_negative_friction_whatever_happened() -> None:
