@@ -137,6 +137,19 @@ def test_shorter_trainings_get_errors_of_their_own(seed: int) -> None:
     assert covered[1] >= 0.85
 
 
+def test_the_score_is_1_for_intervals_from_the_rms_error(seed: int) -> None:
+    error = np.random.default_rng(seed).normal(0, 0.02, 400)
+    own = 1.645 * np.sqrt(np.mean(error**2))
+
+    def score(half: float) -> float:
+        missed = np.maximum(abs(error) - half, 0.0)
+        return judge.sharpness(error, np.full(400, half), missed)
+
+    assert score(own) == pytest.approx(1)
+    assert score(3 * own) > 2
+    assert score(own / 3) > 2
+
+
 def test_it_covers_90_percent_of_others(seed: int) -> None:
     generator = np.random.default_rng(seed)
     table = calibrate.fit(make_cases(100, generator), calibration.load(), "made up")

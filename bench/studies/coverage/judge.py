@@ -44,31 +44,54 @@ def cases_of(rows: Sequence[dict[str, Any]]) -> list[Case]:
     ]
 
 
+MISS = 2 / 0.1  # of the interval score: cost of a miss of a 90 % interval
+NORMAL = 1.645  # standard deviations
+
+
 class Score(NamedTuple):
-    """Of one truth: error / mu, error / std, and whether the interval holds it, each [2]."""
+    """Of one truth: error / mu, error / std, whether the interval holds it, and half of the width
+    of the interval and the distance of the truth from it, / mu; each [2].
+    """
 
     error: Array
     pull: Array
     covered: Array
+    half: Array
+    missed: Array
 
 
 def score(case: Case, table: Calibration) -> Score:
     found = error_bars.estimate(case.members, case.residuals, case.steps, table)
     error = np.array(found.mu) - case.mu
-    covered = [low <= mu <= high for (low, high), mu in zip(found.intervals, case.mu, strict=True)]
-    return Score(error / case.mu, error / np.array(found.std), np.array(covered))
+    low, high = np.array(found.intervals).T
+    missed = np.maximum(np.maximum(low - case.mu, case.mu - high), 0.0)
+    covered, half = missed == 0, (high - low) / 2
+    pull = error / np.array(found.std)
+    return Score(error / case.mu, pull, covered, half / case.mu, missed / case.mu)
+
+
+def sharpness(error: Array, half: Array, missed: Array) -> float:
+    """Mean interval score over that of intervals of one width, 1.645 times the rms error [n].
+
+    The interval score is the width of an interval, and 20 times the distance of a truth that a
+    90 % interval misses (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007).
+    """
+    best = NORMAL * np.sqrt(np.mean(error**2))
+    oracle = 2 * best + MISS * np.maximum(abs(error) - best, 0.0)
+    return float(np.mean(2 * half + MISS * missed) / np.mean(oracle))
 
 
 def lines_of(scores: Sequence[Score]) -> list[str]:
-    """Errors, pulls and coverage of mu_s and mu_2."""
-    names = ("median |error| %", "rms %", "mean %", "pull mean", "pull sd", "coverage %")
+    """Errors, pulls, coverage and sharpness of mu_s and mu_2."""
+    names = ("median |error| %", "rms %", "mean %", "pull mean", "pull sd", "coverage %", "score")
     lines = [f"{len(scores)} truths" + "".join(f"{name:>18s}" for name in names)]
-    error, pull, covered = (np.array(values) for values in zip(*scores, strict=True))
+    error, pull, covered, half, missed = (np.array(v) for v in zip(*scores, strict=True))
     for k, name in enumerate(("mu_s", "mu_2")):
         e, p = 100 * error[:, k], pull[:, k]
-        values = (np.median(abs(e)), np.sqrt(np.mean(e**2)), e.mean(), p.mean(), p.std())
-        cells = "".join(f"{value:18.2f}" for value in (*values, 100 * covered[:, k].mean()))
-        lines.append(f"{name:{len(lines[0]) - 6 * 18}s}{cells}")
+        values = [np.median(abs(e)), np.sqrt(np.mean(e**2)), e.mean(), p.mean(), p.std()]
+        values += [100 * covered[:, k].mean(), sharpness(error[:, k], half[:, k], missed[:, k])]
+        cells = "".join(f"{value:18.2f}" for value in values)
+        lines.append(f"{name:{len(lines[0]) - len(names) * 18}s}{cells}")
     return lines
 
 
