@@ -19,7 +19,7 @@ int level_count(int chunk) {
 }  // namespace
 
 CollapseSolver::CollapseSolver(const Parameters& parameters) : s_(parameters), team_(s_.threads) {
-  allocate(s_.cells_x, s_.cells_y);
+  allocate(window_size(0, 0, s_.cells_x, s_), window_size(0, 0, s_.cells_y, s_));
 }
 
 void CollapseSolver::allocate(int nx, int ny) {
@@ -44,24 +44,26 @@ void CollapseSolver::allocate(int nx, int ny) {
 }
 
 void CollapseSolver::set_state(const double* c, const double* u, const double* v) {
-  allocate(s_.cells_x, s_.cells_y);
-  const int nx = grid_.nx, ny = grid_.ny;
-  for (int j = 0; j <= ny; ++j) {
-    for (int i = 0; i <= nx; ++i) {
-      if (i < nx && j < ny) c_(i, j) = c[j * nx + i];
-      if (j < ny) velocity_[0](i, j) = u[j * (nx + 1) + i];
-      if (i < nx) velocity_[1](i, j) = v[j * nx + i];
+  const int box_x = s_.cells_x, box_y = s_.cells_y;
+  int columns = 0, rows = 0;
+  occupied_cells([&](int i, int j) { return c[j * box_x + i]; }, box_x, box_y, columns, rows);
+  allocate(window_size(columns, box_x, box_x, s_), window_size(rows, box_y, box_y, s_));
+  for (int j = 0; j <= grid_.ny; ++j) {
+    for (int i = 0; i <= grid_.nx; ++i) {
+      if (i < box_x && j < box_y) c_(i, j) = c[j * box_x + i];
+      if (j < box_y) velocity_[0](i, j) = u[j * (box_x + 1) + i];
+      if (i < box_x) velocity_[1](i, j) = v[j * box_x + i];
     }
   }
-  fill_fraction_ghosts(c_, grid_);
   before_ = velocity_;
-  fit_window();
+  close_walls_beside_opening();
+  fill_fraction_ghosts(c_, grid_);
   start_pressure();
 }
 
 void CollapseSolver::fit_window() {
   int columns = 0, rows = 0;
-  occupied_cells(c_, grid_, columns, rows);
+  occupied_cells(c_, grid_.nx, grid_.ny, columns, rows);
   const int nx = window_size(columns, grid_.nx, s_.cells_x, s_);
   const int ny = window_size(rows, grid_.ny, s_.cells_y, s_);
   const int old_nx = grid_.nx, old_ny = grid_.ny;
@@ -86,13 +88,19 @@ void CollapseSolver::fit_window() {
   velocity_ = std::move(velocity);
   before_ = std::move(before);
   pushed_ = std::move(pushed);
+  close_walls_beside_opening();
+  fill_fraction_ghosts(c_, grid_);
+}
+
+// No flow through the walls beside an opening.
+void CollapseSolver::close_walls_beside_opening() {
+  if (!grid_.has_opening()) return;
   const Columns open = grid_.v_faces().floor;
   for (Field<double>* v : {&velocity_[1], &before_[1]}) {
-    for (int i = 0; i < nx && grid_.has_opening(); ++i) {  // no flow through the walls beside it
+    for (int i = 0; i < grid_.nx; ++i) {
       if (i < open.i0 || i >= open.i1) (*v)(i, 0) = 0;
     }
   }
-  fill_fraction_ghosts(c_, grid_);
 }
 
 void CollapseSolver::advect_fraction(double step) {

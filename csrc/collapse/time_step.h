@@ -58,6 +58,7 @@ class CollapseSolver final : public Solver {
   Table table(const Field<double>& field, int more_columns, int more_rows) const;
   void allocate(int nx, int ny);
   void fit_window();
+  void close_walls_beside_opening();
   double choose_step(double largest);
   void extrapolate(double share);
   void fill_coefficients(double step);

@@ -28,13 +28,13 @@ inline Grid window_grid(int nx, int ny, const Parameters& s) {
           all_open ? double(nx) : std::min(s.open_to, nx)};
 }
 
-// Columns and rows that hold grains.
-inline void occupied_cells(const Field<double>& c, const Grid& grid, int& columns, int& rows) {
+// Columns and rows of a box or window of nx x ny cells that hold grains, c(i, j) of a cell.
+template <class F>
+void occupied_cells(const F& c, int nx, int ny, int& columns, int& rows) {
   columns = rows = 0;
-  for (int j = 0; j < grid.ny; ++j) {
-    const double* a = c.row(j);
-    int i = grid.nx;
-    while (i > 0 && a[i - 1] <= 0) --i;
+  for (int j = 0; j < ny; ++j) {
+    int i = nx;
+    while (i > 0 && c(i - 1, j) <= 0) --i;
     if (i > 0) rows = j + 1;
     columns = std::max(columns, i);
   }

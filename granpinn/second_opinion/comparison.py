@@ -132,9 +132,8 @@ def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any],
 
     def at(frame: Any) -> Float64:
         f = np.asarray(frame, np.float64)
-        lower = (1 - a) * f[j][:, i] + a * f[j][:, i_up]
-        upper = (1 - a) * f[j_up][:, i] + a * f[j_up][:, i_up]
-        values: Float64 = (1 - b)[:, None] * lower + b[:, None] * upper
+        rows = (1 - a) * f[:, i] + a * f[:, i_up]  # first along x: `source` may have fewer rows
+        values: Float64 = (1 - b)[:, None] * rows[j] + b[:, None] * rows[j_up]
         return values
 
     return at

@@ -226,14 +226,21 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> 
     if k > 0:
         c = c + min(before / (flow.t[k] - flow.t[k - 1]), 1.0) * (flow.c[k - 1] - c)
     n, h = SUBCELLS, collapse.spacing
-    nx, ny = collapse.cells, collapse.cells_y
-    x, y = ((np.arange(n * count) + 0.5) * h / n for count in (nx, ny))
+    share = np.zeros((collapse.cells_y, collapse.cells))
+    held = np.nonzero(c > 0)
+    if not len(held[0]):
+        return share
+    # The next node behind the last one with grains has none.
+    last = [min(k.max() + 1, len(axis) - 1) for k, axis in zip(held, (flow.y, flow.x), strict=True)]
     dx, dy = resimulation.spacings(flow)
-    rows, columns = y < flow.y[-1] + dy / 2, x < flow.x[-1] + dx / 2
+    ends = flow.y[last[0]] + dy / 2, flow.x[last[1]] + dx / 2
+    y, x = ((np.arange(n * count) + 0.5) * h / n for count in share.shape)
+    y, x = y[y < ends[0]], x[x < ends[1]]
+    ny, nx = -(-len(y) // n), -(-len(x) // n)
     full = np.zeros((n * ny, n * nx))
-    at = interpolation(flow, _within(Nodes(y[rows], x[columns]), flow.y, flow.x))
-    full[np.ix_(rows, columns)] = at(c) >= 0.5
-    share: Float64 = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
+    at = interpolation(flow, _within(Nodes(y, x), flow.y, flow.x))
+    full[: len(y), : len(x)] = at(c) >= 0.5
+    share[:ny, :nx] = full.reshape(ny, n, nx, n).mean(axis=(1, 3))
     return share
 
 
