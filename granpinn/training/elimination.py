@@ -1,13 +1,26 @@
-"""Solve the normal equations of a last layer, with a ridge on its coefficients."""
+"""The normal equations of a last layer: their matrix, and their solution with a ridge."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
+
+BLOCKS = 4  # of columns in `gram`
+
+
+def gram(J: Tensor) -> Tensor:
+    """J^T J [K, K] of J [n, K]; the blocks above the diagonal are copies of those below it."""
+    A = J.new_empty(J.shape[1], J.shape[1])
+    ends = [J.shape[1] * k // BLOCKS for k in range(BLOCKS + 1)]
+    for first, end in pairwise(ends):
+        A[first:end, :end] = J[:, first:end].T @ J[:, :end]
+        A[:first, first:end] = A[first:end, :first].T
+    return A
 
 
 def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:

@@ -37,6 +37,9 @@ class Features:
         The means are over four points at +-length/sqrt(2) in x and y. To second order in the
         length they are the means 1-2-1 over three cells of that size.
         """
+        if length == 0:
+            here = self.jet(points)
+            return torch.cat([here, here[1:3]])
         a = length / math.sqrt(2)
         shifts = points.new_tensor([[i * a, j * a, 0] for i in (1, -1) for j in (1, -1)])
         around = torch.stack([self.jet(points + shift)[1:3] for shift in shifts])

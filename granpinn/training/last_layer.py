@@ -31,7 +31,7 @@ from granpinn.physics.laws import Law
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
 from granpinn.training.boxes import Boxes
-from granpinn.training.elimination import RIDGE, solve
+from granpinn.training.elimination import RIDGE, gram, solve
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.law_variables import relative_change
@@ -177,7 +177,7 @@ class Sums:
             A[own, own] += self.velocity_weight * h_h
             b[own] += slope[k]
         for J, r, i, _ in self.jacobians(at):
-            A[i[:, None], i] += J.T @ J
+            A[i[:, None], i] += gram(J)
             b[i] += J.T @ r
         return A, b
 

@@ -6,18 +6,26 @@ the boxes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from granpinn.training.boxes import Boxes
-from granpinn.training.elimination import factor
+from granpinn.training.elimination import factor, gram
 from granpinn.training.last_layer import Sums, Unknowns
 from granpinn.training.rows import Row
 from granpinn.training.splits import Halves
 
 SHARED, OWN = 2, 3  # fields with one last layer (u, v), and with one for each half (p, s_1, s_2)
+
+
+class Columns(NamedTuple):
+    """Derivatives of a row [n, k] by some of the unknowns, and the places of these [k]."""
+
+    J: Tensor
+    places: Tensor
 
 
 class System:
@@ -58,32 +66,47 @@ class System:
             self.A[own, own] += self.sums.velocity_weight * h_h
             self.b[own] += slope[u]
         for row in self.sums.rows(self.at):
-            J, i = self._jacobian(row)
-            self.A[i[:, None], i] += J.T @ J
-            self.b[i] += J.T @ row.residual
+            plain = {c: torch.einsum("cn,cnf->nf", row.by_z[..., c], row.h) for c in row.used}
+            common = self._common(row, plain)
+            self._add(common, row.residual)
+            # No split has unknowns of another one, so their products are not needed.
+            for k in self.place if max(row.used) >= SHARED else ():
+                own = self._own(k, row, plain)
+                self._add(own, row.residual)
+                both = own.J.T @ common.J
+                self.A[own.places[:, None], common.places] += both
+                self.A[common.places[:, None], own.places] += both.T
 
-    def _jacobian(self, row: Row) -> tuple[Tensor, Tensor]:
-        """Derivatives of a row [n, k] by some of the unknowns, and their places [k]."""
-        F = self.F
+    def _add(self, columns: Columns, residual: Tensor) -> None:
+        """Add the sums of some unknowns with each other."""
+        J, i = columns
+        self.A[i[:, None], i] += gram(J)
+        self.b[i] += J.T @ residual
+
+    def _common(self, row: Row, plain: Mapping[int, Tensor]) -> Columns:
+        """The derivatives by C and by the laws; `plain` are those by C, for each field [n, F]."""
         every = torch.arange(len(self.b), device=self.b.device)
-        parts, places = [], []
-        for c in row.used:
-            plain = torch.einsum("cn,cnf->nf", row.by_z[..., c], row.h)
-            parts.append(plain)
-            places.append(every[c * F : (c + 1) * F])
-            for k, first in self.place.items() if c >= SHARED else ():
-                share = self._share(k, row)
-                own = share[0, :, None] * plain
-                if len(row.h) > 1:
-                    slope = (share[1:] * row.by_z[1:3, :, c]).sum(0)
-                    own = own + slope[:, None] * row.h[0]
-                parts.append(own)
-                start = first + (c - SHARED) * F
-                places.append(every[start : start + F])
+        parts = list(plain.values())
+        places = [every[c * self.F : (c + 1) * self.F] for c in plain]
         if len(row.h) > 1:
             parts += [row.by_theta, self._by_halves(row)]
             places.append(every[self.n_C :])
-        return torch.cat(parts, 1), torch.cat(places)
+        return Columns(torch.cat(parts, 1), torch.cat(places))
+
+    def _own(self, k: int, row: Row, plain: Mapping[int, Tensor]) -> Columns:
+        """The derivatives by the difference of C between the halves of split k."""
+        every = torch.arange(len(self.b), device=self.b.device)
+        parts, places = [], []
+        share = self._share(k, row)
+        for c in (c for c in row.used if c >= SHARED):
+            own = share[0, :, None] * plain[c]
+            if len(row.h) > 1:
+                slope = (share[1:] * row.by_z[1:3, :, c]).sum(0)
+                own = own + slope[:, None] * row.h[0]
+            parts.append(own)
+            start = self.place[k] + (c - SHARED) * self.F
+            places.append(every[start : start + self.F])
+        return Columns(torch.cat(parts, 1), torch.cat(places))
 
     def _by_halves(self, row: Row) -> Tensor:
         """Derivatives by the differences of the law [n, S L]."""
