@@ -79,6 +79,22 @@ def smooth(
     return made
 
 
+def line_slopes(count: int, window: int, spacing: float) -> Float64:
+    """The matrix [count, count] that gives the slopes of the values of an even line without gaps.
+
+    The fit is over `window` values, an odd number; a short line has an odd one below its length.
+    Towards an end the slope is that of the last window, away from its middle.
+    """
+    half = (min(window, count + count % 2 - 1)) // 2
+    _, slope, curvature = np.linalg.pinv(quadratic_basis([np.arange(-half, half + 1.0)]))
+    matrix = np.zeros((count, count))
+    for k in range(count):
+        middle = min(max(k, half), count - 1 - half)
+        fitted = slope + 2 * (k - middle) * curvature
+        matrix[k, middle - half : middle + half + 1] = fitted / spacing
+    return matrix
+
+
 def noise_of(half: tuple[int, int, int], spacing: tuple[float, float, float]) -> Float64:
     """Standard deviations for independent errors of 1 in windows without gaps: [4].
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
-from granpinn.estimates.quadratic_fits import noise_of, smooth
+from granpinn.estimates.quadratic_fits import line_slopes, noise_of, smooth
 from granpinn.inspection.gaps import mean_along_x, nearest
 from granpinn.inspection.side_walls import side_walls
 from granpinn.inspection.upright import Upright, upright
@@ -208,10 +208,7 @@ class _Lines:
         integral = _integral(stress, self.below, dy)
         if integral.shape[2] == 1:
             return 0.0
-        from scipy.signal import savgol_filter  # slow to import, and layers do without it
-
-        window = min(SIDEWAYS, (integral.shape[2] + 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(integral, window, 2, deriv=1, delta=dx, axis=2))
+        return np.asarray(integral @ line_slopes(integral.shape[2], SIDEWAYS, dx).T)
 
 
 def _law(x: Float64, ratio: Float64, n_xy: Float64) -> Float64:
