@@ -5,6 +5,7 @@ import importlib
 import os
 import random
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -49,7 +50,8 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
     run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run.report, "draw", lambda folder: [])
+    monkeypatch.setattr(run.report, "draw", lambda folder, painters: [])
+    monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
     monkeypatch.setattr(run.report, "build", lambda folder, drawn: folder / "report.html")
 
 
@@ -57,6 +59,9 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
 def figures(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """`figures(*names)`: the page with these figures and those of checks; each takes a second."""
     album = importlib.import_module("granpinn.figures.album")
+    run = importlib.import_module("granpinn.command.training_run")
+    # Processes of their own would draw other figures than those of the tests.
+    monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
 
     def only(*names: str) -> None:
         monkeypatch.setattr(album, "FIGURES", {name: album.FIGURES[name] for name in names})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +16,12 @@ from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.identification.bootstrap import bootstrap
+from granpinn.identification.case import choose_device
 from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
 from granpinn.output import OutputError, objection_to_folder, owned
+from granpinn.report.painters import Painters, painters
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     BOOTSTRAP,
@@ -55,8 +57,9 @@ def run(config: Config) -> int:
         parallel.joined() as rank,
         nullcontext() if rank else owned(config.out),
         flow_warnings.in_one_line(),
+        nullcontext() if rank else _painters(config) as painters,
     ):
-        answer, drawn = Answer(), Drawn(Path(config.out))
+        answer, drawn = Answer(), Drawn(Path(config.out), painters)
         result = _identify(config, rank, answer, drawn)
         if rank == 0:
             result = _conclude(config, result, answer, drawn)
@@ -72,15 +75,23 @@ class Drawn:
     The threads of the simulation leave Python alone, and the figures need nothing else.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, painters: Painters | None) -> None:
+        self._folder, self._painters = folder, painters
         self.pictures: Sequence[Picture] = ()
 
     def draw(self) -> None:
         """Draw the figures; what fails, fails again in its place, when the page is built."""
         with suppress(OutputError):
-            made = attempt(REPORT, lambda: report.draw(self._folder))
+            made = attempt(REPORT, lambda: report.draw(self._folder, self._painters))
             self.pictures = () if isinstance(made, NotDone) else made
+
+
+def _painters(config: Config) -> AbstractContextManager[Painters | None]:
+    """The processes for the figures, if a GPU trains and leaves the cores of the CPU idle."""
+    if choose_device(config.device).type == "cpu":
+        return nullcontext()
+    assert config.out is not None
+    return painters(Path(config.out))
 
 
 def _identify(config: Config, rank: int, answer: Answer, drawn: Drawn) -> results.Result:

@@ -125,12 +125,12 @@ def draw_all(
     make_folder(folder)
     pictures, missing = [], []
     there = {picture.path: picture for picture in drawn}
-    for name, (title, draw) in (FIGURES | _of_checks(source)).items():
+    for name, title in titles(source).items():
         path = folder / f"{name}.png"
         if path in there:
             pictures.append(there[path])
             continue
-        picture = attempt(title, partial(_write, draw, source, path, title, pdf))
+        picture = draw_one(source, folder, name, pdf)
         if isinstance(picture, NotDone):
             path.unlink(missing_ok=True)
             path.with_suffix(".pdf").unlink(missing_ok=True)
@@ -138,6 +138,18 @@ def draw_all(
         else:
             pictures.append(picture)
     return pictures, missing
+
+
+def titles(source: Source) -> dict[str, str]:
+    """The names of all figures of a run, also of those that cannot be drawn, and their titles."""
+    return {name: title for name, (title, _) in (FIGURES | _of_checks(source)).items()}
+
+
+def draw_one(source: Source, folder: Path, name: str, pdf: bool = False) -> Picture | NotDone:
+    """Write a figure to a folder that exists, or the reason why it cannot be drawn."""
+    title, draw = (FIGURES | _of_checks(source))[name]
+    path = folder / f"{name}.png"
+    return attempt(title, partial(_write, draw, source, path, title, pdf))
 
 
 def _write(

@@ -20,8 +20,9 @@ from markupsafe import Markup, escape
 
 from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
-from granpinn.output import write_text
+from granpinn.output import make_folder, write_text
 from granpinn.report import film as films
+from granpinn.report.painters import Painters
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -48,16 +49,26 @@ PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
-def draw(run_dir: str | Path) -> list[album.Picture]:
+def draw(run_dir: str | Path, painters: Painters | None = None) -> list[album.Picture]:
     """Draw the figures of a run folder as it is now; `build` draws the others.
 
     Nothing that follows the law, such as the simulated pressure, changes these figures.
+
+    Args:
+        painters: the processes that draw them, if there are any.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
-    return album.draw_all(_read(folder, None)[0], folder / "figures")[0]
+    if painters is None:
+        return album.draw_all(read(folder)[0], folder / "figures")[0]
+    figures = make_folder(folder / "figures")
+    titles = album.titles(album.Source(read_results(folder / "results.json"), None, None, 0))
+    return [
+        album.Picture(figures / f"{name}.png", titles[name], *painted)
+        for name, painted in painters.draw(titles).items()
+    ]
 
 
 def build(
@@ -78,7 +89,7 @@ def build(
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
-    source, problems = _read(folder, time)
+    source, problems = read(folder, time)
     pictures, missing = album.draw_all(source, folder / "figures", pdf, drawn)
     figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - figures)
@@ -93,8 +104,12 @@ def build(
     return page
 
 
-def _read(folder: Path, time: float | None) -> tuple[album.Source, list[str]]:
-    """The contents of a run folder, and what of it could not be read."""
+def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[str]]:
+    """The contents of a run folder, and what of it could not be read.
+
+    Raises:
+        ResultsFileError: there is no valid results.json.
+    """
     result = read_results(folder / "results.json")
     problems = []
     fields: Fields | None = None

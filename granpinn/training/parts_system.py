@@ -71,11 +71,11 @@ class System:
             self._add(common, row.residual)
             # No split has unknowns of another one, so their products are not needed.
             for k in self.place if max(row.used) >= SHARED else ():
-                own = self._own(k, row, plain)
-                self._add(own, row.residual)
-                both = own.J.T @ common.J
-                self.A[own.places[:, None], common.places] += both
-                self.A[common.places[:, None], own.places] += both.T
+                of_split = self._own(k, row, plain)
+                self._add(of_split, row.residual)
+                both = of_split.J.T @ common.J
+                self.A[of_split.places[:, None], common.places] += both
+                self.A[common.places[:, None], of_split.places] += both.T
 
     def _add(self, columns: Columns, residual: Tensor) -> None:
         """Add the sums of some unknowns with each other."""

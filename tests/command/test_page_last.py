@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from granpinn import identify, results
 from granpinn.command import training_run
+from granpinn.config import Config
 from granpinn.figures import album
 from granpinn.output import OutputError
 from granpinn.results import NotDone
@@ -126,3 +128,13 @@ def test_a_folder_that_vanishes_is_an_error(
     assert run(flow_file, "--out", folder) == 1
     err = capsys.readouterr().err.splitlines()[-1]
     assert err.startswith(f"granpinn.train: {folder} was removed during the run")
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+def test_processes_draw_the_figures_of_a_training_on_a_gpu(
+    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_run, "choose_device", lambda name: torch.device(device))
+    monkeypatch.setattr("granpinn.report.painters.PROGRAM", "granpinn.report.no_such_program")
+    with training_run._painters(Config(out=str(tmp_path))) as painters:
+        assert (painters is None) == (device == "cpu")
