@@ -110,11 +110,13 @@ class PySolver {
     }
     solver_->set_friction_factor(values);
   }
-  py::dict step(double largest) {
+  // Several steps in one call: between calls a thread waits for Python.
+  py::dict step(double largest, int count) {
+    if (count < 1) throw py::value_error("count must be positive, got " + std::to_string(count));
     StepReport r;
     {
       py::gil_scoped_release release;
-      r = solver_->step(largest);
+      for (int k = 0; k < count; ++k) r = solver_->step(largest);
     }
     py::dict out;
     out["time"] = r.time;
@@ -193,7 +195,7 @@ PYBIND11_MODULE(_collapse, m) {
       .def(py::init<const Parameters&>(), py::call_guard<py::gil_scoped_release>())
       .def("set_state", &PySolver::set_state)
       .def("set_friction_factor", &PySolver::set_friction_factor)
-      .def("step", &PySolver::step)
+      .def("step", &PySolver::step, py::arg("largest"), py::arg("count") = 1)
       .def("advect_fraction", &PySolver::advect_fraction)
       .def_property_readonly("time", &PySolver::time)
       .def("state", &PySolver::state);

@@ -129,7 +129,7 @@ def identify_many(
 
             def finished(member: Concluded) -> Result:
                 member = with_comparisons(member, run)
-                made = with_simulated_pressure(member, *simulated(member, run, pool))
+                made = with_simulated_pressure(member, simulated(member, run, pool))
                 return kept(made._replace(maps=None), run)
 
             found = _side_by_side(finished, written, config.device)

@@ -56,6 +56,7 @@ from granpinn.results.attempt import (
     lacking,
     pending,
 )
+from granpinn.results.findings import SimulatedPressure
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.of_assumptions import Assumption, without_effect
 
@@ -179,34 +180,49 @@ def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
     return _kept(concluded, judgement.with_parts(result, case, run, place))
 
 
+class Simulated(NamedTuple):
+    """The record of a simulated pressure, and the fields that hold it, if any."""
+
+    record: SimulatedPressure
+    maps: Fields | None
+
+
 def simulated(
     concluded: Concluded, run: TrainingLoop, pool: Executor
-) -> tuple[Result, Fields | None]:
-    """The result with the simulated pressure if it is pending, and the fields that hold it, if any.
+) -> Simulated | NotDone | None:
+    """The simulated pressure, or why there is none; None if it is not pending.
 
     The threads of `pool` simulate the frames. Nothing is written.
     """
-    result, case, model = concluded.result, concluded.case, concluded.model
-    if all(part.what != SIMULATED_PRESSURE for part in result.not_done):
-        return result, None
+    case, model = concluded.case, concluded.model
+    if all(part.what != SIMULATED_PRESSURE for part in concluded.result.not_done):
+        return None
 
-    def made() -> tuple[Result, Fields | None]:
+    def made() -> Simulated:
         pressures, record = simulated_fields.pressures(case, run, model, pool)
-        maps = None
-        if pressures:  # a batch does not keep the fields of all its members
-            maps = concluded.maps or prediction.predict(case.flow, model)
-            maps = simulated_fields.with_simulated_pressure(maps, pressures)
-            record = simulated_fields.compared(case.flow, maps, record)
-        found = having(result, SIMULATED_PRESSURE, simulated_pressure=record)
-        return found if maps is None else _scored(found, case, model, maps), maps
+        if not pressures:
+            return Simulated(record, None)
+        # A batch does not keep the fields of all its members.
+        maps = concluded.maps or prediction.predict(case.flow, model)
+        maps = simulated_fields.with_simulated_pressure(maps, pressures)
+        return Simulated(simulated_fields.compared(case.flow, maps, record), maps)
 
-    found = attempt(SIMULATED_PRESSURE, made)
-    return (lacking(result, found), None) if isinstance(found, NotDone) else found
+    return attempt(SIMULATED_PRESSURE, made)
 
 
-def with_simulated_pressure(concluded: Concluded, result: Result, maps: Fields | None) -> Concluded:
+def with_simulated_pressure(concluded: Concluded, found: Simulated | NotDone | None) -> Concluded:
     """`concluded` with what `simulated` gave, written to its folder."""
-    if (folder := concluded.folder) is not None and result is not concluded.result:
+    if found is None:
+        return concluded
+    result, maps, folder = concluded.result, None, concluded.folder
+    if isinstance(found, NotDone):
+        result = lacking(result, found)
+    else:
+        maps = found.maps
+        result = having(result, SIMULATED_PRESSURE, simulated_pressure=found.record)
+    if maps is not None:
+        result = _scored(result, concluded.case, concluded.model, maps)
+    if folder is not None:
         if concluded.keep_fields and maps is not None:
             append_variable(maps, "p_simulated", folder / "fields.h5")
         _write_values(result, folder)

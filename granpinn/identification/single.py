@@ -98,13 +98,16 @@ def identify(
         if together.rank > 0:
             return kept(conclude(cases, run, 0), run)
         (concluded,) = with_assumptions([conclude(cases, run, 0, folder, simulate=True)], run)
-        concluded = with_comparisons(concluded, run)
         with threads(len(os.sched_getaffinity(0))) as pool:
-            found = beside.submit(simulated, concluded, run, pool)
+            simulation = None
+            if run.trainer.params.is_cuda:  # the cores of the CPU are idle
+                simulation = beside.submit(simulated, concluded, run, pool)
+            concluded = with_comparisons(concluded, run)
+            simulation = simulation or beside.submit(simulated, concluded, run, pool)
             if known is not None:
                 known(concluded.result)
             # Written after `known`, which may read the files of the run.
-            return kept(with_simulated_pressure(concluded, *found.result()), run)
+            return kept(with_simulated_pressure(concluded, simulation.result()), run)
 
 
 def balance_ahead(case: Case, beside: Executor) -> None:

@@ -131,10 +131,11 @@ class Engine:
         """
         self._solver.set_friction_factor(factor)
 
-    def step(self, largest: float) -> StepReport:
-        """One time step: the longest stable one that divides the time `largest`."""
+    def step(self, largest: float, count: int = 1) -> StepReport:
+        """A time step: the longest stable one that divides the time `largest`; the last of
+        `count` such steps."""
         with _named_errors():
-            return StepReport(**self._solver.step(largest))
+            return StepReport(**self._solver.step(largest, count))
 
     def state(self) -> State:
         return State(**self._solver.state())

@@ -46,8 +46,7 @@ def settle(scene: Scene, start: Start, steps: int = STEPS, step: float = STEP) -
         engine.step(PROJECTION_STEP * unit)
         state = engine.state()
         start = Start(start.c, _widened(state.u, start.u), _widened(state.v, start.v))
-    for _ in range(steps):
-        engine.step(step * unit)
+    engine.step(step * unit, steps)
     return engine.state()
 
 
