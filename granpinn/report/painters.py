@@ -35,7 +35,7 @@ class Painters:
 
     def __init__(self, folder: Path, count: int) -> None:
         self._folder = folder
-        words = [sys.executable, "-m", PROGRAM, str(folder.resolve())]
+        words = [sys.executable, "-P", "-m", PROGRAM, str(folder.resolve())]
         self._processes = [
             subprocess.Popen(
                 words,
