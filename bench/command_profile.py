@@ -3,8 +3,8 @@
     python -m bench.command_profile --json bench/results/command_gpu.json -- --device cuda
 
 Runs the command twice: once as a user does, which gives the times of the answer and of the exit,
-and once under the profiler, which says where they go. The flow is the demonstration unless `--flow`
-names another. The words after `--` go to the command.
+and once with the sampler (sampler.py), which says where they go. The flow is the demonstration
+unless `--flow` names another. The words after `--` go to the command.
 
 Defends: what a user waits for is the training, not what stands before and after it.
 """
@@ -12,7 +12,7 @@ Defends: what a user waits for is the training, not what stands before and after
 from __future__ import annotations
 
 import argparse
-import pstats
+import json
 import resource
 import subprocess
 import sys
@@ -21,11 +21,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+from bench import sampler
 from bench.studies import raw
 from granpinn.simulation import demo_path
 
-SHARE = 0.01  # of the profiled time: what takes less is left out
-PACKAGE = "granpinn"
+SHARE = 0.01  # of the sampled time: functions that take less are left out
+EXIT = "exit of Python"
 ANSWER = "mu_s"  # the first word of the line that gives the answer
 
 
@@ -57,26 +58,31 @@ def _of_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def hot(stats: pstats.Stats) -> list[dict[str, Any]]:
-    """Functions of the package by their time, callees included; and the time of imports."""
-    every = stats.get_stats_profile()
-    least = SHARE * every.total_tt
-    rows = []
-    for (file, line, name), (_, calls, own, total, _) in stats.stats.items():  # type: ignore[attr-defined]
-        parts = Path(file).parts
-        importing = name in {"<built-in method builtins.__import__>", "_find_and_load"}
-        if total < least or not (PACKAGE in parts or importing):
-            continue
-        where = "/".join(parts[len(parts) - parts[::-1].index(PACKAGE) :]) if not importing else ""
-        rows.append(
-            {
-                "function": f"{where}:{line} {name}" if where else name,
-                "calls": calls,
-                "own_s": round(own, 3),
-                "total_s": round(total, 3),
-            }
-        )
-    return sorted(rows, key=lambda row: -row["total_s"])
+def phases(samples: dict[str, Any], begin: float, end: float) -> list[dict[str, Any]]:
+    """The phases of the main thread in the order of their first appearance, with their seconds.
+
+    Args:
+        samples: of the sampler.
+        begin, end: of the process, by the same clock.
+    """
+    whole = [
+        (sampler.START, begin, samples["begin"]),
+        *samples["timeline"],
+        (EXIT, samples["end"], end),
+    ]
+    found: dict[str, dict[str, Any]] = {}
+    for name, first, last in whole:
+        empty = {"phase": name, "from_s": round(first - begin, 2), "seconds": 0.0}
+        row = found.setdefault(name, empty)
+        row["seconds"] += last - first
+        row["to_s"] = round(last - begin, 2)
+    return [row | {"seconds": round(row["seconds"], 2)} for row in found.values()]
+
+
+def hot(samples: dict[str, Any]) -> list[dict[str, Any]]:
+    """The functions that take long, callees included, by their time in all threads."""
+    least = SHARE * (samples["end"] - samples["begin"])
+    return [row for row in samples["rows"] if row["main_s"] + row["others_s"] >= least]
 
 
 def main() -> int:
@@ -86,25 +92,31 @@ def main() -> int:
     parser.add_argument("words", nargs="*", help="settings of the command, after --")
     own = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        command = ["-m", "granpinn.train", str(own.flow), *own.words]
-        profile = f"{folder}/profile"
-        plain = timed([sys.executable, "-u", *command, "--out", f"{folder}/plain"])
-        run = [sys.executable, "-u", "-m", "cProfile", "-o", profile, *command]
-        profiled = timed([*run, "--out", f"{folder}/profiled"])
-        rows = hot(pstats.Stats(profile))
+        command = ["granpinn.train", str(own.flow), *own.words]
+        plain = timed([sys.executable, "-u", "-m", *command, "--out", f"{folder}/plain"])
+        path = Path(folder) / "samples.json"
+        words = [sys.executable, "-u", "-m", "bench.sampler", str(path), *command]
+        begin = time.monotonic()
+        watched = timed([*words, "--out", f"{folder}/sampled"])
+        end = time.monotonic()
+        samples = json.loads(path.read_text())
+    timeline, rows = phases(samples, begin, end), hot(samples)
     raw.write(
         own.json,
         {
             "flow": own.flow.name,
             "words": own.words,
             "seconds": plain,
-            "profiled": profiled,
+            "sampled": watched,
+            "timeline": timeline,
             "rows": rows,
         },
     )
     print(plain)
+    for row in timeline:
+        print(f"{row['seconds']:8.2f} {row['from_s']:8.2f} {row['to_s']:8.2f}  {row['phase']}")
     for row in rows[:60]:
-        print(f"{row['total_s']:8.2f} {row['own_s']:8.2f} {row['calls']:8} {row['function']}")
+        print(f"{row['main_s']:8.2f} {row['others_s']:8.2f}  {row['function']}")
     return 0
 
 
