@@ -104,7 +104,7 @@ def test_settings_page_has_every_setting_and_every_recipe() -> None:
     for key in flatten(Config()):
         assert f"| `{key.rsplit('.', 1)[-1]}` |" in text
     assert "| setting | default | paper |" in text
-    assert "| `batch.interior` | `2048` | `512` |" in text
+    assert "| `batch.interior` | `1024` | `512` |" in text
 
 
 def test_python_page_has_every_public_function_and_flow_class() -> None:
