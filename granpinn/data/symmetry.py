@@ -78,7 +78,7 @@ def same_along_x(flow: Flow) -> bool:
 
 def _rows(flow: Flow, frames: Index) -> Float64:
     """Means over some frames of u and v, for every row [2 R, X] that is filled well enough."""
-    valid = flow.valid[frames]
+    valid = flow.valid_in(frames)
     count = valid.sum(axis=0)
     means = [
         np.where(valid, a[frames], 0.0).sum(axis=0, dtype=np.float64) / np.maximum(count, 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +14,15 @@ from granpinn.data.scaling import material_of
 from granpinn.physics.scales import Scales
 
 
+BETWEEN_RUNS = 4  # the largest half-width of a window in gradients.py
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """A flow in units of H0 and sqrt(|g| H0).
+
+    Between two runs of frames (`Flow.starts`) lie `BETWEEN_RUNS` frames without vectors, so that no
+    difference and no window of cells joins the end of one run to the start of the next.
 
     Attributes:
         t, y, x: time [T] and cell centers [Y], [X].
@@ -60,20 +67,35 @@ def view_of(flow: Flow, scales: Scales) -> View:
 
     def velocity(values: Float32) -> Float64:
         scaled = scales.to_dimensionless(values.astype(np.float64), "velocity")
-        return np.where(there, scaled, 0.0)
+        return _apart(np.where(there, scaled, 0.0), flow.starts)
 
     return View(
-        t=scales.points_to_dimensionless(x_0, y_0, flow.t)[:, 2],
+        t=scales.points_to_dimensionless(x_0, y_0, _times(flow))[:, 2],
         y=scales.points_to_dimensionless(x_0, flow.y, t_0)[:, 1],
         x=scales.points_to_dimensionless(flow.x, y_0, t_0)[:, 0],
         u=velocity(flow.u),
         v=velocity(flow.v),
-        count=count,
-        grains=flow.material,
+        count=_apart(count, flow.starts),
+        grains=_apart(flow.material, flow.starts),
         gravity=material.gravity,
         d=material.grain_diameter,
         steady=flow.steady,
     )
+
+
+def _apart(values: Any, starts: tuple[int, ...]) -> Any:
+    """Values of frames [T, ...] with zeros between the runs."""
+    return np.insert(values, np.repeat(starts, BETWEEN_RUNS), 0, axis=0) if starts else values
+
+
+def _times(flow: Flow) -> Float64:
+    """Times of the frames of a view, evenly spaced between the runs."""
+    if not flow.starts:
+        return flow.t
+    place = np.arange(flow.t.size) + BETWEEN_RUNS * np.searchsorted(
+        flow.starts, np.arange(flow.t.size), side="right"
+    )
+    return np.interp(np.arange(place[-1] + 1), place, flow.t)
 
 
 def _counts(flow: Flow) -> Float64:
