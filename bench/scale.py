@@ -34,10 +34,10 @@ import torch
 
 from bench.processes import run_lines
 from bench.studies import raw
+from granpinn import report
 from granpinn.config import Config
 from granpinn.data.format import FORMAT_NAME, FORMAT_VERSION
 from granpinn.identification.single import identify
-from granpinn.report import build
 from granpinn.training.progress import Silent
 
 SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the grid
@@ -58,9 +58,10 @@ STAGES = {
     "assumptions": "granpinn.identification.assumptions:trained",
     "balance and range of I": "granpinn.identification.judgement:with_law",
     "parts of the data": "granpinn.identification.judgement:with_parts",
-    "page": "bench.scale:build",
+    "page": "granpinn.report:build",
 }
 
+POOL = 16  # frames of noise, which are shifted at random: more would take the time of the writer
 LENGTH, DEPTH, GRAIN = 0.5, 0.25, 2e-3  # m: side of the grid, depth of the layer, grain
 SLOPE, SPEED_0 = math.radians(24), 0.8  # speed of the surface in m/s
 WAVES, SHARE, NOISE = 3, 0.1, 0.005  # waves along x; their speed and the noise, of the surface's
@@ -69,19 +70,21 @@ WAVES, SHARE, NOISE = 3, 0.1, 0.005  # waves along x; their speed and the noise,
 def write_flow_file(path: Path, frames: int, cells: int) -> int:
     """Write a flow of [frames, cells, cells]; the number of its vectors.
 
-    u = U (1 - (1 - y/h)^1.5) + dpsi/dy and v = -dpsi/dx for y < h, with psi = f(y) sin(k x) cos(w t)
-    and f = y^2 (h - y)^2: the waves move neither the base nor the surface.
+    u = U (1 - (1 - y/h)^1.5) + dpsi/dy and v = -dpsi/dx for y < h, with f = y^2 (h - y)^2 and
+    psi = f sin(k x) cos(w t): the waves move neither the base nor the surface.
     """
     x = (np.arange(cells) + 0.5) * (LENGTH / cells)
     t = np.arange(1, frames + 1) * (2.0 / frames)
     y, h, k = x[:, None], DEPTH, 2 * math.pi * WAVES / LENGTH
     inside = y < h
-    mean = np.where(inside, SPEED_0 * (1 - (1 - np.minimum(y / h, 1)) ** 1.5), np.nan)
+    mean = SPEED_0 * (1 - (1 - np.minimum(y / h, 1)) ** 1.5)
     f, f_y = y**2 * (h - y) ** 2, 2 * y * (h - y) * (h - 2 * y)
     size = SHARE * SPEED_0 / np.abs(f_y[inside]).max()
-    waves = (size * f_y * np.sin(k * x), -size * k * f * np.cos(k * x))
+    waves = [size * f_y * np.sin(k * x), -size * k * f * np.cos(k * x)]
+    mean, *waves = (np.where(inside, a, np.nan).astype(np.float32) for a in (mean, *waves))
     c = np.broadcast_to(inside, (cells, cells)).astype(np.float32)
     rng = np.random.default_rng(0)
+    pool = NOISE * SPEED_0 * rng.standard_normal((POOL, 2, cells, cells), np.float32)
     with h5py.File(path, "w") as file:
         file.attrs["format_name"] = np.bytes_(FORMAT_NAME.encode())
         file.attrs["format_version"] = FORMAT_VERSION
@@ -94,11 +97,11 @@ def write_flow_file(path: Path, frames: int, cells: int) -> int:
         shape = (frames, cells, cells)
         c_all, u_all, v_all = (file.create_dataset(n, shape, np.float32) for n in "cuv")
         for j, time_j in enumerate(t):
-            swing = math.cos(2 * math.pi * time_j)
-            noise = NOISE * SPEED_0 * rng.standard_normal((2, cells, cells), np.float32)
+            swing = np.float32(math.cos(2 * math.pi * time_j))
+            noise = np.roll(pool[rng.integers(POOL)], rng.integers(cells, size=2), (1, 2))
             c_all[j] = c
-            u_all[j] = (1 + 0.1 * math.sin(time_j)) * mean + swing * waves[0] + noise[0]
-            v_all[j] = np.where(inside, swing * waves[1] + noise[1], np.nan)
+            u_all[j] = np.float32(1 + 0.1 * math.sin(time_j)) * mean + swing * waves[0] + noise[0]
+            v_all[j] = swing * waves[1] + noise[1]
         file["surface_t"] = np.repeat(t, cells)
         file["surface_x"] = np.tile(x, frames)
         file["surface_y"] = np.full(frames * cells, h)
@@ -160,7 +163,7 @@ def trained(path: Path, words: list[str]) -> dict[str, Any]:
     with peaks.watched(), tempfile.TemporaryDirectory() as folder:
         begin = time.monotonic()
         found = identify(path, config, run_dir=folder, progress=Silent())
-        importlib.import_module("bench.scale").build(Path(folder))
+        report.build(Path(folder))
         seconds = time.monotonic() - begin
         history = {name: np.asarray(found.history[name]) for name in ("step", "wall_s")}
     kept = history["step"] > config.optimizer.prefit * found.timing.steps

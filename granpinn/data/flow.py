@@ -132,7 +132,7 @@ class Flow:
             (`symmetry.with_layer`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
-        starts: the first frames of later runs of frames, in a flow of runs that stand for a large
+        starts: the first frame of every run, in a flow of runs of frames that stand for a large
             flow (`large.runs`); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.

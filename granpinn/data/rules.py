@@ -110,15 +110,15 @@ def _check_symmetries(flow: Flow) -> None:
 
 
 def _check_fraction(flow: Flow) -> None:
-    each = [(float(c.min()), float(c.max())) for c in (flow.c[k] for k in slabs(flow))]
-    lowest, highest = (float(f(a)) for f, a in zip((np.min, np.max), zip(*each), strict=True))
-    # NaN if there is one
+    parts = [flow.c[k] for k in slabs(flow)]
+    lowest = float(np.min([c.min() for c in parts]))  # NaN if there is one
+    highest = float(np.max([c.max() for c in parts]))
     if not (lowest >= -FRACTION_TOLERANCE and highest <= 1 + FRACTION_TOLERANCE):
         raise FlowFileError(
             f"c must be a volume fraction from 0 to 1 everywhere, got {lowest:g} to "
             f"{highest:g}: use 0 where there are no grains"
         )
-    grains = np.concatenate([_in_any_cell(flow.c[k] >= 1) for k in slabs(flow)])
+    grains = np.concatenate([_in_any_cell(c >= 1) for c in parts])
     if not grains.any():
         raise FlowFileError(
             f"c must be 1 where there are only grains, got no such point (largest value "

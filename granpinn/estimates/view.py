@@ -13,7 +13,6 @@ from granpinn.data import Flow
 from granpinn.data.scaling import material_of
 from granpinn.physics.scales import Scales
 
-
 BETWEEN_RUNS = 4  # the largest half-width of a window in gradients.py
 
 
@@ -85,16 +84,15 @@ def view_of(flow: Flow, scales: Scales) -> View:
 
 def _apart(values: Any, starts: tuple[int, ...]) -> Any:
     """Values of frames [T, ...] with zeros between the runs."""
-    return np.insert(values, np.repeat(starts, BETWEEN_RUNS), 0, axis=0) if starts else values
+    return np.insert(values, np.repeat(starts[1:], BETWEEN_RUNS), 0, axis=0) if starts else values
 
 
 def _times(flow: Flow) -> Float64:
     """Times of the frames of a view, evenly spaced between the runs."""
     if not flow.starts:
         return flow.t
-    place = np.arange(flow.t.size) + BETWEEN_RUNS * np.searchsorted(
-        flow.starts, np.arange(flow.t.size), side="right"
-    )
+    frames = np.arange(flow.t.size)
+    place = frames + BETWEEN_RUNS * np.searchsorted(flow.starts[1:], frames, side="right")
     return np.interp(np.arange(place[-1] + 1), place, flow.t)
 
 

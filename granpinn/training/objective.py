@@ -97,8 +97,11 @@ class Objective:
             surface=batch.surface // parts if has_surface else 0,
         )
 
+        self._require_room(device)
+
         def together(name: str) -> Tensor:
-            return torch.cat([getattr(s, name) for s in self.sets]).to(device).contiguous()
+            every = [getattr(s, name) for s in self.sets]
+            return (every[0] if len(every) == 1 else torch.cat(every)).to(device).contiguous()
 
         self.points = together("points")
         self.velocity = together("velocity")
@@ -108,11 +111,44 @@ class Objective:
         self.surface_pressure = together("surface_pressure")
         self.seeds = torch.tensor([m.seed for m in members], device=device)
         self.places = torch.tensor(self._places(), device=device)
+        self.sets = self._on_device()
         like = self.points
         self.term_weights = like.new_tensor([m.problem.term_weights for m in members])
         self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
         self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
         self.physics = like.new_tensor([m.problem.physics for m in members])
+
+    def _require_room(self, device: torch.device) -> None:
+        """Raises ConfigError if the points do not fit on a GPU."""
+        if device.type != "cuda":
+            return
+        need = sum(a.numel() * a.element_size() for s in self.sets for a in s.arrays().values())
+        free, _ = torch.cuda.mem_get_info(device)
+        if need > free:
+            raise ConfigError(
+                f"the training points need {need / 1e9:.3g} GB on the GPU, got {free / 1e9:.3g} GB "
+                "free: use fewer members, a smaller --batch.collocation, or another GPU"
+            )
+
+    def _on_device(self) -> list[TrainingSet]:
+        """The sets as parts of the tensors on the device, so that the host holds none of them."""
+        found, point, line = [], 0, 0
+        for s in self.sets:
+            own = slice(point, point + len(s.points))
+            surface = slice(line, line + len(s.surface_points))
+            point, line = own.stop, surface.stop
+            found.append(
+                replace(
+                    s,
+                    points=self.points[own],
+                    velocity=self.velocity[own],
+                    point_weights=self.point_weights[own],
+                    source=None if self.source is None else self.source[own],
+                    surface_points=self.surface_points[surface],
+                    surface_pressure=self.surface_pressure[surface],
+                )
+            )
+        return found
 
     def _sources(self, device: torch.device) -> Tensor | None:
         """The source term at all points, 0 for sets without one; None if no set has one."""
@@ -134,18 +170,11 @@ class Objective:
 
         Surface points only if the loss has that term.
         """
-        first, count, first_surface, count_surface = self.places[member].tolist()
-        own = slice(first, first + count)
-        surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
-        return replace(
-            self.sets[self.set_of[member]],
-            points=self.points[own],
-            velocity=self.velocity[own],
-            point_weights=self.point_weights[own],
-            source=None if self.source is None else self.source[own],
-            surface_points=self.surface_points[surface],
-            surface_pressure=self.surface_pressure[surface],
-        )
+        own = self.sets[self.set_of[member]]
+        if self.batch.surface > 0:
+            return own
+        line, pressure = own.surface_points[:0], own.surface_pressure[:0]
+        return replace(own, surface_points=line, surface_pressure=pressure)
 
     def tensors(self) -> dict[str, Tensor]:
         """The data by name, for the check that they are finite."""
