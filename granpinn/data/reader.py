@@ -15,6 +15,7 @@ from granpinn.data.format import (
     FORMAT_NAME,
     FORMAT_VERSION,
     KNOWN_ATTRIBUTES,
+    MOST_IN_MEMORY,
     OF_FLOW,
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
@@ -29,7 +30,8 @@ from granpinn.data.regular import UnsafeFileError, content_of, too_large
 from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.physics.laws import DEFAULT
 
-DEFAULT_MAX_BYTES = 2**30
+DEFAULT_MAX_BYTES = MOST_IN_MEMORY
+MOST_MAPPED = 2**37
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
     "filters, which needs no memory"
@@ -68,7 +70,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    image = content_of(path, max_bytes)
+    image = content_of(path, max_bytes, MOST_MAPPED)
     # Twice: a coordinate that is stored as float32 becomes float64.
     with SafeFile(image, 2 * max_bytes) as file:
         _check_version(file)

@@ -50,7 +50,7 @@ def read_regular_file(
     return content
 
 
-def content_of(path: Path, most: int) -> bytes | mmap.mmap:
+def content_of(path: Path, most: int, most_mapped: int) -> bytes | mmap.mmap:
     """The content of a regular file: in memory up to `most` bytes, else mapped.
 
     The system reads the pages of a mapped file when they are used, and may drop them again. The
@@ -60,7 +60,9 @@ def content_of(path: Path, most: int) -> bytes | mmap.mmap:
         UnsafeFileError: as for `open_regular_file`.
     """
     with _opened(path) as file:
-        if os.fstat(file.fileno()).st_size > most:
+        if (size := os.fstat(file.fileno()).st_size) > most:
+            if size > most_mapped:
+                raise too_large(size, most_mapped)
             try:
                 return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
             except OSError as error:
