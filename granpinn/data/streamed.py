@@ -5,8 +5,8 @@ for every seed. Points between the vectors, in the strip under the surface and o
 for each vector that trains as in other flows. Those in the strip and on walls are taken at some of
 the frames, as many as the part of the vectors says; the points of the free surface, at all.
 
-So a training set takes at most 28 bytes for each of 2 `MOST_VECTORS` points, however large the flow
-is. The default training draws 8e7 points, of vectors and between them: more than it holds.
+So a training set takes at most `MOST_BYTES`, however large the flow is. It holds fewer points than
+the default training draws, 8e7, and the network sees each of them about twice.
 """
 
 from __future__ import annotations
@@ -48,15 +48,21 @@ if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
 MOST_VECTORS = 2**24
-MOST_BYTES = 3 * 28 * MOST_VECTORS  # of the points between the vectors too, and pooled once more
+# With as many points between the vectors: 28 bytes for a vector, 16 for a point between, and 28 for
+# each once they are pooled.
+MOST_BYTES = 100 * MOST_VECTORS
 _KEY = 5 << 64  # of Philox; the same vectors for every seed
 _NONE = Surface(t=np.empty(0), x=np.empty(0), y=np.empty(0))
 
 
-def vectors_after_start(flow: Flow) -> int:
-    """Vectors that may train, without those of partly filled cells."""
-    later = flow.after_start(flow.t)
-    return sum(int((flow.valid_in(k) & later[k, None, None]).sum()) for k in slabs(flow))
+def _counts(flow: Flow) -> tuple[int, int]:
+    """Vectors after the start in cells full of grains, and in cells with any grains."""
+    full, some = 0, 0
+    for k in slabs(flow):
+        there = np.isfinite(flow.u[k]) & flow.after_start(flow.t[k])[:, None, None]
+        full += int((there & (flow.c[k] >= 1)).sum())
+        some += int((there & (flow.c[k] > 0)).sum())
+    return full, some
 
 
 def streamed_set(
@@ -79,9 +85,9 @@ def streamed_set(
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
-    made = _Streamed(flow, seen, scales, level, dtype)
+    made = _Streamed(flow, seen, scales, level, collocation, dtype)
     for frames, own in _filled(flow, seed):
-        made.add_vectors(frames, own, collocation)
+        made.add_vectors(frames, own)
         made.add_edges(frames, own)
     facts = walls_of(seen)
     for sentence in () if facts is None else contradictions(facts[2]):
@@ -106,6 +112,25 @@ def _surface(flow: Flow, level: str) -> Surface:
     return usable(Surface(t, x, y), flow, level)
 
 
+class _Rows:
+    """Rows of numbers that are added part by part, in one block: many small ones would leave gaps.
+
+    Args:
+        most: rows; those that are never used take no memory.
+    """
+
+    def __init__(self, most: int, columns: int, dtype: torch.dtype) -> None:
+        self._block, self._count = torch.empty(most, columns, dtype=dtype), 0
+
+    def add(self, rows: torch.Tensor) -> None:
+        self._block[self._count : self._count + len(rows)] = rows
+        self._count += len(rows)
+
+    @property
+    def all(self) -> torch.Tensor:
+        return self._block[: self._count]
+
+
 class _Streamed:
     """The points that were made of a flow so far.
 
@@ -116,22 +141,32 @@ class _Streamed:
     """
 
     def __init__(
-        self, flow: Flow, seen: Flow, scales: Scales, level: str, dtype: torch.dtype
+        self,
+        flow: Flow,
+        seen: Flow,
+        scales: Scales,
+        level: str,
+        collocation: float,
+        dtype: torch.dtype,
     ) -> None:
         self.flow, self.scales, self.level, self.dtype = flow, scales, level, dtype
-        self.part = min(1.0, MOST_VECTORS / max(1, vectors_after_start(flow)))
+        self.collocation = collocation
+        full, some = _counts(flow)
+        self.part = min(1.0, MOST_VECTORS / max(1, full))
         self.every = int(1 / self.part)
         self.row = self._lowest(seen)
         self.surface = _surface(flow, level)
         self.edges = np.zeros(flow.t.size, bool)
         self.edges[np.flatnonzero(flow.after_start(flow.t))[:: self.every]] = True
-        self.sets: list[TrainingSet] = []
-        self.weights: list[Float64] = []
-        self.between: list[torch.Tensor] = []
+        most = math.ceil(self.part * some) + len(slabs(flow))
+        self.points, self.velocity, self.weights = (_Rows(most, k, dtype) for k in (3, 2, 2))
+        self.between = _Rows(round(collocation * most) + len(slabs(flow)), 3, dtype)
+        self.inverse_variances: list[Float64] = []
+        self.bounds: list[tuple[torch.Tensor, torch.Tensor]] = []
         self.strips: list[Strip] = []
         self.walls: list[TrainingSet] = []
 
-    def add_vectors(self, frames: slice, own: Flow, collocation: float) -> None:
+    def add_vectors(self, frames: slice, own: Flow) -> None:
         """Add vectors of a slab of frames, and points between them up to the frame behind it."""
         count, later = frames.stop - frames.start, own.after_start(own.t)[:, None, None]
         taken = own.valid_in(slice(0, count)) & later[:count]
@@ -144,15 +179,19 @@ class _Streamed:
         taken.ravel()[rng.choice(there, wanted, replace=False, shuffle=False)] = True
         vectors = some_frames(replace(own, surface=None), slice(0, count))
         vectors = replace(vectors, u=np.where(taken, vectors.u, np.nan))
-        self.sets.append(training_set(vectors, self.scales, "V1", self.dtype, _NONE))
+        made = training_set(vectors, self.scales, "V1", self.dtype, _NONE)
+        self.points.add(made.points)
+        self.velocity.add(made.velocity)
+        self.weights.add(made.point_weights)
+        self.bounds.append((made.lower, made.upper))
         if isinstance(own.sigma_u, np.ndarray) or isinstance(own.sigma_v, np.ndarray):
             samples = samples_of(vectors)
             assert samples.sigma_u is not None
             assert samples.sigma_v is not None
-            self.weights.append(inverse_variance(samples.sigma_u, samples.sigma_v))
+            self.inverse_variances.append(inverse_variance(samples.sigma_u, samples.sigma_v))
         above = without_row(own.material & later, own.gravity, self._lower(self._lowest(own)))
-        x, y, t = points_between(own, above, round(collocation * wanted), frames.start)
-        self.between.append(self._tensor(self._placed(x, y, t)))
+        x, y, t = points_between(own, above, round(self.collocation * wanted), frames.start)
+        self.between.add(self._tensor(self._placed(x, y, t)))
 
     def add_edges(self, frames: slice, own: Flow) -> None:
         """Add the strips under the surface and the points of walls at some frames of a slab."""
@@ -175,19 +214,16 @@ class _Streamed:
 
     def joined(self) -> TrainingSet:
         """One set of all points."""
-        if not self.sets:
+        if not self.bounds:
             raise FlowFileError(
                 "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
                 "clock at the release of the grains"
             )
-        points, velocity, weights = (
-            torch.cat([getattr(made, name) for made in self.sets])
-            for name in ("points", "velocity", "point_weights")
-        )
-        if self.weights:
-            every = np.concatenate(self.weights)
+        points, velocity, between = self.points.all, self.velocity.all, self.between.all
+        weights, (lower, upper) = self.weights.all, zip(*self.bounds, strict=True)
+        if self.inverse_variances:
+            every = np.concatenate(self.inverse_variances)
             weights[:, 0] = self._tensor(every / every.mean())
-        between = torch.cat(self.between)
         strip = self._strip(between, len(points))
         line = place_of(self.surface, self.flow, self.scales)
         pressure = pressure_on(self.surface, self.scales, self.level)
@@ -197,8 +233,8 @@ class _Streamed:
             weights,
             self._tensor(line),
             self._tensor(pressure),
-            lower=torch.stack([part.lower for part in self.sets]).amin(0),
-            upper=torch.stack([part.upper for part in self.sets]).amax(0),
+            lower=torch.stack(lower).amin(0),
+            upper=torch.stack(upper).amax(0),
             between=between,
             strip=strip,
             equation_weights=torch.ones(len(between) + len(strip), dtype=self.dtype),

@@ -36,7 +36,8 @@ _SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t"
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
     """Checks a flow and writes it; the file appears only once it is complete.
 
-    A flow of more than 1 GiB is stored without chunks and filters: `read_flow` leaves it in the file.
+    A flow of more than 1 GiB is stored without chunks and filters, so that `read_flow` leaves it in
+    the file.
 
     Raises:
         FlowFileError: the flow breaks a rule of the format, or has a source term.

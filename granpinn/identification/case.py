@@ -43,7 +43,7 @@ from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
 
-HOST_BYTES = 2_500_000_000  # of a large flow, beside its training points (bench/scale.py)
+HOST_BYTES = 2_000_000_000  # of a large flow, beside its training points (bench/scale.py)
 
 
 @dataclass(frozen=True)
