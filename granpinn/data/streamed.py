@@ -37,6 +37,7 @@ from granpinn.data.points import (
     turned_and_rounded,
     usable,
 )
+from granpinn.data.row_block import Rows
 from granpinn.data.source import source_at
 from granpinn.data.surface_line import SAME_TIME
 from granpinn.data.surface_strip import Strip, draw, strip_of
@@ -112,25 +113,6 @@ def _surface(flow: Flow, level: str) -> Surface:
     return usable(Surface(t, x, y), flow, level)
 
 
-class _Rows:
-    """Rows of numbers that are added part by part, in one block: many small ones would leave gaps.
-
-    Args:
-        most: rows; those that are never used take no memory.
-    """
-
-    def __init__(self, most: int, columns: int, dtype: torch.dtype) -> None:
-        self._block, self._count = torch.empty(most, columns, dtype=dtype), 0
-
-    def add(self, rows: torch.Tensor) -> None:
-        self._block[self._count : self._count + len(rows)] = rows
-        self._count += len(rows)
-
-    @property
-    def all(self) -> torch.Tensor:
-        return self._block[: self._count]
-
-
 class _Streamed:
     """The points that were made of a flow so far.
 
@@ -159,8 +141,8 @@ class _Streamed:
         self.edges = np.zeros(flow.t.size, bool)
         self.edges[np.flatnonzero(flow.after_start(flow.t))[:: self.every]] = True
         most = math.ceil(self.part * some) + len(slabs(flow))
-        self.points, self.velocity, self.weights = (_Rows(most, k, dtype) for k in (3, 2, 2))
-        self.between = _Rows(round(collocation * most) + len(slabs(flow)), 3, dtype)
+        self.points, self.velocity, self.weights = (Rows(most, k, dtype) for k in (3, 2, 2))
+        self.between = Rows(round(collocation * most) + len(slabs(flow)), 3, dtype)
         self.inverse_variances: list[Float64] = []
         self.bounds: list[tuple[torch.Tensor, torch.Tensor]] = []
         self.strips: list[Strip] = []
