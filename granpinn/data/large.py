@@ -8,7 +8,7 @@ A flow of at most `MOST_CELLS` cells over all frames is used as it is. Of a larg
   evenly too: differences in time need neighbors;
 - the inspection shows one run of frames (`middle`).
 
-All these choices hold at most `MOST_CELLS` cells.
+Each of these choices holds at most `MOST_CELLS` cells, or one run of larger frames.
 """
 
 from __future__ import annotations
@@ -44,6 +44,11 @@ def slabs(flow: Flow) -> list[slice]:
     frames = max(2, SLAB_CELLS // flow.c[0].size)
     edges = [*range(0, T - 1, frames), T]
     return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def most_cells(flow: Flow) -> int:
+    """Cells of the frames that stand for a large flow, at most."""
+    return max(MOST_CELLS, min(RUN, flow.t.size) * flow.y.size * flow.x.size)
 
 
 def some_frames(flow: Flow, frames: slice | Index) -> Flow:

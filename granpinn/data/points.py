@@ -155,8 +155,6 @@ def training_set(
     weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
     surface = surface_of(flow, level) if surface is None else surface
     points, velocity = (turned_and_rounded(values, axes) for values in (points, velocity))
-    surface_points = place_of(surface, flow, scales)
-    surface_pressure = pressure_on(surface, scales, level)
 
     def tensor(values: Floats) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
@@ -165,8 +163,8 @@ def training_set(
         tensor(points),
         tensor(velocity),
         tensor(weights),
-        tensor(surface_points),
-        tensor(surface_pressure),
+        tensor(place_of(surface, flow, scales)),
+        tensor(pressure_on(surface, scales, level)),
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
         between=tensor(points[:0]),

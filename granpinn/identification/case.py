@@ -43,7 +43,8 @@ from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
 
-HOST_BYTES = 2_000_000_000  # of a large flow, beside its training points (bench/scale.py)
+# Of a training on `large.MOST_CELLS` cells, beside its points (bench/scale.py).
+HOST_BYTES = 2_000_000_000
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
     bare = dataclasses.replace(flow, truth=None, p=None)
     whole = bare if large.is_large(flow) else None
     if whole is not None:
-        require_room(config)
+        require_room(bare, config)
     stated = large.runs(bare)
     seen = add_noise(stated, config.noise, config.seed)
     scales = scales_of(seen if whole is None else whole)
@@ -164,7 +165,7 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
     return Case(shown, slips, config, scales, member, seen, stated, whole, sd, balance)
 
 
-def require_room(config: Config) -> None:
+def require_room(flow: Flow, config: Config) -> None:
     """Refuse what a large flow does not allow, before anything is made.
 
     Raises:
@@ -172,17 +173,17 @@ def require_room(config: Config) -> None:
     """
     if config.noise:
         raise ConfigError(
-            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got more: leave "
-            "it out, or choose fewer frames"
+            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
+            f"{flow.c.size:,}: leave it out, or choose fewer frames"
         )
-    redrawn = 0 if config.members == 1 else config.members // 2
-    sets = 1 + redrawn
-    need = HOST_BYTES + sets * streamed.MOST_BYTES
-    if need > (free := available()):
+    redrawn = config.members // 2 if known_sd(large.spread(flow)) > 0 else 0
+    parts = HOST_BYTES * large.most_cells(flow) / large.MOST_CELLS
+    need, free = parts + (1 + redrawn) * streamed.MOST_BYTES, available()
+    if need > free:
+        fewer = "fewer --members or " if redrawn else ""
         raise ConfigError(
-            f"a large flow needs {need / 1e9:.3g} GB of memory beside its file with these "
-            f"settings, got {free / 1e9:.3g} GB: use "
-            f"{'fewer --members or ' if redrawn else ''}a larger machine, or choose fewer frames"
+            f"a flow of {flow.c.size:,} cells needs {need / 1e9:.3g} GB of memory beside its file "
+            f"with these settings, got {free / 1e9:.3g} GB: use {fewer}a larger machine"
         )
 
 

@@ -80,10 +80,9 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: i
     i = draw(seed, step, LAST_LAYER, min(POINTS // fewer, len(data.points)), data.points)
     surface = data.surface_points
     j = draw(seed, step, LAST_LAYER + 1, min(SURFACE_POINTS // fewer, len(surface)), surface)
+    k: Tensor | slice = slice(None)
     if len(data.points) > DATA_POINTS // fewer:
         k = draw(seed, step, LAST_LAYER + 2, DATA_POINTS // fewer, data.points)
-    else:
-        k = torch.arange(len(data.points), device=data.points.device)
     measured = (data.points[k], data.velocity[k].double(), data.point_weights[k, 0].double())
     return Data(
         data.points[i],

@@ -98,20 +98,14 @@ class Objective:
         )
 
         self._require_room(device)
-
-        def together(name: str) -> Tensor:
-            every = [getattr(s, name) for s in self.sets]
-            return (every[0] if len(every) == 1 else torch.cat(every)).to(device).contiguous()
-
-        self.points = together("points")
-        self.velocity = together("velocity")
-        self.point_weights = together("point_weights")
         self.source = self._sources(device)
-        self.surface_points = together("surface_points")
-        self.surface_pressure = together("surface_pressure")
+        self.points = self._moved("points", device)
+        self.velocity = self._moved("velocity", device)
+        self.point_weights = self._moved("point_weights", device)
+        self.surface_points = self._moved("surface_points", device)
+        self.surface_pressure = self._moved("surface_pressure", device)
         self.seeds = torch.tensor([m.seed for m in members], device=device)
         self.places = torch.tensor(self._places(), device=device)
-        self.sets = self._on_device()
         like = self.points
         self.term_weights = like.new_tensor([m.problem.term_weights for m in members])
         self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
@@ -130,32 +124,23 @@ class Objective:
                 "free: use fewer members, a smaller --batch.collocation, or another GPU"
             )
 
-    def _on_device(self) -> list[TrainingSet]:
-        """The sets as parts of the tensors on the device, so that the host holds none of them."""
-        found, point, line = [], 0, 0
-        for s in self.sets:
-            own = slice(point, point + len(s.points))
-            surface = slice(line, line + len(s.surface_points))
-            point, line = own.stop, surface.stop
-            found.append(
-                replace(
-                    s,
-                    points=self.points[own],
-                    velocity=self.velocity[own],
-                    point_weights=self.point_weights[own],
-                    source=None if self.source is None else self.source[own],
-                    surface_points=self.surface_points[surface],
-                    surface_pressure=self.surface_pressure[surface],
-                )
-            )
-        return found
+    def _moved(self, name: str, device: torch.device) -> Tensor:
+        """An array of all sets, one after another on the device; each set has its part of it."""
+        every = [getattr(s, name) for s in self.sets]
+        whole = (every[0] if len(every) == 1 else torch.cat(every)).to(device).contiguous()
+        parts = whole.split([len(own) for own in every])
+        self.sets = [replace(s, **{name: p}) for s, p in zip(self.sets, parts, strict=True)]
+        return whole
 
     def _sources(self, device: torch.device) -> Tensor | None:
         """The source term at all points, 0 for sets without one; None if no set has one."""
         if all(s.source is None for s in self.sets):
             return None
-        forces = [torch.zeros_like(s.velocity) if s.source is None else s.source for s in self.sets]
-        return torch.cat(forces).to(device)
+        self.sets = [
+            replace(s, source=torch.zeros_like(s.velocity)) if s.source is None else s
+            for s in self.sets
+        ]
+        return self._moved("source", device)
 
     def _places(self) -> list[list[int]]:
         """[First point, points, first surface point, surface points] of every member."""

@@ -204,8 +204,8 @@ def test_slabs_have_the_vectors_of_the_whole(flow: Flow, level: str) -> None:
     # Where vectors are few, small flows have more points between them.
     density = len(whole.strip) / max(1, len(whole.between))
     assert len(made.strip) == pytest.approx(density * len(made.between), abs=2)
-    middles = (s.between.mean(0).numpy() for s in (made, whole))
-    np.testing.assert_allclose(*middles, rtol=0.15, atol=0.05)
+    middle, expected = (s.between.mean(0).numpy() for s in (made, whole))
+    np.testing.assert_allclose(middle, expected, rtol=0.15, atol=0.05)
 
 
 @pytest.mark.usefixtures("bounds")
@@ -257,11 +257,14 @@ def test_a_second_draw_of_the_noise_is_new_in_every_slab(path: Path) -> None:
 def test_what_a_large_flow_does_not_allow_is_refused(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(ConfigError, match="--noise adds noise to flows of at most 5,120 cells"):
+    with pytest.raises(ConfigError, match="flows of at most 5,120 cells, got 15,360"):
         case.pose(path, Config(noise=0.01, device="cpu"))
     monkeypatch.setattr(case, "available", lambda: 10**9)
-    with pytest.raises(ConfigError, match=r"needs [0-9.]+ GB of memory .*, got 1 GB: use fewer"):
+    with pytest.raises(ConfigError, match=r"needs 3.68 GB of memory .*, got 1 GB: use a larger"):
         case.pose(path, Config(members=4, device="cpu"))
+    redrawn = replace(read_flow(path), sigma_u=0.1, sigma_v=0.1)
+    with pytest.raises(ConfigError, match=r"needs 7.03 GB .*, got 1 GB: use fewer --members or"):
+        case.pose(redrawn, Config(members=4, device="cpu"))
 
 
 @pytest.mark.usefixtures("bounds")
