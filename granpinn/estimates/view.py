@@ -93,7 +93,7 @@ def _times(flow: Flow) -> Float64:
         return flow.t
     frames = np.arange(flow.t.size)
     place = frames + BETWEEN_RUNS * np.searchsorted(flow.starts[1:], frames, side="right")
-    return np.interp(np.arange(place[-1] + 1), place, flow.t)
+    return np.asarray(np.interp(np.arange(place[-1] + 1), place, flow.t))
 
 
 def _counts(flow: Flow) -> Float64:
