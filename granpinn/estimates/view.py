@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -82,9 +82,15 @@ def view_of(flow: Flow, scales: Scales) -> View:
     )
 
 
-def _apart(values: Any, starts: tuple[int, ...]) -> Any:
+Frames = TypeVar("Frames", Float64, Bool)
+
+
+def _apart(values: Frames, starts: tuple[int, ...]) -> Frames:
     """Values of frames [T, ...] with zeros between the runs."""
-    return np.insert(values, np.repeat(starts[1:], BETWEEN_RUNS), 0, axis=0) if starts else values
+    if not starts:
+        return values
+    found: Frames = np.insert(values, np.repeat(starts[1:], BETWEEN_RUNS), 0, axis=0)
+    return found
 
 
 def _times(flow: Flow) -> Float64:
