@@ -67,6 +67,11 @@ def _run(argv: Sequence[str]) -> int:
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0
+    if found.flow.t.size < flow.t.size:
+        print(
+            f"large flow: measured in {found.flow.t.size} of {flow.t.size} frames, from t = "
+            f"{found.flow.t[0]:.4g} to {found.flow.t[-1]:.4g}; checked in all"
+        )
     print("\n".join(lines_of(found, sentences)))
     if options["out"] is not None:
         print(f"figures and inspect.json: {options['out']}")

@@ -15,6 +15,7 @@ from granpinn.command.answer import Answer
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, add_noise, read_flow
+from granpinn.data.large import spread
 from granpinn.identification.bootstrap import bootstrap
 from granpinn.identification.case import choose_device
 from granpinn.identification.finish import require_kept
@@ -199,7 +200,7 @@ def _resimulate(config: Config, result: results.Result, folder: Path) -> results
     path, cells, law = config.flow, config.resimulation.cells, result.friction_law
 
     def again() -> tuple[Flow, findings.Resimulation, comparison.Comparison | None]:
-        flow = read_flow(path)
+        flow = spread(read_flow(path))
         listener = simulation_progress.automatic()
         return flow, *resimulation.resimulate(
             flow, law, result.theta, cells, listener, config.side_walls.friction

@@ -62,27 +62,39 @@ def above_ground_after_start(flow: Flow) -> Bool:
 
 def above_ground(grains: Bool, gravity: tuple[float, float]) -> Bool:
     """`grains` [T, Y, X] without its lowest row, against gravity."""
+    return without_row(grains, gravity, lowest_row(grains, gravity))
+
+
+def lowest_row(grains: Bool, gravity: tuple[float, float]) -> int | None:
+    """The lowest row of `grains` [T, Y, X], or column if gravity is along x; None without any."""
     coordinate, downwards = vertical_coordinate(gravity)
-    axis = 2 - coordinate
-    rows = np.flatnonzero(grains.any(axis=(0, 3 - axis)))
+    rows = np.flatnonzero(grains.any(axis=(0, 1 + coordinate)))
+    return int(rows[-1 if downwards else 0]) if rows.size else None
+
+
+def without_row(grains: Bool, gravity: tuple[float, float], row: int | None) -> Bool:
+    """A copy of `grains` [T, Y, X] without a row, as `lowest_row` counts them."""
     above = grains.copy()
-    if rows.size:
-        np.moveaxis(above, axis, 0)[rows[-1] if downwards else rows[0]] = False
+    if row is not None:
+        np.moveaxis(above, 2 - vertical_coordinate(gravity)[0], 0)[row] = False
     return above
 
 
-def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float64, Float64]:
+def points_between(
+    flow: Flow, grains: Bool, count: int, number: int = 0
+) -> tuple[Float64, Float64, Float64]:
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
     A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
     with a vector or without; four corners in a flow of one frame. No wall passes through it. The
-    points are uniform over all complete cells.
+    points are uniform over all complete cells. Each part of a large flow has random numbers of
+    its own, by its `number`.
     """
     complete = _complete(flow, grains)
     if flow.walls is not None:
         complete &= ~_cut(flow, segments_of(flow.walls))
     cells = np.argwhere(complete)
-    rng = np.random.Generator(np.random.Philox(key=_KEY))
+    rng = np.random.Generator(np.random.Philox(key=_KEY + number))
     drawn = cells[rng.integers(len(cells), size=count)] if len(cells) else cells
     part = rng.random(drawn.shape)
 

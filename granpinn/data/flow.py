@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.arrays import Bool, Float32, Float64, Floats
+from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.errors import BadInput
 from granpinn.output import html
 from granpinn.physics.law_values import LawValues
@@ -132,6 +132,8 @@ class Flow:
             (`symmetry.with_layer`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
+        starts: the first frame of every run, in a flow of runs of frames that stand for a large
+            flow (`large.runs`); no part of a file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -161,6 +163,7 @@ class Flow:
     attributes: dict[str, Any] = field(default_factory=dict)
     layer: bool = False
     source: Source | None = None
+    starts: tuple[int, ...] = ()
     sha256: str = ""
     path: Path | None = None
 
@@ -176,7 +179,12 @@ class Flow:
     @property
     def valid(self) -> Bool:
         """Cells of `material` with a finite velocity vector: [T, Y, X]."""
-        return self.material & np.isfinite(self.u) & np.isfinite(self.v)
+        return self.valid_in(slice(None))
+
+    def valid_in(self, frames: slice | int | Index) -> Bool:
+        """`valid` in one frame [Y, X] or in some [K, Y, X]."""
+        grains: Bool = self.c[frames] >= 1
+        return grains & np.isfinite(self.u[frames]) & np.isfinite(self.v[frames])
 
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64:
         """Height of points above the origin, measured against gravity: -(g . r)/|g|."""
@@ -213,7 +221,8 @@ class Flow:
         length, time = (f" {u}" if u != "1" else "" for u in (self.length_unit, self.time_unit))
         span = f"{self.t[0]:.4g} to {self.t[-1]:.4g}{time}"
         if self.particles is None:
-            vectors = f"{self.y.size} x {self.x.size} grid, {int(self.valid.sum())} in the grains"
+            count = sum(int(self.valid_in(k).sum()) for k in range(self.t.size))
+            vectors = f"{self.y.size} x {self.x.size} grid, {count} in the grains"
         else:
             vectors = f"{self.particles.u.size} scattered"
         x, y = ((float(axis.min()), float(axis.max())) for axis in (self.x, self.y))

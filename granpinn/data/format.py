@@ -19,6 +19,7 @@ from granpinn.physics.law_values import PARAMETERS
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
+MOST_IN_MEMORY = 2**30  # bytes of a flow; a larger one is stored so that it can be used in its file
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from granpinn.arrays import Float32, Floats
+from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
+_STREAMS = 3
 Vectors = TypeVar("Vectors", Flow, Particles)
 
 
@@ -64,20 +65,21 @@ def _on_particles(
     return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
 
 
-def redraw(flow: Flow, sd: float, seed: int) -> Flow:
+def redraw(flow: Flow, sd: float, seed: int, part: int = 0) -> Flow:
     """The flow with its known noise added a second time.
 
     Args:
         flow: sigma_u and sigma_v are the noise of its velocity, and stay as they are.
         sd: of the surface pressure, relative to the largest |p| there.
         seed: 0 to 2**64 - 1.
+        part: number of a part of a large flow, which has random numbers of its own.
     """
     surface = _noisy_surface(flow.surface, sd, seed) if sd else flow.surface
     sigma_u, sigma_v = stated_sigmas(flow)
     if flow.particles is not None:
-        again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed)
+        again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed, part)
         return replace(flow, **grid_view(again), particles=again, surface=surface)
-    return replace(_noisy_vectors(flow, sigma_u, sigma_v, seed), surface=surface)
+    return replace(_noisy_vectors(flow, sigma_u, sigma_v, seed, part), surface=surface)
 
 
 def known_sd(flow: Flow) -> float:
@@ -100,6 +102,12 @@ def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     return sigma_u, sigma_v
 
 
+def inverse_variance(sigma_u: Floats, sigma_v: Floats) -> Float64:
+    """1/(sigma_u^2 + sigma_v^2) [n]."""
+    variance = sum(np.square(s, dtype=np.float64) for s in (sigma_u, sigma_v))
+    return np.asarray(1 / np.asarray(variance))
+
+
 def max_speed(flow: Flow) -> float:
     """The largest speed over the grains, in the units of the file."""
     if flow.particles is not None:
@@ -108,10 +116,12 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy_vectors(vectors: Vectors, sigma_u: Any, sigma_v: Any, seed: int) -> Vectors:
+def _noisy_vectors(
+    vectors: Vectors, sigma_u: Any, sigma_v: Any, seed: int, part: int = 0
+) -> Vectors:
     """A flow or particles with noise on u and v."""
-    u = _noisy(vectors.u, sigma_u, seed, _STREAM_U)
-    return replace(vectors, u=u, v=_noisy(vectors.v, sigma_v, seed, _STREAM_V))
+    u = _noisy(vectors.u, sigma_u, seed, _STREAMS * part + _STREAM_U)
+    return replace(vectors, u=u, v=_noisy(vectors.v, sigma_v, seed, _STREAMS * part + _STREAM_V))
 
 
 def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:

@@ -11,6 +11,8 @@ import torch
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.large import chosen
+from granpinn.data.noise import inverse_variance
 from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
@@ -145,7 +147,7 @@ def training_set(
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
     _require_distinct(flow, scales, dtype)
-    samples = _samples(flow)
+    samples = samples_of(flow)
     axes = axes_of(flow)
     points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
     measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
@@ -153,8 +155,6 @@ def training_set(
     weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
     surface = surface_of(flow, level) if surface is None else surface
     points, velocity = (turned_and_rounded(values, axes) for values in (points, velocity))
-    surface_points = place_of(surface, flow, scales)
-    surface_pressure = _pressure_on(surface, scales, level)
 
     def tensor(values: Floats) -> torch.Tensor:
         return torch.as_tensor(values).to(dtype)
@@ -163,8 +163,8 @@ def training_set(
         tensor(points),
         tensor(velocity),
         tensor(weights),
-        tensor(surface_points),
-        tensor(surface_pressure),
+        tensor(place_of(surface, flow, scales)),
+        tensor(pressure_on(surface, scales, level)),
         lower=tensor(points.min(axis=0)),
         upper=tensor(points.max(axis=0)),
         between=tensor(points[:0]),
@@ -216,7 +216,7 @@ def _indices(mask: Bool) -> Indices:
     return frame, row, column
 
 
-def _samples(flow: Flow) -> Particles:
+def samples_of(flow: Flow) -> Particles:
     """The vectors after the start, in the units of the file; on a grid in the order (t, y, x).
 
     A uniform standard deviation does not change the weights and is left out.
@@ -252,8 +252,7 @@ def _velocity_weights(samples: Particles) -> Float64:
     """1/variance of the measurement, with mean 1; 1 everywhere without standard deviations."""
     if samples.sigma_u is None or samples.sigma_v is None:
         return np.ones(samples.t.size)
-    variance = sum(np.square(s, dtype=np.float64) for s in (samples.sigma_u, samples.sigma_v))
-    weights = 1 / np.asarray(variance)
+    weights = inverse_variance(samples.sigma_u, samples.sigma_v)
     return np.asarray(weights / weights.mean())
 
 
@@ -263,7 +262,7 @@ def place_of(surface: Surface, flow: Flow, scales: Scales) -> Float64:
     return turned_and_rounded(points, axes_of(flow))
 
 
-def _pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
+def pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
     """The dimensionless pressure on a free surface [M]."""
     if level != "V2" or surface.p is None:
         return np.zeros(surface.t.size)
@@ -283,6 +282,11 @@ def surface_of(flow: Flow, level: str) -> Surface:
             "level V2 needs the pressure on the free surface, got no surface_p: add it or use "
             "level V1"
         )
+    return usable(surface, flow, level)
+
+
+def usable(surface: Surface, flow: Flow, level: str) -> Surface:
+    """The points of `surface_of` among those of a surface."""
     kept = flow.after_start(surface.t)
     if level != "V2" and surface.t.size and not flow.periodic:
         h = flow.height(surface.x, surface.y)
@@ -293,5 +297,4 @@ def surface_of(flow: Flow, level: str) -> Surface:
             f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
             "the surface or use level V0"
         )
-    parts = {name: None if a is None else a[kept] for name, a in vars(surface).items()}
-    return Surface(**parts)  # type: ignore[arg-type]
+    return chosen(surface, kept)

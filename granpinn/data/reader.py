@@ -15,6 +15,7 @@ from granpinn.data.format import (
     FORMAT_NAME,
     FORMAT_VERSION,
     KNOWN_ATTRIBUTES,
+    MOST_IN_MEMORY,
     OF_FLOW,
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
@@ -25,12 +26,16 @@ from granpinn.data.format import (
 from granpinn.data.hdf5 import SafeFile
 from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
-from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
+from granpinn.data.regular import UnsafeFileError, content_of, too_large
 from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.physics.laws import DEFAULT
 
-DEFAULT_MAX_BYTES = 2**30
-_RAISE = "if it can be trusted, raise max_bytes of read_flow"
+DEFAULT_MAX_BYTES = MOST_IN_MEMORY
+MOST_MAPPED = 2**37
+_RAISE = (
+    "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
+    "filters, which needs no memory"
+)
 # Types in memory: coordinates float64, velocities as in the file, all else float32.
 _FLOAT64 = (
     *(
@@ -47,7 +52,9 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
     Args:
         path: the file; nothing else is opened.
-        max_bytes: largest size of the file, and of the data that it declares.
+        max_bytes: most bytes that are read into memory. A larger file is mapped: its arrays that
+            are stored without chunks and in the type of the flow stay in the file, read-only. The
+            file must not change while the flow is used.
 
     Raises:
         FlowFileError: the file breaks a rule; the message is one sentence.
@@ -63,7 +70,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    image = read_regular_file(path, max_bytes, _RAISE)
+    image = content_of(path, max_bytes, MOST_MAPPED)
     # Twice: a coordinate that is stored as float32 becomes float64.
     with SafeFile(image, 2 * max_bytes) as file:
         _check_version(file)
@@ -124,13 +131,15 @@ def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
     opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
     datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
     check_layout({name: dataset.layout for name, dataset in datasets.items()})
-    total = sum(dataset.n_bytes_needed for dataset in datasets.values())
+    types = {name: _type_of(name, dataset.layout.dtype) for name, dataset in datasets.items()}
+    total = sum(
+        dataset.n_bytes_needed
+        for name, dataset in datasets.items()
+        if not dataset.is_in_place(types[name])
+    )
     if total > max_bytes:
         raise too_large(total, max_bytes, _RAISE)
-    return {
-        name: dataset.read(_type_of(name, dataset.layout.dtype))
-        for name, dataset in datasets.items()
-    }
+    return {name: dataset.read(types[name]) for name, dataset in datasets.items()}
 
 
 def _type_of(name: str, stored: str) -> str:

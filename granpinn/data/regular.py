@@ -1,7 +1,8 @@
-"""Regular files from an unknown source: read into memory whole, never anything else than a file."""
+"""Regular files from an unknown source: read into memory whole, or mapped; never anything else."""
 
 from __future__ import annotations
 
+import mmap
 import os
 import stat
 from pathlib import Path
@@ -47,6 +48,28 @@ def read_regular_file(
     if not content:
         raise UnsafeFileError("the file was emptied while it was read: try again")
     return content
+
+
+def content_of(path: Path, most: int, most_mapped: int) -> bytes | mmap.mmap:
+    """The content of a regular file: in memory up to `most` bytes, else mapped.
+
+    The system reads the pages of a mapped file when they are used, and may drop them again. The
+    file must stay as it is while it is used.
+
+    Raises:
+        UnsafeFileError: as for `open_regular_file`.
+    """
+    with _opened(path) as file:
+        if (size := os.fstat(file.fileno()).st_size) > most:
+            if size > most_mapped:
+                raise too_large(size, most_mapped)
+            try:
+                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            except OSError as error:
+                raise UnsafeFileError(
+                    f"the file cannot be read ({error.strerror}): check it"
+                ) from None
+    return read_regular_file(path, most)
 
 
 def first_bytes(path: Path, count: int) -> bytes:

@@ -21,6 +21,7 @@ from granpinn.data.flow import (
     Surface,
 )
 from granpinn.data.format import Layout, arrays_of, grid_arrays_of
+from granpinn.data.large import slabs
 from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
@@ -53,7 +54,9 @@ def check_values(flow: Flow) -> None:
     _check_grain_size(flow)
     _check_surface_sd(flow)
     _check_velocity(flow)
-    if flow.p is not None and not np.isfinite(flow.p[flow.material]).all():
+    if flow.p is not None and not all(
+        np.isfinite(flow.p[k][flow.c[k] >= 1]).all() for k in slabs(flow)
+    ):
         raise FlowFileError(
             "p must be finite where c = 1, got NaN or infinity: give the reference pressure at "
             "every point with grains or leave p out"
@@ -107,14 +110,15 @@ def _check_symmetries(flow: Flow) -> None:
 
 
 def _check_fraction(flow: Flow) -> None:
-    c = flow.c
-    lowest, highest = float(c.min()), float(c.max())  # NaN if there is one
+    parts = [flow.c[k] for k in slabs(flow)]
+    lowest = float(np.min([c.min() for c in parts]))  # NaN if there is one
+    highest = float(np.max([c.max() for c in parts]))
     if not (lowest >= -FRACTION_TOLERANCE and highest <= 1 + FRACTION_TOLERANCE):
         raise FlowFileError(
             f"c must be a volume fraction from 0 to 1 everywhere, got {lowest:g} to "
             f"{highest:g}: use 0 where there are no grains"
         )
-    grains = _in_any_cell(flow.material)
+    grains = np.concatenate([_in_any_cell(c >= 1) for c in parts])
     if not grains.any():
         raise FlowFileError(
             f"c must be 1 where there are only grains, got no such point (largest value "
@@ -151,20 +155,21 @@ def _in_any_cell(mask: Bool) -> Bool:
 
 
 def _check_velocity(flow: Flow) -> None:
+    parts = slabs(flow)
     for name, values in (("u", flow.u), ("v", flow.v)):
-        if np.isinf(values).any():
+        infinite = sum(int(np.isinf(values[k]).sum()) for k in parts)
+        if infinite:
             raise FlowFileError(
                 f"{name} must be finite, or NaN where there is no valid vector, got infinity at "
-                f"{int(np.isinf(values).sum())} of {values.size} points: set u and v to NaN there"
+                f"{infinite} of {values.size} points: set u and v to NaN there"
             )
-    one_sided = int((np.isnan(flow.u) != np.isnan(flow.v)).sum())
+    one_sided = sum(int((np.isnan(flow.u[k]) != np.isnan(flow.v[k])).sum()) for k in parts)
     if one_sided:
         raise FlowFileError(
             f"u and v must be NaN at the same points, got {one_sided} where only one of them "
             "is: set both to NaN"
         )
-    empty = ~_in_any_cell(~np.isnan(flow.u))
-    empty |= _in_any_cell(flow.material) & ~_in_any_cell(flow.valid)
+    empty = np.concatenate([_without_vectors(flow, k) for k in parts])
     if empty.any():
         first = int(np.argmax(empty))
         raise FlowFileError(
@@ -172,6 +177,12 @@ def _check_velocity(flow: Flow) -> None:
             f"{int(empty.sum())} of {len(empty)} frames (first: t = {flow.t[first]:g}): "
             "leave these frames out"
         )
+
+
+def _without_vectors(flow: Flow, frames: slice) -> Bool:
+    """Frames [K] without any vector, or without one among their grains."""
+    empty = ~_in_any_cell(~np.isnan(flow.u[frames]))
+    return empty | (_in_any_cell(flow.c[frames] >= 1) & ~_in_any_cell(flow.valid_in(frames)))
 
 
 def _check_sigma(flow: Flow) -> None:
@@ -184,13 +195,16 @@ def _check_sigma(flow: Flow) -> None:
     for name, sigma in pair.items():
         if sigma is None:
             continue
-        used = sigma[flow.valid] if isinstance(sigma, np.ndarray) else np.asarray(sigma)
-        if not (np.isfinite(used) & (used > 0)).all():
-            raise FlowFileError(
-                f"{name} must be positive and finite at every valid vector, got "
-                f"{float(used.min()):g} as the least: give the standard deviation of the "
-                "measurement or leave sigma_u and sigma_v out"
-            )
+        for k in slabs(flow):
+            used = np.asarray(sigma)
+            if isinstance(sigma, np.ndarray):
+                used = sigma[k][flow.valid_in(k)]
+            if not (np.isfinite(used) & (used > 0)).all():
+                raise FlowFileError(
+                    f"{name} must be positive and finite at every valid vector, got "
+                    f"{float(used.min()):g} as the least: give the standard deviation of the "
+                    "measurement or leave sigma_u and sigma_v out"
+                )
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:
@@ -226,10 +240,11 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
 
 def warn_of_zeros(flow: Flow) -> None:
     """Warns if too many vectors among the grains are exactly zero after t = 0."""
-    later = flow.after_start(flow.t)
-    valid = flow.valid[later]
-    zero = valid & (flow.u[later] == 0) & (flow.v[later] == 0)
-    n_valid, n_zero = int(valid.sum()), int(zero.sum())
+    later, n_valid, n_zero = flow.after_start(flow.t), 0, 0
+    for k in slabs(flow):
+        valid = flow.valid_in(k) & later[k, None, None]
+        n_valid += int(valid.sum())
+        n_zero += int((valid & (flow.u[k] == 0) & (flow.v[k] == 0)).sum())
     if n_zero > MAX_ZERO_SHARE * n_valid:
         warnings.warn(
             f"{n_zero} of {n_valid} vectors among the grains are exactly zero: if there was no "
@@ -241,7 +256,7 @@ def warn_of_zeros(flow: Flow) -> None:
 
 def warn_of_rounding(flow: Flow) -> None:
     """Warns of volume fractions above 1 by rounding errors, since they count as grains."""
-    above = int((flow.c > 1).sum())
+    above = sum(int((flow.c[k] > 1).sum()) for k in slabs(flow))
     if above:
         warnings.warn(
             f"{above} values of c exceed 1 by rounding errors of at most {FRACTION_TOLERANCE:g}: "

@@ -90,7 +90,7 @@ def initial_height(flow: Flow) -> float:
         first = p.t == p.t.min()
         x, y = p.x[first], p.y[first]
         return float(np.ptp(y if flow.periodic else flow.height(x, y))) + flow.grain_diameter
-    rows, columns = np.nonzero(flow.material[0])
+    rows, columns = np.nonzero(flow.c[0] >= 1)
     if rows.size == 0:
         raise FlowFileError(
             "c must be 1 at some point of the first frame, got none: the height of the grains "

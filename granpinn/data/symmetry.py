@@ -26,6 +26,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Index
 from granpinn.data.flow import Flow
+from granpinn.data.large import runs
 from granpinn.physics.axes import Axes
 
 LARGEST_VARIATION = 0.03  # of the rms velocity
@@ -52,7 +53,7 @@ def with_layer(flow: Flow) -> Flow:
     if flow.periodic or flow.surface is None or flow.particles is not None:
         return flow
     layer = replace(flow, layer=True)
-    return layer if same_along_x(layer) else flow
+    return layer if same_along_x(runs(layer)) else flow
 
 
 def axes_of(flow: Flow) -> Axes:
@@ -78,7 +79,7 @@ def same_along_x(flow: Flow) -> bool:
 
 def _rows(flow: Flow, frames: Index) -> Float64:
     """Means over some frames of u and v, for every row [2 R, X] that is filled well enough."""
-    valid = flow.valid[frames]
+    valid = flow.valid_in(frames)
     count = valid.sum(axis=0)
     means = [
         np.where(valid, a[frames], 0.0).sum(axis=0, dtype=np.float64) / np.maximum(count, 1)

@@ -13,6 +13,7 @@ from granpinn.data.format import (
     DATASETS,
     FORMAT_NAME,
     FORMAT_VERSION,
+    MOST_IN_MEMORY,
     NUMBERS,
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
@@ -34,6 +35,9 @@ _SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t"
 
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
     """Checks a flow and writes it; the file appears only once it is complete.
+
+    A flow of more than 1 GiB is stored without chunks and filters, so that `read_flow` leaves it in
+    the file.
 
     Raises:
         FlowFileError: the flow breaks a rule of the format, or has a source term.
@@ -71,14 +75,15 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
 
 def _write_arrays(file: h5py.File, flow: Flow) -> None:
     arrays, units = arrays_of(flow), _units(flow)
+    packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
     for rule in DATASETS:
         if rule.name not in arrays:
             continue
         array = arrays[rule.name]
         options: dict[str, Any] = {}
-        if rule.axes == ("N",):
+        if packed and rule.axes == ("N",):
             options = {"chunks": (min(ROWS_PER_CHUNK, array.size),), **_PACKED}
-        elif array.ndim == 3:
+        elif packed and array.ndim == 3:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
             options = {"chunks": chunks, **_PACKED}
         dataset = file.create_dataset(rule.name, data=array, **options)

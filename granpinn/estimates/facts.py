@@ -34,10 +34,15 @@ STEPS = 4  # of an octave, to which magnitudes are rounded
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """What the vectors of a flow show, dimensionless."""
+    """What the vectors of a flow show, dimensionless.
+
+    Attributes:
+        training: number of vectors that train, where `flow` is runs of a large flow.
+    """
 
     flow: Flow
     scales: Scales
+    training: int | None = None
 
     @cached_property
     def invariant(self) -> tuple[bool, bool, bool]:
@@ -121,6 +126,8 @@ class Facts:
         """Number of independent vectors."""
         particles = self.flow.particles
         count = self.view.count.sum() if particles is None else particles.u.size
+        if self.training is not None and self.flow.starts:
+            count = self.training
         return float(count) / self.noise.vectors_per_independent
 
 

@@ -17,11 +17,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.ndimage import correlate1d
 
-from granpinn.arrays import Float64, Index
+from granpinn.arrays import Bool, Float64, Index
 from granpinn.estimates.fits import shear_rate
-from granpinn.estimates.view import View
+from granpinn.estimates.view import BETWEEN_RUNS, View
 
-LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
+LARGEST_HALF_WIDTH = BETWEEN_RUNS  # of a window in cells, the same in t, y and x
+AT_ONCE = 2**18  # windows that are solved at a time
 # The window grows until the error of the shear rate is below this part of its rms.
 WANTED_ERROR = 0.1
 # A window must constrain its slopes: smallest over largest eigenvalue of the scaled moments.
@@ -116,15 +117,15 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
         weighted = values * view.count
         for i, powers in enumerate(base):
             right[:, i, k] = moment(weighted, powers)[index]
-    eigenvalues = np.linalg.eigvalsh(matrix / np.maximum(matrix[:, :1, :1], 1.0))
-    solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
-    inverse = np.linalg.inv(matrix[solvable])
-    solution = inverse @ right[solvable]
+    solved = [
+        _solved(matrix[k : k + AT_ONCE], right[k : k + AT_ONCE])
+        for k in range(0, max(len(matrix), 1), AT_ONCE)
+    ]
+    solvable, solution, variance = (np.concatenate(part) for part in zip(*solved, strict=True))
     slopes = np.zeros((len(solution), 3, 2))
     sd = np.full((len(solution), 3), np.inf)
     if view.steady:
         sd[:, 0] = 0.0
-    variance = np.diagonal(inverse, axis1=1, axis2=2)
     for i, axis in enumerate(sloped, 1):
         unit = half[axis] * steps[axis]
         slopes[:, axis] = solution[:, i] / unit
@@ -140,3 +141,12 @@ def _fit(view: View, sigma: float, m: int) -> Gradients:
         sd=sd,
         half_width=m,
     )
+
+
+def _solved(matrix: Float64, right: Float64) -> tuple[Bool, Float64, Float64]:
+    """Which windows constrain their slopes [K], and of those the coefficients and the diagonal of
+    the inverse of the moments [k, n, 2] and [k, n]."""
+    eigenvalues = np.linalg.eigvalsh(matrix / np.maximum(matrix[:, :1, :1], 1.0))
+    solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
+    inverse = np.linalg.inv(matrix[solvable])
+    return solvable, inverse @ right[solvable], np.diagonal(inverse, axis1=1, axis2=2)

@@ -39,7 +39,7 @@ def surface(case: Case) -> Assumption | None:
         for offset in (-sd, sd):
             seen = case.seen
             if level != "V0":  # the line decides which partly filled cells count
-                stated = dataclasses.replace(case.seen, c=case.flow.c)
+                stated = dataclasses.replace(case.seen, c=case.stated.c)
                 filled = with_partial_cells(with_moved_surface(stated, offset))
                 seen = dataclasses.replace(case.seen, c=filled.c)
             variants.append((seen, moved(case.seen, given, offset)))

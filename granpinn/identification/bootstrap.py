@@ -35,6 +35,7 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.data import Flow
+from granpinn.data.large import spread
 from granpinn.identification.batch import identify_many
 from granpinn.identification.case import member_seed, sound
 from granpinn.physics.laws import LAWS
@@ -75,7 +76,7 @@ def bootstrap(
         than two trainings ended.
     """
     begin, listener = time.monotonic(), progress or by_default()
-    measured, _ = sound(flow)
+    measured = spread(sound(flow)[0])
     law, n = LAWS[config.law], config.calibration.flows
     scenes: list[Scene] = []
     for k in range(n):

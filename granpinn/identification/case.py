@@ -19,11 +19,14 @@ from granpinn.data import (
     add_noise,
     check_flow,
     known_sd,
+    large,
     read_flow,
     redraw,
+    streamed,
     with_partial_cells,
 )
 from granpinn.data.flow import Surface
+from granpinn.data.memory import available
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer
@@ -40,16 +43,22 @@ from granpinn.physics.scales import Scales
 from granpinn.training import problem
 from granpinn.training.objective import Member
 
+# Of a training on `large.MOST_CELLS` cells, beside its points (bench/scale.py).
+HOST_BYTES = 2_000_000_000
+
 
 @dataclass(frozen=True)
 class Case:
     """A flow, the settings to identify it with, and the part of it that training uses.
 
     Attributes:
+        flow: as in its file; of a large flow, frames spread over its time (granpinn/data/large.py).
         slips: likely mistakes of the flow, which were warned of.
         config: with the seed and the I0 of this case.
         seen: the flow that training uses: with added noise and its partly filled cells under the
-            surface, without the true values.
+            surface, without the true values; of a large flow, runs of frames.
+        stated: the frames of `seen` as in the file.
+        whole: a large flow with all its frames, from which the training points come; else None.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
         balance: the momentum balance of `seen`; members of one flow share it.
         redrawn: whether a second draw of the known noise was added to its data.
@@ -61,6 +70,8 @@ class Case:
     scales: Scales
     member: Member
     seen: Flow
+    stated: Flow
+    whole: Flow | None
     known_sd: float
     balance: Balance
     redrawn: bool = False
@@ -69,6 +80,18 @@ class Case:
     def facts(self) -> Facts:
         """What the vectors of `seen` show; each fact is measured once."""
         return Facts(self.seen, self.scales)
+
+    @property
+    def sampled(self) -> str | None:
+        """Which parts of a large flow are used for what, in words."""
+        if self.whole is None:
+            return None
+        runs = len(self.seen.starts)
+        return (
+            f"{len(self.member.data.points):,} vectors of all {self.whole.t.size} frames train; "
+            f"noise, symmetries and momentum balance are those of {self.seen.t.size} frames in "
+            f"{runs} runs; fields, figures and errors are those of {self.flow.t.size} frames"
+        )
 
 
 @dataclass(frozen=True)
@@ -118,11 +141,15 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
 def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
     """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
-    seen = dataclasses.replace(flow, truth=None, p=None)
-    seen = add_noise(seen, config.noise, config.seed)
-    scales = scales_of(seen)
+    bare = dataclasses.replace(flow, truth=None, p=None)
+    whole = bare if large.is_large(flow) else None
+    if whole is not None:
+        require_room(bare, config)
+    stated = large.runs(bare)
+    seen = add_noise(stated, config.noise, config.seed)
+    scales = scales_of(seen if whole is None else whole)
     seen = with_partial_cells(seen)
-    data = training_data(seen, scales, config)
+    data = training_data(seen, scales, config, whole)
     built = problem.build(seen, scales, data, config)
     law = LAWS[config.law]
     if not law.compiled and config.form != "mixed":
@@ -130,9 +157,34 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
             f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
             "mixed form"
         )
-    member = Member(built, data, config.seed, law, fixed_values(config, Facts(seen, scales)), flow)
-    balance = Balance(seen, config.side_walls)
-    return Case(flow, slips, config, scales, member, seen, known_sd(seen), balance)
+    shown = large.spread(flow)
+    member = Member(built, data, config.seed, law, fixed_values(config, Facts(seen, scales)), shown)
+    balance, sd = Balance(seen, config.side_walls), known_sd(seen)
+    if whole is None:
+        stated = flow
+    return Case(shown, slips, config, scales, member, seen, stated, whole, sd, balance)
+
+
+def require_room(flow: Flow, config: Config) -> None:
+    """Refuse what a large flow does not allow, before anything is made.
+
+    Raises:
+        ConfigError: noise is to be added, or the memory is too small.
+    """
+    if config.noise:
+        raise ConfigError(
+            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
+            f"{flow.c.size:,}: leave it out, or choose fewer frames"
+        )
+    redrawn = config.members // 2 if known_sd(large.spread(flow)) > 0 else 0
+    parts = HOST_BYTES * large.most_cells(flow) / large.MOST_CELLS
+    need, free = parts + (1 + redrawn) * streamed.MOST_BYTES, available()
+    if need > free:
+        fewer = "fewer --members or " if redrawn else ""
+        raise ConfigError(
+            f"a flow of {flow.c.size:,} cells needs {need / 1e9:.3g} GB of memory beside its file "
+            f"with these settings, got {free / 1e9:.3g} GB: use {fewer}a larger machine"
+        )
 
 
 def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
@@ -155,13 +207,21 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
     return values
 
 
-def training_data(flow: Flow, scales: Scales, config: Config) -> TrainingSet:
+def training_data(
+    flow: Flow, scales: Scales, config: Config, whole: Flow | None = None, seed: int | None = None
+) -> TrainingSet:
     """The points of a fit: the data of a flow, points between them for the equations alone, and
     points of its walls.
+
+    Args:
+        whole: the large flow, if `flow` is runs of one.
+        seed: of a second draw of the noise of `whole`.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
+    if whole is not None:
+        return streamed.streamed_set(whole, flow, scales, *of_points(config), seed)
     variant = flow, surface_of(flow, config.level)
     return training_sets([variant], flow, scales, *of_points(config))[0]
 
@@ -189,7 +249,7 @@ def members(case: Case) -> list[Case]:
         redrawn = case.known_sd > 0 and 2 * k >= config.members
         if redrawn:
             seen = redraw(case.seen, config.noise, member.seed)
-            data = training_data(seen, case.scales, config)
+            data = training_data(seen, case.scales, config, case.whole, member.seed)
             member = dataclasses.replace(member, data=data)
         made.append(dataclasses.replace(case, member=member, redrawn=redrawn))
     return made

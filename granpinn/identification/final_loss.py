@@ -11,7 +11,6 @@ import math
 
 import torch
 
-from granpinn.data import TrainingSet
 from granpinn.physics.terms import NAMES
 from granpinn.results.findings import Loss
 from granpinn.training.trainer import Trainer
@@ -24,13 +23,17 @@ CHUNK = 16384  # points per evaluation
 def final_loss(trainer: Trainer, member: int) -> Loss | None:
     """Mean terms of a member after the steps of the training (`Trainer.trained`).
 
-    The mean is over every k-th point, at most `MOST_POINTS`. None if a term is not finite.
+    The mean is over every k-th point, at most `MOST_POINTS`, without those of the strip, which are
+    pooled behind the vectors and the points between them. None if a term is not finite.
     """
     objective, e = trainer.objective, member
     params, theta = trainer.trained(e)
     data = objective.data(e)
-    inside = _every_kth(_held(objective.members[e].data, len(data.points)))
-    surface = _every_kth(torch.arange(len(data.surface_points)))
+    own = objective.members[e].data
+    first, strip = len(own.points) + len(own.between), len(own.strip)
+    inside = _every_kth(len(data.points) - strip)
+    inside[inside >= first] += strip
+    surface = _every_kth(len(data.surface_points))
     sums = [0.0] * len(NAMES)
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
@@ -48,13 +51,6 @@ def _named(values: list[float]) -> dict[str, float]:
     return dict(zip(NAMES, values, strict=True))
 
 
-def _held(data: TrainingSet, pooled: int) -> torch.Tensor:
-    """Indices of the pooled points without those above the highest vectors (`pooled`)."""
-    first = len(data.points) + len(data.between)
-    every = torch.arange(pooled)
-    return torch.cat([every[:first], every[first + len(data.strip) :]])
-
-
-def _every_kth(indices: torch.Tensor) -> torch.Tensor:
-    """At most `MOST_POINTS` of the indices, spread evenly."""
-    return indices[:: max(1, -(-len(indices) // MOST_POINTS))]
+def _every_kth(count: int) -> torch.Tensor:
+    """At most `MOST_POINTS` of the numbers below `count`, spread evenly."""
+    return torch.arange(0, count, max(1, -(-count // MOST_POINTS)))

@@ -165,6 +165,9 @@ def start(
     between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
     many += f"{walls} points on walls, " if walls else ""
+    for sampled in dict.fromkeys(case.sampled for case in cases):
+        if sampled is not None:
+            progress.message(f"large flow: {sampled}")
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
         if words:
             progress.message("; ".join(words))

@@ -47,7 +47,7 @@ def body_of(flow: Flow) -> Body:
     """The grains of a flow on a grid, or of the view of scattered vectors on a grid."""
     step = max(1, int(np.ceil(np.sqrt(flow.c[0].size / MOST_CELLS))))
     some = np.s_[:: min(step, flow.y.size // 2), :: min(step, flow.x.size // 2)]
-    if int(flow.valid[0][some].sum()) < FEWEST:
+    if int(flow.valid_in(0)[some].sum()) < FEWEST:
         some = np.s_[::1, ::1]
     y, x = flow.y[some[0]], flow.x[some[1]]
     weight = np.gradient(y)[:, None] * np.gradient(x)

@@ -79,7 +79,7 @@ def _size(vector: Float64) -> float:
 def unsteady(flow: Flow) -> list[Slip]:
     """A steady flow whose mean velocity changes from its first to its last frame."""
     duration = float(flow.t[-1] - flow.t[0])
-    both = flow.valid[0] & flow.valid[-1]
+    both = flow.valid_in(0) & flow.valid_in(-1)
     if not flow.steady or duration <= 0 or not both.any():
         return []
     change = [float(np.mean(a[-1][both] - a[0][both], dtype=np.float64)) for a in (flow.u, flow.v)]

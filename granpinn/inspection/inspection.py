@@ -12,6 +12,7 @@ import numpy as np
 from granpinn.arrays import Bool, Float64
 from granpinn.config import SideWalls
 from granpinn.data import Flow, with_partial_cells
+from granpinn.data.large import middle
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import with_layer, words
@@ -152,10 +153,14 @@ class Inspection:
 def inspect(
     flow: Flow, law: AssumedLaw | None = None, side_walls: SideWalls | None = None
 ) -> Inspection:
-    """Inspects a flow without training; the precision is that of `law`."""
+    """Inspects a flow without training; the precision is that of `law`.
+
+    Of a large flow, all but slips and fall is that of one run of frames (`large.middle`), which is
+    then the flow of the inspection.
+    """
     law = law or AssumedLaw()
-    flow = with_layer(flow)
-    scales = scales_of(flow)
+    whole = with_layer(flow)
+    flow, scales = middle(whole), scales_of(whole)
     facts = Facts(flow, scales)
     view, noise, found = facts.view, facts.noise, facts.slopes
     speed = _largest_speed(flow, scales, found)
@@ -166,7 +171,7 @@ def inspect(
     precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
     inertia = numbers.summary(law)
-    likely = slips(flow) or ([] if inertia is None else not_dense(inertia.q50))
+    likely = slips(whole) or ([] if inertia is None else not_dense(inertia.q50))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
     if refused is not None:
         precision, reason = None, refused
@@ -191,7 +196,7 @@ def inspect(
         flows=flows,
         noise_cells=facts.noise_cells,
         baseline=baseline(flow, law.inertial_scale or I0, side_walls),
-        fall=None if flow.steady else fall_of(flow, body_of(flow)),
+        fall=None if flow.steady else fall_of(whole, body_of(whole)),
         walls=() if walls is None else tuple(walls[2]),
         undetermined=refused,
     )

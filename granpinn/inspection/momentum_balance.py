@@ -228,13 +228,13 @@ def _frames(pose: Upright, half: int) -> Index | str:
         step = np.diff(pose.t)
         for k in range(n):
             near = step[max(0, k - half) : min(n - 1, k + half)]
-            good[k] &= bool(np.abs(near / np.mean(step) - 1).max() < 0.02)
+            good[k] &= bool(np.abs(near / pose.interval - 1).max() < 0.02)
     found = np.flatnonzero(good)
     if len(found) == 0:
         return "no frame has a surface line and neighbors at even intervals of time"
     vectors = sum(int(np.isfinite(pose.u[k]).sum()) for k in found)
     every = 1 if pose.periodic else max(1, -(-vectors // MOST_CELLS))
-    return np.asarray(found[(every - 1) // 2 :: every])
+    return np.asarray(found[min(every - 1, len(found) - 1) // 2 :: every])
 
 
 def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:

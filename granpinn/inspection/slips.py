@@ -21,6 +21,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Index
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
+from granpinn.data.large import slabs
 from granpinn.data.scaling import initial_height
 from granpinn.inspection.body import body_of
 from granpinn.inspection.conservation import Center, center_of, volume_of
@@ -86,7 +87,7 @@ def _vectors(flow: Flow) -> tuple[Index, Float64, Float64]:
     """Some frames, and their u and v [K, Y, X], NaN where there is no vector."""
     size = int(np.clip(MOST_CELLS // flow.c[0].size, FEWEST_FRAMES, MOST_FRAMES))
     frames = np.unique(np.linspace(0, flow.t.size - 1, size).round().astype(int))
-    valid = flow.valid[frames]
+    valid = flow.valid_in(frames)
     u, v = (np.where(valid, a[frames], np.nan).astype(np.float64) for a in (flow.u, flow.v))
     return frames, u, v
 
@@ -120,7 +121,7 @@ def _height(flow: Flow) -> float:
     if flow.particles is not None:
         places = flow.height(flow.particles.x, flow.particles.y)
     else:
-        rows, columns = np.nonzero(flow.material.any(axis=0))
+        rows, columns = np.nonzero(np.any([(flow.c[k] >= 1).any(axis=0) for k in slabs(flow)], 0))
         places = flow.height(flow.x[columns], flow.y[rows])
     return max(float(np.ptp(places)), initial_height(flow))
 

@@ -32,6 +32,8 @@ class Upright:
             line, of a plate on the grains.
         clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
             [T, X].
+        interval: the usual one between frames, the mean; in a flow of runs (`Flow.starts`) the
+            median, since gaps lie between them.
         steady: whether the flow does not change with time.
         periodic: whether it repeats along x.
         load: pressure and size of the shear stress at `height`; 0 on a free surface.
@@ -46,6 +48,7 @@ class Upright:
     gravity: tuple[float, float]
     height: Float64
     clear: Bool
+    interval: float
     steady: bool
     periodic: bool
     load: tuple[float, float] = (0.0, 0.0)
@@ -92,10 +95,16 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         gravity=turned.points(*flow.gravity),
         height=height,
         clear=_clear(height, steep, np.asarray((c > 0.5).any(axis=1)), x, reach),
+        interval=_interval(flow),
         steady=flow.steady,
         periodic=_periodic(flow, turned),
         load=(0.0, 0.0) if plate is None else (plate.p, plate.tau),
     )
+
+
+def _interval(flow: Flow) -> float:
+    usual = np.median if flow.starts else np.mean
+    return float(usual(np.diff(flow.t))) if flow.t.size > 1 else 0.0
 
 
 def _periodic(flow: Flow, turned: _Turn) -> bool:

@@ -15,6 +15,7 @@ class DataSummary:
         noise: the added sd, relative to the maximum speed.
         symmetries: in which directions the flow does not change, in words.
         slips: likely mistakes of unit, sign, size or order in the flow file, a sentence each.
+        sampled: which parts of a large flow were used for what; None: all of it for all.
     """
 
     n_points: int
@@ -23,6 +24,7 @@ class DataSummary:
     n_frames: int
     symmetries: tuple[str, ...] = ()
     slips: tuple[str, ...] = ()
+    sampled: str | None = None
 
 
 @dataclass(frozen=True)

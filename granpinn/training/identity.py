@@ -58,7 +58,7 @@ def of_data(objective: Objective) -> str:
     """SHA-256 of the points of all members."""
     sha = hashlib.sha256()
     for tensor in (*objective.tensors().values(), objective.places, objective.seeds):
-        sha.update(tensor.cpu().numpy().tobytes())
+        sha.update(np.ascontiguousarray(tensor.cpu().numpy()).data)
     return sha.hexdigest()
 
 

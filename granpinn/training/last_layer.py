@@ -80,8 +80,8 @@ def choose(data: TrainingSet, features: Features, seed: int, step: int, fewer: i
     i = draw(seed, step, LAST_LAYER, min(POINTS // fewer, len(data.points)), data.points)
     surface = data.surface_points
     j = draw(seed, step, LAST_LAYER + 1, min(SURFACE_POINTS // fewer, len(surface)), surface)
-    k = torch.arange(len(data.points), device=data.points.device)
-    if len(k) > DATA_POINTS // fewer:
+    k: Tensor | slice = slice(None)
+    if len(data.points) > DATA_POINTS // fewer:
         k = draw(seed, step, LAST_LAYER + 2, DATA_POINTS // fewer, data.points)
     measured = (data.points[k], data.velocity[k].double(), data.point_weights[k, 0].double())
     return Data(

@@ -97,15 +97,13 @@ class Objective:
             surface=batch.surface // parts if has_surface else 0,
         )
 
-        def together(name: str) -> Tensor:
-            return torch.cat([getattr(s, name) for s in self.sets]).to(device).contiguous()
-
-        self.points = together("points")
-        self.velocity = together("velocity")
-        self.point_weights = together("point_weights")
+        self._require_room(device)
         self.source = self._sources(device)
-        self.surface_points = together("surface_points")
-        self.surface_pressure = together("surface_pressure")
+        self.points = self._moved("points", device)
+        self.velocity = self._moved("velocity", device)
+        self.point_weights = self._moved("point_weights", device)
+        self.surface_points = self._moved("surface_points", device)
+        self.surface_pressure = self._moved("surface_pressure", device)
         self.seeds = torch.tensor([m.seed for m in members], device=device)
         self.places = torch.tensor(self._places(), device=device)
         like = self.points
@@ -114,12 +112,35 @@ class Objective:
         self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
         self.physics = like.new_tensor([m.problem.physics for m in members])
 
+    def _require_room(self, device: torch.device) -> None:
+        """Raises ConfigError if the points do not fit on a GPU."""
+        if device.type != "cuda":
+            return
+        need = sum(a.numel() * a.element_size() for s in self.sets for a in s.arrays().values())
+        free, _ = torch.cuda.mem_get_info(device)
+        if need > free:
+            raise ConfigError(
+                f"the training points need {need / 1e9:.3g} GB on the GPU, got {free / 1e9:.3g} GB "
+                "free: use fewer members, a smaller --batch.collocation, or another GPU"
+            )
+
+    def _moved(self, name: str, device: torch.device) -> Tensor:
+        """An array of all sets, one after another on the device; each set has its part of it."""
+        every = [getattr(s, name) for s in self.sets]
+        whole = (every[0] if len(every) == 1 else torch.cat(every)).to(device).contiguous()
+        parts = whole.split([len(own) for own in every])
+        self.sets = [replace(s, **{name: p}) for s, p in zip(self.sets, parts, strict=True)]
+        return whole
+
     def _sources(self, device: torch.device) -> Tensor | None:
         """The source term at all points, 0 for sets without one; None if no set has one."""
         if all(s.source is None for s in self.sets):
             return None
-        forces = [torch.zeros_like(s.velocity) if s.source is None else s.source for s in self.sets]
-        return torch.cat(forces).to(device)
+        self.sets = [
+            replace(s, source=torch.zeros_like(s.velocity)) if s.source is None else s
+            for s in self.sets
+        ]
+        return self._moved("source", device)
 
     def _places(self) -> list[list[int]]:
         """[First point, points, first surface point, surface points] of every member."""
@@ -134,18 +155,11 @@ class Objective:
 
         Surface points only if the loss has that term.
         """
-        first, count, first_surface, count_surface = self.places[member].tolist()
-        own = slice(first, first + count)
-        surface = slice(first_surface, first_surface + count_surface * (self.batch.surface > 0))
-        return replace(
-            self.sets[self.set_of[member]],
-            points=self.points[own],
-            velocity=self.velocity[own],
-            point_weights=self.point_weights[own],
-            source=None if self.source is None else self.source[own],
-            surface_points=self.surface_points[surface],
-            surface_pressure=self.surface_pressure[surface],
-        )
+        own = self.sets[self.set_of[member]]
+        if self.batch.surface > 0:
+            return own
+        line, pressure = own.surface_points[:0], own.surface_pressure[:0]
+        return replace(own, surface_points=line, surface_pressure=pressure)
 
     def tensors(self) -> dict[str, Tensor]:
         """The data by name, for the check that they are finite."""

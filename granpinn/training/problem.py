@@ -66,7 +66,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
-    facts = Facts(flow, scales)
+    facts = Facts(flow, scales, len(data.points))
     scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
     material = material_of(flow, scales)
     sigmas = sigmas_of(config, scales, facts)

@@ -84,7 +84,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut after the start": (lambda p: _keep(p, 0.01), "damaged or was cut off"),
     "overwritten superblock": (lambda p: _overwrite(p, 8, 88), "damaged or was cut off"),
     "overwritten root": (lambda p: _overwrite(p, 96, 600), "damaged or was cut off"),
-    "sparse and huge": (lambda p: os.truncate(p, 2**40), "at most 1 GiB"),
+    "sparse and huge": (lambda p: os.truncate(p, 2**40), "at most 128 GiB"),
     "damaged heap": (_damaged_heap, "got variable-length string"),
     "long attribute": (_long_attribute, "format_name must be at most 65536 bytes"),
     "damaged chunk": (_damaged_chunk, "u "),

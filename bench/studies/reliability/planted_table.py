@@ -245,7 +245,7 @@ MISTAKES = [
         ("missing term", "data/surface_strip.py", "if not steady and abs(", "if steady and abs("),
         ("missing term", "data/variants.py", "torch.cat([own_set.equation_weights, share])",
          "torch.cat([own_set.equation_weights, torch.ones_like(share)])"),
-        ("index", "identification/final_loss.py", "every[first + len(data.strip) :]",
-         "every[first:]"),
+        ("index", "identification/final_loss.py", "inside[inside >= first] += strip",
+         "inside[inside >= first] += 0"),
     ]),
 ]  # fmt: skip

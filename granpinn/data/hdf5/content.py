@@ -12,6 +12,10 @@ class Content(Protocol):
     def n_bytes(self) -> int:
         """Size of the file."""
 
+    @property
+    def is_mapped(self) -> bool:
+        """Whether the system reads the file page by page, when its bytes are used."""
+
     def at(self, address: int, length: int) -> bytes:
         """Bytes at an address of HDF5; struct.error beyond the end of the file."""
 

@@ -57,6 +57,11 @@ class Dataset:
         chunk: tuple[int, ...] = self._plan.get_chunk() if self._chunked else (0,)
         return max(self.n_bytes, self._itemsize * math.prod(chunk))
 
+    def is_in_place(self, dtype: str) -> bool:
+        """Whether `read` as a type gives the pages of a mapped file, read-only, and no copy."""
+        contiguous = self._plan.get_layout() == h5d.CONTIGUOUS
+        return self._file.is_mapped and contiguous and self.dtype == np.dtype(dtype)
+
     @property
     def address(self) -> int:
         """Place of its object header, by which references name it."""
@@ -112,8 +117,9 @@ class Dataset:
             return array
 
     def _read(self, stored: np.dtype[Any], wanted: np.dtype[Any]) -> npt.NDArray[Any]:
-        shape = self.layout.shape
-        self._file.take(max(self.n_bytes_needed, wanted.itemsize * math.prod(shape)))
+        shape, in_place = self.layout.shape, stored == wanted and self.is_in_place(wanted.str)
+        if not in_place:
+            self._file.take(max(self.n_bytes_needed, wanted.itemsize * math.prod(shape)))
         # A number beyond the range of the wanted type becomes infinite, as in HDF5.
         with np.errstate(over="ignore", invalid="ignore"):
             if self._chunked:
@@ -130,7 +136,7 @@ class Dataset:
             else:
                 content = self._file.content(self._dataset.get_offset() or 0, self.n_bytes)
                 array = np.frombuffer(content, stored).reshape(shape)
-            return array.astype(wanted)
+            return array.astype(wanted, copy=not in_place)
 
     def _incomplete(self) -> UnsafeFileError:
         return UnsafeFileError(

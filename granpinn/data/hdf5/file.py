@@ -1,12 +1,14 @@
-"""Reads a HDF5 file into memory and opens the datasets that lie in the file itself."""
+"""Reads a HDF5 file, in memory or mapped, and opens the datasets that lie in the file itself."""
 
 from __future__ import annotations
 
+import io
+import mmap
 import struct
 from pathlib import Path
 from typing import Any
 
-from h5py import h5d, h5f, h5g, h5l, h5o, h5r
+from h5py import h5d, h5f, h5fd, h5g, h5l, h5o, h5p, h5r
 
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
@@ -20,15 +22,33 @@ _LINKS = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "a link to another fi
 MAX_NAMES = 100_000
 
 
+class _Pages(io.RawIOBase):
+    """A mapped file as a stream, for HDF5."""
+
+    def __init__(self, image: mmap.mmap) -> None:
+        self._image, self._place = image, 0
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        start = {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: len(self._image)}
+        self._place = start[whence] + offset
+        return self._place
+
+    def readinto(self, buffer: Any) -> int:
+        found = self._image[self._place : self._place + len(buffer)]
+        buffer[: len(found)] = found
+        self._place += len(found)
+        return len(found)
+
+
 class SafeFile:
-    """A HDF5 file in memory: a context manager.
+    """A HDF5 file, in memory or mapped: a context manager.
 
     Args:
         image: the content of the file.
         max_bytes: most bytes of arrays that may be read from it, all reads together.
     """
 
-    def __init__(self, image: bytes, max_bytes: int) -> None:
+    def __init__(self, image: bytes | mmap.mmap, max_bytes: int) -> None:
         # HDF5 looks for the signature at 0, 512, 1024, 2048, ...
         offsets = [0, *(512 << i for i in range(len(image).bit_length()))]
         if not any(image[i : i + 8] == _SIGNATURE for i in offsets):
@@ -38,7 +58,7 @@ class SafeFile:
 
     def __enter__(self) -> SafeFile:
         try:
-            self._file = h5f.open_file_image(self._image, flags=_IN_PLACE)
+            self._file = self._parsed()
             self._root = h5g.open(self._file, b"/")
             self._base = self._file.get_create_plist().get_userblock()
         except HDF5_ERRORS:  # their messages are of no use here
@@ -48,6 +68,13 @@ class SafeFile:
         self.attributes = Attributes(self._root, self)
         return self
 
+    def _parsed(self) -> Any:
+        if isinstance(self._image, bytes):
+            return h5f.open_file_image(self._image, flags=_IN_PLACE)
+        access = h5p.create(h5p.FILE_ACCESS)
+        access.set_fileobj_driver(h5fd.fileobj_driver, _Pages(self._image))
+        return h5f.open(b"mapped", h5f.ACC_RDONLY, fapl=access)
+
     def __exit__(self, *error: object) -> None:
         self._file.close()
 
@@ -55,6 +82,11 @@ class SafeFile:
     def n_bytes(self) -> int:
         """Size of the file."""
         return len(self._image)
+
+    @property
+    def is_mapped(self) -> bool:
+        """Whether the system reads the file page by page, when its bytes are used."""
+        return not isinstance(self._image, bytes)
 
     def take(self, n_bytes: int) -> None:
         """Counts bytes that are about to be read; an error beyond the limit of the file."""

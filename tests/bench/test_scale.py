@@ -1,0 +1,59 @@
+"""The benchmark of large flows: its flow, its peaks and its claim."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import scale
+from bench.scale import EVERY, Peaks, _compared, write_flow_file
+from granpinn.data import read_flow
+from granpinn.inspection.slips import slips
+
+
+def test_the_flow_is_sound(tmp_path: Path) -> None:
+    write_flow_file(tmp_path / "flow.h5", 12, 64)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flow = read_flow(tmp_path / "flow.h5")
+    assert slips(flow) == []
+    assert flow.valid.mean() == 0.5
+
+
+def test_the_flow_keeps_its_volume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scale, "NOISE", 0.0)
+    write_flow_file(tmp_path / "flow.h5", 3, 128)
+    flow = read_flow(tmp_path / "flow.h5")
+    u, v = (a[:, :64].astype(np.float64) for a in (flow.u, flow.v))
+    u_x, v_y = np.gradient(u, flow.x, axis=2), np.gradient(v, flow.y[:64], axis=1)
+    inside = np.s_[:, 2:-2, 2:-2]
+    assert np.abs(u_x).max() > 0.5
+    assert np.abs((u_x + v_y)[inside]).max() < 0.01 * np.abs(u_x).max()
+
+
+def test_peaks_belong_to_their_stages() -> None:
+    peaks = Peaks()
+
+    def hold(megabytes: int) -> None:
+        held = np.ones(megabytes * 2**17)
+        time.sleep(8 * EVERY)
+        assert held[0] == 1
+
+    with peaks.watched():
+        time.sleep(4 * EVERY)
+        peaks.stage("large", hold)(300)
+        peaks.stage("small", hold)(20)
+    assert 0.25 < peaks.gigabytes["large"] - peaks.gigabytes["small"] < 0.32
+    assert peaks.seconds["large"] > 8 * EVERY
+
+
+def test_the_claim_needs_memory_and_speed() -> None:
+    small = {"steps_per_s": 100.0, "host_gb": 1.0, "device_gb": None}
+    assert _compared(small, small | {"steps_per_s": 90.0})["claim_holds"]
+    for change in ({"steps_per_s": 89.0}, {"host_gb": 4.1}, {"device_gb": 8.1}):
+        assert not _compared(small, small | change)["claim_holds"]
+    assert _compared(small, small | {"error": "killed"}) == {}

@@ -1,0 +1,274 @@
+"""Large flows: read in place, checked in slabs, and represented by some of their frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from bench.scale import write_flow_file
+from granpinn.config import ConfigError
+from granpinn.config.settings import Config
+from granpinn.data import (
+    Flow,
+    FlowFileError,
+    Particles,
+    TrainingSet,
+    check_flow,
+    large,
+    particle_flow,
+    read_flow,
+    streamed,
+    with_partial_cells,
+    write_flow,
+    writer,
+)
+from granpinn.data.points import surface_of
+from granpinn.data.scaling import scales_of
+from granpinn.data.variants import training_sets
+from granpinn.estimates.facts import Facts
+from granpinn.estimates.view import BETWEEN_RUNS
+from granpinn.identification import case
+from granpinn.inspection.baseline import baseline
+from granpinn.inspection.inspection import inspect
+from tests.data.test_variants import walled
+from tests.flows import make_flow
+
+FRAMES, CELLS = 60, 16
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("large") / "flow.h5"
+    write_flow_file(path, FRAMES, CELLS)
+    return path
+
+
+@pytest.fixture
+def bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything above 20 frames of the file is large; slabs have 7 frames."""
+    monkeypatch.setattr(large, "MOST_CELLS", 20 * CELLS**2)
+    monkeypatch.setattr(large, "SLAB_CELLS", 7 * CELLS**2)
+
+
+def test_a_file_above_the_limit_stays_in_place(path: Path) -> None:
+    kept, mapped = read_flow(path), read_flow(path, max_bytes=1000)
+    assert mapped.sha256 == kept.sha256
+    for name in ("t", "x", "y", "c", "u", "v"):
+        array = getattr(mapped, name)
+        assert not array.flags.owndata
+        assert not array.flags.writeable
+        np.testing.assert_array_equal(array, getattr(kept, name))
+
+
+def test_chunks_above_the_limit_are_refused(path: Path, tmp_path: Path) -> None:
+    write_flow(read_flow(path), tmp_path / "packed.h5")
+    with pytest.raises(FlowFileError, match="or write the file without chunks"):
+        read_flow(tmp_path / "packed.h5", max_bytes=1000)
+
+
+def test_large_flows_are_written_to_be_used_in_place(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "MOST_IN_MEMORY", 10_000)
+    flow = read_flow(path, max_bytes=1000)
+    write_flow(flow, tmp_path / "again.h5")
+    again = read_flow(tmp_path / "again.h5", max_bytes=1000)
+    assert not again.u.flags.owndata
+    np.testing.assert_array_equal(again.u, flow.u)
+
+
+def test_small_and_scattered_flows_are_used_as_they_are() -> None:
+    flow = make_flow()
+    assert large.slabs(flow) == [slice(0, flow.t.size)]
+    assert flow is large.spread(flow) is large.runs(flow) is large.middle(flow)
+    t, x = np.repeat([0.1, 0.2], 50), np.tile(np.linspace(0, 1, 50), 2)
+    u = np.ones(100, np.float32)
+    particles = Particles(t, x, x**2, u, u)
+    scattered = particle_flow(particles, gravity=(0, -1), density=1.0, grain_diameter=0.01)
+    assert not large.is_large(replace(scattered, c=np.broadcast_to(np.float32(1), (2**12, 64, 64))))
+
+
+@pytest.mark.usefixtures("bounds")
+def test_slabs_hold_every_frame_once(path: Path) -> None:
+    flow = read_flow(path)
+    parts = large.slabs(flow)
+    assert np.concatenate([np.arange(FRAMES)[k] for k in parts]).tolist() == [*range(FRAMES)]
+    assert min(k.stop - k.start for k in parts) > 1
+    for frames in range(21, 60):
+        last = large.slabs(large.some_frames(flow, slice(0, frames)))[-1]
+        assert last.stop == frames
+        assert last.stop - last.start > 1
+
+
+@pytest.mark.usefixtures("bounds")
+@pytest.mark.parametrize(
+    ("field", "value", "found"),
+    [
+        ("u", np.inf, "u must be finite.*at 1 of 15360 points"),
+        ("v", np.nan, "got 1 where only one of them is"),
+        ("c", 1.5, "c must be a volume fraction from 0 to 1 everywhere, got 0 to 1.5"),
+        ("c", np.nan, "c must be a volume fraction from 0 to 1 everywhere, got nan"),
+    ],
+)
+def test_faults_of_the_last_slab_are_found(
+    path: Path, field: str, value: float, found: str
+) -> None:
+    flow = read_flow(path)
+    values = getattr(flow, field).copy()
+    values[-1, 0, 3] = value
+    with pytest.raises(FlowFileError, match=found):
+        check_flow(replace(flow, **{field: values}))
+
+
+@pytest.mark.usefixtures("bounds")
+def test_runs_and_spread_frames_are_those_of_the_flow(path: Path) -> None:
+    flow = read_flow(path)
+    runs, spread = large.runs(flow), large.spread(flow)
+    assert runs.starts == (0, 10)
+    assert runs.t.tolist() == [*flow.t[:10], *flow.t[50:]]
+    np.testing.assert_array_equal(runs.u, np.concatenate([flow.u[:10], flow.u[50:]]))
+    assert spread.t.size == 20
+    assert (spread.t[0], spread.t[-1]) == (flow.t[0], flow.t[-1])
+    assert large.middle(flow).t.tolist() == flow.t[20:40].tolist()
+    for part in (runs, spread):
+        assert part.surface is not None
+        assert np.unique(part.surface.t).tolist() == part.t.tolist()
+        assert part.surface.t.size == CELLS * part.t.size
+
+
+@pytest.mark.usefixtures("bounds")
+def test_no_estimate_joins_two_runs(path: Path) -> None:
+    """The second run is far faster: a slope or difference across the gap would show it."""
+    flow = read_flow(path)
+    still = replace(flow, u=np.where(np.isnan(flow.u), np.nan, flow.u * 0 + 1.0), v=0 * flow.v)
+    still.u[30:] *= 100
+    runs = large.runs(still)
+    facts = Facts(runs, scales_of(flow), 12345)
+    assert facts.noise.sigma == 0.0
+    assert len(facts.view.t) == 20 + BETWEEN_RUNS
+    assert facts.view.count.sum() == runs.valid.sum()
+    assert np.abs(facts.slopes.du[:, 0]).max() < 1e-9
+    assert np.nanmax(facts.noise_cells) == 0.0
+    assert facts.independent * facts.noise.vectors_per_independent == 12345
+
+
+@pytest.mark.usefixtures("bounds")
+def test_facts_of_runs_are_close_to_those_of_the_flow(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flow = read_flow(path)
+    some = Facts(large.runs(flow), scales_of(flow))
+    balance = baseline(large.runs(flow))
+    monkeypatch.setattr(large, "MOST_CELLS", 2**23)
+    whole = Facts(flow, scales_of(flow))
+    assert some.noise.sigma == pytest.approx(whole.noise.sigma, rel=0.05)
+    assert some.speed == pytest.approx(whole.speed, rel=0.2)  # a quarter of an octave
+    assert some.invariant == whole.invariant
+    assert (balance.mean is None) == (baseline(flow).mean is None)
+
+
+def sets_of(flow: Flow, level: str) -> tuple[TrainingSet, TrainingSet]:
+    """The training set at once, and slab by slab."""
+    scales, filled = scales_of(flow), with_partial_cells(flow)
+    settings = (level, 1.0, torch.float64)
+    variant = filled, surface_of(filled, level)
+    (whole,) = training_sets([variant], filled, scales, *settings)
+    seen = with_partial_cells(large.runs(flow))
+    return whole, streamed.streamed_set(flow, seen, scales, *settings)
+
+
+def with_sigmas(flow: Flow) -> Flow:
+    sigma = np.linspace(0.01, 0.02, flow.u.size, dtype=np.float32).reshape(flow.u.shape)
+    return replace(flow, sigma_u=sigma, sigma_v=2 * sigma)
+
+
+def mild() -> Flow:
+    return make_flow(frames=30, rows=12, columns=16, p=None, truth=None)
+
+
+@pytest.mark.usefixtures("bounds")
+@pytest.mark.parametrize("level", ["V0", "V1", "V2"])
+@pytest.mark.parametrize("flow", [mild(), with_sigmas(mild())], ids=["heap", "sigmas"])
+def test_slabs_have_the_vectors_of_the_whole(flow: Flow, level: str) -> None:
+    assert large.is_large(flow)
+    whole, made = sets_of(flow, level)
+    same = ("points", "velocity", "surface_points", "surface_pressure", "lower", "upper")
+    for name in same:
+        assert torch.equal(getattr(made, name), getattr(whole, name)), name
+    torch.testing.assert_close(made.point_weights, whole.point_weights)
+    assert len(made.between) == len(whole.points)
+    # Where vectors are few, small flows have more points between them.
+    density = len(whole.strip) / max(1, len(whole.between))
+    assert len(made.strip) == pytest.approx(density * len(made.between), abs=2)
+    middle, expected = (s.between.mean(0).numpy() for s in (made, whole))
+    np.testing.assert_allclose(middle, expected, rtol=0.15, atol=0.05)
+
+
+@pytest.mark.usefixtures("bounds")
+def test_slabs_have_the_walls_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    flow = walled()
+    monkeypatch.setattr(large, "MOST_CELLS", flow.c.size - 1)
+    monkeypatch.setattr(large, "SLAB_CELLS", 3 * flow.c[0].size)
+    whole, made = sets_of(flow, "V1")
+    for name in ("wall_points", "wall_velocity", "surface_points", "surface_pressure"):
+        assert torch.equal(getattr(made, name), getattr(whole, name)), name
+
+
+@pytest.mark.usefixtures("bounds")
+def test_a_part_of_the_vectors_trains(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flow = replace(read_flow(path), attributes={"grid_spacing_of_solver": 0.01})
+    whole, every = sets_of(flow, "V1")
+    monkeypatch.setattr(streamed, "MOST_VECTORS", len(whole.points) // 4)
+    _, made = sets_of(flow, "V1")
+    rows = {tuple(row) for row in torch.cat([whole.points, whole.velocity], 1).tolist()}
+    taken = torch.cat([made.points, made.velocity], 1).tolist()
+    assert len(taken) == pytest.approx(len(whole.points) / 4, abs=len(large.slabs(flow)))
+    assert rows.issuperset(map(tuple, taken))
+    assert len({tuple(row) for row in taken}) == len(taken)
+    times, counts = torch.unique(made.points[:, 2], return_counts=True)
+    assert len(times) == FRAMES
+    assert counts.max() < 4 * counts.min()
+    assert len(made.between) == len(made.points)
+    assert len(made.strip) == pytest.approx(len(every.strip) / 4, abs=2)
+    assert torch.equal(made.surface_points, whole.surface_points)
+    assert torch.equal(sets_of(flow, "V1")[1].points, made.points)
+
+
+@pytest.mark.usefixtures("bounds")
+def test_a_second_draw_of_the_noise_is_new_in_every_slab(path: Path) -> None:
+    flow = replace(read_flow(path), sigma_u=0.1, sigma_v=0.1)
+    seen, scales = with_partial_cells(large.runs(flow)), scales_of(flow)
+    first, again, other = (
+        streamed.streamed_set(flow, seen, scales, "V1", 0.0, torch.float64, seed).velocity
+        for seed in (None, 1, 2)
+    )
+    added = (again - first) * scales.velocity
+    assert float(added.std()) == pytest.approx(0.1, rel=0.05)
+    assert not torch.equal(again, other)
+    slab = int(flow.valid[:7].sum())
+    assert abs(np.corrcoef(added[:slab, 0], added[slab : 2 * slab, 0])[0, 1]) < 0.15
+
+
+@pytest.mark.usefixtures("bounds")
+def test_what_a_large_flow_does_not_allow_is_refused(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(ConfigError, match="flows of at most 5,120 cells, got 15,360"):
+        case.pose(path, Config(noise=0.01, device="cpu"))
+    monkeypatch.setattr(case, "available", lambda: 10**9)
+    with pytest.raises(ConfigError, match=r"needs 3.68 GB of memory .*, got 1 GB: use a larger"):
+        case.pose(path, Config(members=4, device="cpu"))
+    redrawn = replace(read_flow(path), sigma_u=0.1, sigma_v=0.1)
+    with pytest.raises(ConfigError, match=r"needs 7.03 GB .*, got 1 GB: use fewer --members or"):
+        case.pose(redrawn, Config(members=4, device="cpu"))
+
+
+@pytest.mark.usefixtures("bounds")
+def test_an_inspection_measures_one_run(path: Path) -> None:
+    found = inspect(read_flow(path))
+    assert found.flow.t.size == 20
+    assert found.counts is not None
