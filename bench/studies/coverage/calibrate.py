@@ -125,13 +125,15 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
 
 
 def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
-    """Second moments of z beyond the scatter, over s^2, averaged around each knot."""
+    """Second moments of z beyond the scatter, over s^2, averaged around each knot.
+
+    No case has fewer steps than the table, so s is that of its residuals.
+    """
     beyond, mu_s = [], []
     for case in cases:
         center = np.array(center_of(case.members))
         z = (center - case.mu) / center[0]
         scale = error_bars.unresolved(case.residuals, table)
-        scale *= error_bars.slowness(case.steps, table.steps)
         scatter, _ = error_bars.scatter(case.members, table)
         beyond.append((np.outer(z, z) - scatter) / scale**2)
         mu_s.append(center[0])
