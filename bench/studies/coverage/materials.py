@@ -1,6 +1,7 @@
 """The flows of the coverage study: materials drawn at random, and controls that break mu(I).
 
-Controls are a fluid of constant viscosity, cohesive grains, and collapses played backwards.
+A varied study draws I0, the grain diameter, the column and its sampling as well. Controls are a
+fluid of constant viscosity, cohesive grains, and collapses played backwards.
 """
 
 from __future__ import annotations
@@ -18,6 +19,11 @@ MU_S, SLOPE = (0.2, 0.6), (0.1, 0.3)  # slope: mu_2 - mu_s
 VISCOSITY = (0.3, 3.0)  # of the viscous control, log-uniform; 10 sqrt(10) is the unit of the column
 COHESION = (0.5, 2.0)  # of the cohesive control; the weight of the column is 10
 LAW = "mu(I)"
+# Of a varied study; diameters are in widths of the usual column, aspects and diameters log-uniform.
+I0, DIAMETER, ASPECT = (0.2, 0.4), (0.0125, 0.05), (3.0, 12.0)
+STRIDES, FRAMES = (2, 3, 4), (60, 200)
+RUNOUT = 1.64  # widths of the column that grains run per unit of its aspect, at most
+SHALLOW = 3.0  # aspect above which the runout grows as its power of 2/3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,19 +35,27 @@ class Task:
     collapse: Collapse
 
 
-def draw(truths: int, controls: int, seed: int, **settings: Any) -> list[Task]:
+def draw(
+    truths: int, controls: int, seed: int, varied: bool = False, **settings: Any
+) -> list[Task]:
     """The collapses of a study, a function of the arguments; the first truths of two studies of
     one seed are the same.
+
+    Args:
+        varied: whether I0, grains, column and sampling of the truths are drawn, too.
     """
     generator = np.random.default_rng(seed)
+    of_flow = np.random.default_rng((seed, 2))
 
     def material() -> dict[str, Any]:
         mu_s, slope = (float(generator.uniform(*limits)) for limits in (MU_S, SLOPE))
         return {"mu_s": mu_s, "mu_2": mu_s + slope}
 
-    tasks = [
-        Task(f"law-{seed}-{i:04d}", LAW, Collapse(**material(), **settings)) for i in range(truths)
-    ]
+    kind = "varied" if varied else "law"
+    tasks = []
+    for i in range(truths):
+        own = settings | (variation(of_flow) if varied else {})
+        tasks.append(Task(f"{kind}-{seed}-{i:04d}", LAW, Collapse(**material(), **own)))
     generator = np.random.default_rng((seed, 1))
     for i in range(controls):
         eta = float(np.exp(generator.uniform(*np.log(VISCOSITY))))
@@ -55,6 +69,25 @@ def draw(truths: int, controls: int, seed: int, **settings: Any) -> list[Task]:
             for law, change in changes.items()
         ]
     return tasks
+
+
+def variation(generator: np.random.Generator) -> dict[str, Any]:
+    """I0, grains, column and sampling of one collapse of a varied study."""
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+
+    aspect = between(*ASPECT)
+    run = RUNOUT * min(aspect, SHALLOW ** (1 / 3) * aspect ** (2 / 3))
+    height = Collapse().height
+    return {
+        "I0": float(generator.uniform(*I0)),
+        "d": between(*DIAMETER),
+        "aspect": aspect,
+        "box_width": height * (1 + run) / aspect,
+        "stride": int(generator.choice(STRIDES)),
+        "frames": int(generator.integers(FRAMES[0], FRAMES[1], endpoint=True)),
+    }
 
 
 def make(task: Task, folder: Path) -> Path:

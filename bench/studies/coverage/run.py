@@ -52,6 +52,7 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
+        "flow": {"I0": c.I0, "d": c.d, "aspect": c.aspect, "stride": c.stride, "frames": c.frames},
         "members": encode(found),
         "residuals": residuals,
         "steps": run.trainer.step,
@@ -69,7 +70,7 @@ def identified(
     """
 
     def posed(i: int) -> list[Case]:
-        own = dataclasses.replace(config, seed=config.seed + i)
+        own = dataclasses.replace(config, seed=config.seed + i, I0=tasks[i].collapse.I0)
         return list(members(pose(read(tasks[i], paths[i]), own)))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -104,6 +105,7 @@ def main() -> int:
     parser.add_argument("--cells", type=int, default=256, help="cells across the simulated box")
     parser.add_argument("--stride", type=int, default=2, help="cells between the vectors")
     parser.add_argument("--frames", type=int, default=200)
+    parser.add_argument("--varied", action="store_true", help="I0, grains, column, sampling too")
     parser.add_argument("--draw", type=int, default=0, help="seed of the materials")
     parser.add_argument("--at-once", type=int, default=10**6, help="flows in one batch")
     parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
@@ -114,13 +116,14 @@ def main() -> int:
     except ConfigError as error:
         parser.error(str(error))
     grid = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}
-    tasks = draw(own.truths, own.controls, own.draw, **grid)
+    tasks = draw(own.truths, own.controls, own.draw, own.varied, **grid)
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         found = study(tasks, config, folder, own.at_once)
     head = {
         "draw": own.draw,
+        "varied": own.varied,
         "simulation": grid,
         "members": own.members,
         "settings": words,
