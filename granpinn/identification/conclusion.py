@@ -18,6 +18,7 @@ from granpinn.results.findings import Loss
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import ErrorBars, Members, Verdict
 from granpinn.training.loop import TrainingLoop
+from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import of_training
 
 
@@ -40,6 +41,13 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
     )
     shown = of_training.shown(members, config)
     return dataclasses.replace(members, shown=shown), sound[shown]
+
+
+def model_of(case: Case, trainer: Trainer, e: int) -> Model:
+    """The trained network and law of a case, member e of the run."""
+    problem = case.member.problem
+    law = LAWS[case.config.law]
+    return Model(problem.spec, problem.physics, *trainer.solution(e), case.scales, law)
 
 
 def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:

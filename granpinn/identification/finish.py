@@ -111,8 +111,7 @@ def conclude(
     found, place = conclusion.members_of(cases, run, first)
     case, e = cases[place], first + place
     law = LAWS[case.config.law]
-    problem = case.member.problem
-    model = Model(problem.spec, problem.physics, *run.trainer.solution(e), case.scales, law)
+    model = conclusion.model_of(case, run.trainer, e)
     uncertain = () if e in run.trainer.diverged else assumptions_of(case)
     assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)

@@ -1,4 +1,4 @@
-"""The curve of an identified law, from the fields of the fit."""
+"""The curve of an identified law and the range of I that it is known over, from the fit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Floats
+from granpinn.data import TrainingSet
+from granpinn.identification.case import Model
+from granpinn.identification.prediction import evaluate
 from granpinn.results import Fields, NotDone, Result
 from granpinn.results.attempt import LAW_CURVE, attempt, having, lacking
-from granpinn.results.zones import shearing
+from granpinn.results.zones import D2_STAGNANT, shearing
 from granpinn.uncertainty.curve import with_curve
+from granpinn.uncertainty.determined import percentiles
+
+POINTS = 16384  # at most, of those that give the range of I
 
 
 class Shear(NamedTuple):
@@ -36,6 +42,18 @@ def shear_of(fields: Fields, cohesion: float = 0.0) -> Shear:
         fields.values[name][points].astype(np.float64) for name in ("I", "p", "tau_xx", "tau_xy")
     )
     return Shear(number, (np.hypot(tau_xx, tau_xy) - cohesion) / np.where(p > 0, p, np.nan))
+
+
+def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | None:
+    """The 5th and the 95th percentile of I at the vectors that shear; None without shear.
+
+    The velocity and the pressure are those of the network, at every k-th vector.
+    """
+    own = data.points[data.point_weights[:, 0] > 0]  # not of another variant
+    points = own[:: max(1, len(own) // POINTS)].to(model.params)
+    found = evaluate(points, model.spec, model.params, model.law, model.theta, model.physics)
+    number = found["I"][found["D2"] >= D2_STAGNANT].cpu().double().numpy()
+    return percentiles(number, np.ones(number.shape))
 
 
 def with_law_curve(result: Result, shear: Shear | Fields) -> Result:

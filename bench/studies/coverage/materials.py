@@ -1,7 +1,8 @@
 """The flows of the coverage study: materials drawn at random, and controls that break mu(I).
 
-A varied study draws I0, the grain diameter, the column and its sampling as well. Controls are a
-fluid of constant viscosity, cohesive grains, and collapses played backwards.
+A varied study draws I0, the grain diameter, the column and its sampling as well, a noisy one the
+noise of every flow. Controls are a fluid of constant viscosity, cohesive grains, and collapses
+played backwards.
 """
 
 from __future__ import annotations
@@ -22,30 +23,42 @@ LAW = "mu(I)"
 # Of a varied study; diameters are in widths of the usual column, aspects and diameters log-uniform.
 I0, DIAMETER, ASPECT = (0.2, 0.4), (0.0125, 0.05), (3.0, 12.0)
 STRIDES, FRAMES = (2, 3, 4), (60, 200)
+NOISE = (0.005, 0.3)  # of a noisy study, relative to the largest speed; log-uniform
 RUNOUT = 1.64  # widths of the column that grains run per unit of its aspect, at most
 SHALLOW = 3.0  # aspect above which the runout grows as its power of 2/3
 
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """One flow to be made: its law ("mu(I)" or the kind of control) and the collapse."""
+    """One flow to be made: its law ("mu(I)" or the kind of control) and the collapse.
+
+    Attributes:
+        noise: that is added to its velocity; None: that of the settings.
+    """
 
     name: str
     law: str
     collapse: Collapse
+    noise: float | None = None
 
 
 def draw(
-    truths: int, controls: int, seed: int, varied: bool = False, **settings: Any
+    truths: int,
+    controls: int,
+    seed: int,
+    varied: bool = False,
+    noisy: bool = False,
+    **settings: Any,
 ) -> list[Task]:
     """The collapses of a study, a function of the arguments; the first truths of two studies of
     one seed are the same.
 
     Args:
         varied: whether I0, grains, column and sampling of the truths are drawn, too.
+        noisy: whether the noise of the truths is.
     """
     generator = np.random.default_rng(seed)
-    of_flow = np.random.default_rng((seed, 2))
+    of_flow, of_noise = (np.random.default_rng((seed, k)) for k in (2, 3))
 
     def material() -> dict[str, Any]:
         mu_s, slope = (float(generator.uniform(*limits)) for limits in (MU_S, SLOPE))
@@ -55,7 +68,9 @@ def draw(
     tasks = []
     for i in range(truths):
         own = settings | (variation(of_flow) if varied else {})
-        tasks.append(Task(f"{kind}-{seed}-{i:04d}", LAW, Collapse(**material(), **own)))
+        collapse = Collapse(**material(), **own)
+        noise = between(of_noise, *NOISE) if noisy else None
+        tasks.append(Task(f"{kind}-{seed}-{i:04d}", LAW, collapse, noise))
     generator = np.random.default_rng((seed, 1))
     for i in range(controls):
         eta = float(np.exp(generator.uniform(*np.log(VISCOSITY))))
@@ -73,21 +88,22 @@ def draw(
 
 def variation(generator: np.random.Generator) -> dict[str, Any]:
     """I0, grains, column and sampling of one collapse of a varied study."""
-
-    def between(low: float, high: float) -> float:
-        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
-
-    aspect = between(*ASPECT)
+    aspect = between(generator, *ASPECT)
     run = RUNOUT * min(aspect, SHALLOW ** (1 / 3) * aspect ** (2 / 3))
     height = Collapse().height
     return {
         "I0": float(generator.uniform(*I0)),
-        "d": between(*DIAMETER),
+        "d": between(generator, *DIAMETER),
         "aspect": aspect,
         "box_width": height * (1 + run) / aspect,
         "stride": int(generator.choice(STRIDES)),
         "frames": int(generator.integers(FRAMES[0], FRAMES[1], endpoint=True)),
     }
+
+
+def between(generator: np.random.Generator, low: float, high: float) -> float:
+    """A value that is uniform in its logarithm."""
+    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
 
 
 def make(task: Task, folder: Path) -> Path:

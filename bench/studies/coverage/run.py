@@ -34,7 +34,9 @@ from bench.studies.coverage.materials import Task, draw, make, read
 from granpinn.config import Config, ConfigError
 from granpinn.identification import conclusion
 from granpinn.identification.case import Case, members, pose
+from granpinn.identification.conclusion import model_of
 from granpinn.identification.final_loss import final_loss
+from granpinn.identification.law_curve import inertial_range
 from granpinn.identification.single import start
 from granpinn.results.decoding import encode
 from granpinn.training.loop import TrainingLoop
@@ -46,8 +48,9 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
     """What judge.py needs of one identification: the members of `run` from `first` on."""
     c = task.collapse
     found, shown = conclusion.members_of(cases, run, first)
-    residuals = conclusion.residuals_of(cases[shown], final_loss(run.trainer, first + shown))
-    failure = run.trainer.diverged.get(first + shown)
+    case, e = cases[shown], first + shown
+    residuals = conclusion.residuals_of(case, final_loss(run.trainer, e))
+    failure = run.trainer.diverged.get(e)
     return {
         "name": task.name,
         "law": task.law,
@@ -55,8 +58,11 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
         "flow": {"I0": c.I0, "d": c.d, "aspect": c.aspect, "stride": c.stride, "frames": c.frames},
         "members": encode(found),
         "residuals": residuals,
+        "I_range": inertial_range(case.member.data, model_of(case, run.trainer, e)),
+        "measured_noise": conclusion.measured_noise(case),
+        "independent": case.facts.independent,
         "steps": run.trainer.step,
-        "n_points": len(cases[shown].member.data.points),
+        "n_points": len(case.member.data.points),
         "failure": failure or (None if residuals else "residuals that are not finite"),
     }
 
@@ -70,7 +76,9 @@ def identified(
     """
 
     def posed(i: int) -> list[Case]:
-        own = dataclasses.replace(config, seed=config.seed + i, I0=tasks[i].collapse.I0)
+        task = tasks[i]
+        noise = config.noise if task.noise is None else task.noise
+        own = dataclasses.replace(config, seed=config.seed + i, I0=task.collapse.I0, noise=noise)
         return list(members(pose(read(tasks[i], paths[i]), own)))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -106,6 +114,7 @@ def main() -> int:
     parser.add_argument("--stride", type=int, default=2, help="cells between the vectors")
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--varied", action="store_true", help="I0, grains, column, sampling too")
+    parser.add_argument("--noisy", action="store_true", help="the noise of every flow too")
     parser.add_argument("--draw", type=int, default=0, help="seed of the materials")
     parser.add_argument("--at-once", type=int, default=10**6, help="flows in one batch")
     parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
@@ -116,7 +125,7 @@ def main() -> int:
     except ConfigError as error:
         parser.error(str(error))
     grid = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}
-    tasks = draw(own.truths, own.controls, own.draw, own.varied, **grid)
+    tasks = draw(own.truths, own.controls, own.draw, own.varied, own.noisy, **grid)
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,6 +133,7 @@ def main() -> int:
     head = {
         "draw": own.draw,
         "varied": own.varied,
+        "noisy": own.noisy,
         "simulation": grid,
         "members": own.members,
         "settings": words,
