@@ -11,7 +11,8 @@ from granpinn import results
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
-from granpinn.physics.laws import LAWS
+from granpinn.identification.law_curve import inertial_range
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
@@ -20,6 +21,7 @@ from granpinn.results.records import ErrorBars, Members, Verdict
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import of_training
+from granpinn.uncertainty.held import Held, Pair, ends_of
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
@@ -60,6 +62,15 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
 
 
+def held_by(case: Case, residuals: Residuals, I_range: Pair | None) -> Held | None:
+    """What the data of a case hold, for the error bars of mu(I); None without a range of I."""
+    I0 = case.member.fixed.get("I0")
+    if I_range is None or I0 is None:
+        return None
+    noise = residuals.noise or measured_noise(case) or 0.0
+    return Held(ends_of(I_range, I0), noise, case.facts.independent)
+
+
 def measured_noise(case: Case) -> float | None:
     """Noise that the vectors show, relative to their rms; None if they are too few."""
     sigma = case.facts.noise.sigma
@@ -89,7 +100,8 @@ def result(
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals, steps = residuals_of(case, loss), run.trainer.step
-    law = _law(case, members, residuals, steps, failure is not None, assumed)
+    I_range = inertial_range(data, model) if model.law is DEFAULT else None
+    law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
         **law._asdict(),
         level=config.level,
@@ -109,7 +121,7 @@ def result(
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
-        law=IdentifiedLaw(model.law.name),
+        law=IdentifiedLaw(model.law.name, I_range),
         settings=dataclasses.asdict(config),
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
@@ -137,6 +149,7 @@ def _law(
     steps: int,
     diverged: bool,
     assumed: tuple[Assumed, ...],
+    I_range: Pair | None,
 ) -> _Law:
     """The law of an ensemble with its error bars and the verdict on it."""
     symmetries, fixed = case.member.problem.symmetries, case.member.fixed
@@ -149,6 +162,7 @@ def _law(
         symmetries,
         assumed,
         lambda: measured_noise(case),
+        None if residuals is None else held_by(case, residuals, I_range),
     )
     parameters = Parameters(
         (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
@@ -161,7 +175,8 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
     """The result of `result` with other effects of its assumptions on the law."""
     assert result.members is not None
     steps, diverged = result.timing.steps, result.failure is not None
-    law = _law(case, result.members, result.residuals, steps, diverged, assumed)
+    known = result.members, result.residuals, steps, diverged
+    law = _law(case, *known, assumed, result.law.I_range)
     return dataclasses.replace(result, **law._asdict())
 
 

@@ -22,6 +22,7 @@ from granpinn.physics import terms
 from granpinn.results.decoding import decode
 from granpinn.results.named import require_names
 from granpinn.results.parts import SPLITS
+from granpinn.uncertainty.held import NoiseError, ReachError
 
 PATH = Path(__file__).with_suffix(".json")
 # The table of a level. A level without a file has no data, hence no error bars.
@@ -178,6 +179,8 @@ class Calibration:
         free_curve: error of the law `free`; None: not calibrated.
         halves: error of the law on halves of the data; None: not calibrated.
         shorter: studies of shorter trainings, from few steps to many.
+        reach: errors in flows that reach other I; None: not calibrated.
+        noise: errors that noise adds; None: not calibrated.
     """
 
     law: str
@@ -200,6 +203,8 @@ class Calibration:
     free_curve: FreeCurveError | None = None
     halves: HalvesError | None = None
     shorter: tuple[ShortTraining, ...] = ()
+    reach: ReachError | None = None
+    noise: NoiseError | None = None
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")

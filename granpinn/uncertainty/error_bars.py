@@ -2,7 +2,7 @@ r"""Error bars of (mu_s, mu_2); for mu(I) alone, as they are calibrated by simul
 
 For the center c of an ensemble, with z = (error of mu_s, error of mu_2) / mu_s, the covariance is
 
-$$ C = V + s^2 D_n + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
+$$ C = V + s^2 D_n + N + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 
 V is the scatter of the center over seeds and measurement noise, estimated from the members and, as
 they are few, from the calibration table. D_n is the further error of simulated collapses with known
@@ -10,8 +10,10 @@ parameters after n steps: the mean of e e^T, which includes a common offset. s e
 velocity error m is larger than in the study (m_0), or n is smaller than in the study of the
 shortest trainings (n_0). m is the misfit beyond the known noise, capped by the misfit that the
 equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
-state. A is the effect of assumptions, such as the offset of the surface line (of_assumptions.py);
-their priors are given and do not change the degrees of freedom.
+state. D_n is carried over to the inertial numbers that the data hold. N is the effect of their
+noise where no member has a second draw of it (held.py). A is the effect of assumptions, such as the
+offset of the surface line (of_assumptions.py); their priors are given and do not change the degrees
+of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -24,7 +26,7 @@ variables). V is the V without noise plus this mean square, with as many degrees
 members are redrawn.
 The table does not enter the mean square: its studies have no noise.
 
-Intervals are from Student's distribution with the degrees of freedom of V + s^2 D_n (Welch,
+Intervals are from Student's distribution with the degrees of freedom of V + s^2 D_n + N (Welch,
 Satterthwaite), times the widening of the table. They are symmetric in log mu, so friction stays
 positive.
 """
@@ -45,8 +47,9 @@ from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
 from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.center import center, deviations
+from granpinn.uncertainty.held import Held, by_noise, carried
 from granpinn.uncertainty.of_assumptions import covariance
-from granpinn.uncertainty.of_law import excess, velocity_error
+from granpinn.uncertainty.of_law import beyond_noise, excess, velocity_error
 
 Pair = tuple[float, float]
 Part = tuple[Float64, float]  # a covariance of z [2, 2] and its degrees of freedom
@@ -75,12 +78,38 @@ def estimate(
     steps: int,
     calibration: Calibration,
     assumed: Sequence[Assumed] = (),
+    held: Held | None = None,
 ) -> Estimate:
-    """Center, covariance and intervals of an ensemble of K >= 1 trainings of so many steps."""
+    """Center, covariance and intervals of an ensemble of K >= 1 trainings of so many steps.
+
+    Args:
+        held: what the data hold; None: as the flows of the calibration.
+    """
+    mu = middle(members)
+    parts = scatter(members, calibration), *further(members, residuals, steps, calibration, held)
+    return combined(mu, parts, calibration, assumed)
+
+
+def further(
+    members: Members,
+    residuals: Residuals,
+    steps: int,
+    calibration: Calibration,
+    held: Held | None = None,
+) -> list[Part]:
+    """The errors of a center beyond its scatter.
+
+    The scatter of members with a second draw of the noise contains the effect of noise.
+    """
     mu = middle(members)
     D = discrepancy(mu[0], residuals, steps, calibration)
-    parts = scatter(members, calibration), (D, calibration.discrepancy_weight)
-    return combined(mu, parts, calibration, assumed)
+    if held is not None and calibration.reach is not None:
+        D = carried(D, mu, held.x, calibration.reach)
+    parts = [(D, calibration.discrepancy_weight)]
+    noise = calibration.noise
+    if held is not None and held.noise > 0 and noise is not None and not any(members.redrawn):
+        parts.append((by_noise(mu, held, noise), noise.flows))
+    return parts
 
 
 def middle(members: Members) -> Pair:
@@ -144,13 +173,15 @@ def resolution(residuals: Residuals, calibration: Calibration) -> float:
     """Relative error of the fitted velocity, capped by the largest that the residuals imply.
 
     Noise that the file does not state enlarges the misfit. The residuals stay small if the fit
-    does not follow this noise.
+    does not follow this noise. Where the effect of noise has an entry of its own in the table, it
+    is not part of this error.
     """
     shown = max(
         usual.misfit(residuals[name] / LEAST_RESIDUAL)
         for name, usual in calibration.residuals.items()
     )
-    return min(velocity_error(residuals, calibration), shown)
+    known = beyond_noise(residuals) if calibration.noise else velocity_error(residuals, calibration)
+    return min(known, shown)
 
 
 def discrepancy(mu_s: float, residuals: Residuals, steps: int, calibration: Calibration) -> Float64:

@@ -28,9 +28,8 @@ from granpinn.results.records import Verdict
 from granpinn.uncertainty import calibration, error_bars, of_assumptions
 from granpinn.uncertainty.calibration import KINDS, Calibration, ModelError
 from granpinn.uncertainty.determined import Range
+from granpinn.uncertainty.held import Held, ends_of, line
 from granpinn.uncertainty.of_training import uncalibrated
-
-LEAST_RANGE = 1e-6  # of x, where a flow has one I alone
 
 
 def kind_of(symmetries: Sequence[str], carried: bool, of_solver: bool) -> str | None:
@@ -71,11 +70,13 @@ def with_model_error(
         return result
     entry = table.model_error[kind]
     mu = error_bars.middle(result.members)
-    model = covariance(entry, mu, result.parameters["I0"].value, shear) / mu[0] ** 2
+    I0 = result.parameters["I0"].value
+    model = covariance(entry, mu, I0, shear) / mu[0] ** 2
     parts = [error_bars.scatter(result.members, table)]
     if kind == "collapse":  # the errors of simulated collapses as well
-        D = error_bars.discrepancy(mu[0], result.residuals, result.timing.steps, table)
-        parts.append((D, table.discrepancy_weight))
+        held = Held(ends_of((shear.low, shear.high), I0))
+        steps = result.timing.steps
+        parts += error_bars.further(result.members, result.residuals, steps, table, held)
     parts.append((model, entry.flows))
     wide = dataclasses.replace(table, provenance=entry.provenance, widening=(1.0, 1.0))
     found = error_bars.combined(mu, parts, wide, result.assumptions)
@@ -95,9 +96,7 @@ def with_model_error(
 
 def covariance(entry: ModelError, mu: tuple[float, float], I0: float, shear: Range) -> Float64:
     """Covariance of (mu_s, mu_2) that the errors at the ends of a range of I imply [2, 2]."""
-    x = np.array([shear.low, shear.high]) / (np.array([shear.low, shear.high]) + I0)
-    x[1] = max(x[1], x[0] + LEAST_RANGE)
-    J = np.stack([1 - x, x], axis=1)  # mu at the ends by (mu_s, mu_2)
+    J = line(ends_of((shear.low, shear.high), I0))
     errors = (J @ np.array(mu))[:, None] * np.array([[1.0, -1.0], [1.0, 1.0]])
     back = np.linalg.solve(J, errors * np.array([entry.level, entry.tilt]))
     return np.asarray(back @ back.T)

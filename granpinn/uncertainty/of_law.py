@@ -12,9 +12,17 @@ NOISE_ERROR = 1.02  # mean square of noise in the data over the known one, at mo
 
 
 def velocity_error(residuals: Residuals, calibration: Calibration) -> float:
-    """Relative error of the fitted velocity: misfit beyond the noise, and the effect of noise."""
-    beyond = max(0.0, residuals.velocity**2 - NOISE_ERROR * residuals.noise**2)
-    return math.hypot(math.sqrt(beyond), calibration.noise_part * residuals.noise)
+    """Relative error of the fitted velocity: misfit beyond the noise, and the effect of noise.
+
+    Where noise hides the misfit, the error is at least that of the table's flows, without noise.
+    """
+    found = math.hypot(beyond_noise(residuals), calibration.noise_part * residuals.noise)
+    return max(found, calibration.misfit) if residuals.noise > 0 else found
+
+
+def beyond_noise(residuals: Residuals) -> float:
+    """Relative misfit of the velocity beyond its known noise."""
+    return math.sqrt(max(0.0, residuals.velocity**2 - NOISE_ERROR * residuals.noise**2))
 
 
 def explained_error(residuals: Residuals, calibration: Calibration) -> float:

@@ -12,6 +12,7 @@ from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members, Verdict
 from granpinn.uncertainty import calibration, error_bars, of_assumptions, of_law
 from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.held import Held
 
 TOO_LITTLE = (
     "mu_s and mu_2 are not known yet: so few steps, or so large a misfit of the velocity, leave "
@@ -39,6 +40,7 @@ def judge(
     symmetries: Sequence[str] = (),
     assumed: Sequence[Assumed] = (),
     noise: Callable[[], float | None] = lambda: None,
+    held: Held | None = None,
 ) -> Judgement:
     """Error bars and verdict; without error bars, the verdict gives the reason.
 
@@ -46,6 +48,7 @@ def judge(
         symmetries: of the flow, in words (granpinn/data/symmetry.py).
         assumed: assumptions whose effect enters the error bars.
         noise: measures that of the vectors, in the unit of `residuals.noise`; None: not known.
+        held: what the data hold; None: as the flows of the calibration.
     """
     law, changed = LAWS[config.law], uncalibrated(config)
     table = calibration.of_level(config.level) or calibration.load()
@@ -70,7 +73,7 @@ def judge(
         )
     if missing := of_assumptions.unknown(assumed):
         return without(f"no error bars: the effect of the {' and '.join(missing)} is not known")
-    found = error_bars.estimate(members, residuals, steps, table, assumed)
+    found = error_bars.estimate(members, residuals, steps, table, assumed, held)
     if any(std > value for std, value in zip(found.std, middle, strict=True)):
         return without(TOO_LITTLE)
     free = {

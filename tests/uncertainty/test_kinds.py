@@ -23,6 +23,7 @@ from granpinn.uncertainty import calibration, of_training
 from granpinn.uncertainty.calibration import ModelError
 from granpinn.uncertainty.center import center
 from granpinn.uncertainty.determined import Range
+from granpinn.uncertainty.held import Held, ends_of
 from granpinn.uncertainty.of_kind import covariance, kind_of, with_model_error
 from granpinn.uncertainty.of_training import judge
 from tests.examples import make_result
@@ -155,7 +156,8 @@ def test_other_settings_have_no_error_bars_either() -> None:
 def test_grains_that_collapse_keep_the_errors_of_simulated_collapses() -> None:
     example = one_network()
     assert example.members is not None
-    judged = judge(example.members, example.residuals, 40_000, Config(), False)
+    held = Held(ends_of((SHEAR.low, SHEAR.high), I0))
+    judged = judge(example.members, example.residuals, 40_000, Config(), False, held=held)
     assert judged.covariance is not None
     result = dataclasses.replace(example, covariance=judged.covariance, error_bars=judged.bars)
     mu = center(example.members)

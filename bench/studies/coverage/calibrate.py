@@ -68,9 +68,9 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
     )
     table = _with_ranges(table, cases)
     table = _with_discrepancy(table, cases)
-    reaches = np.array([_reach(case, table) for case in cases])
-    missed = np.array([_missed(case) for case in cases])
-    return dataclasses.replace(table, widening=_pair(_upper_quantile(missed / reaches)))
+    reaches = np.array([reach(case, table) for case in cases])
+    errors_of = np.array([missed(case) for case in cases])
+    return dataclasses.replace(table, widening=_pair(upper_quantile(errors_of / reaches)))
 
 
 def shorter(cases: Sequence[Case], table: Calibration, provenance: str) -> ShortTraining:
@@ -82,8 +82,8 @@ def shorter(cases: Sequence[Case], table: Calibration, provenance: str) -> Short
     """
     (steps,) = {case.steps for case in cases}
     alone = _with_discrepancy(dataclasses.replace(table, steps=steps, shorter=()), cases)
-    reaches = np.array([_reach(case, alone) for case in cases])
-    factor = _upper_quantile(np.array([_missed(case) for case in cases]) / reaches)
+    reaches = np.array([reach(case, alone) for case in cases])
+    factor = upper_quantile(np.array([missed(case) for case in cases]) / reaches)
     matrices = []
     for D, usual in zip(alone.discrepancy, table.discrepancy, strict=True):
         least = np.sqrt(np.diag(usual) / np.maximum(np.diag(D), 1e-300))
@@ -149,19 +149,20 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
     )
 
 
-def _reach(case: Case, table: Calibration) -> Array:
+def reach(case: Case, table: Calibration) -> Array:
     """Half of the 90 % intervals, in log mu."""
-    found = error_bars.estimate(case.members, case.residuals, case.steps, table)
+    found = error_bars.estimate(case.members, case.residuals, case.steps, table, held=case.held)
     return np.array(
         [math.log(high / mu) for mu, (_, high) in zip(found.mu, found.intervals, strict=True)]
     )
 
 
-def _missed(case: Case) -> Array:
+def missed(case: Case) -> Array:
+    """The error, in log mu."""
     return np.abs(np.log(np.array(center_of(case.members)) / case.mu))
 
 
-def _upper_quantile(values: Array) -> Array:
+def upper_quantile(values: Array) -> Array:
     """Of each column, the value that the next one stays below with 90 % probability."""
     place = min(len(values), math.ceil((len(values) + 1) * CONFIDENCE)) - 1
     return np.asarray(np.sort(values, axis=0)[place])

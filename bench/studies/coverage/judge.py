@@ -15,18 +15,24 @@ from granpinn.results.records import Members
 from granpinn.uncertainty import error_bars, of_law
 from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.center import center
+from granpinn.uncertainty.held import Held, ends_of
 
 Array = npt.NDArray[np.float64]
 
 
 class Case(NamedTuple):
-    """One identification of a study; mu: true (mu_s, mu_2)."""
+    """One identification of a study; mu: true (mu_s, mu_2).
+
+    Attributes:
+        held: what its data hold; None in studies that did not record it.
+    """
 
     law: str
     mu: Array
     members: Members
     residuals: Residuals
     steps: int
+    held: Held | None = None
 
 
 def cases_of(rows: Sequence[dict[str, Any]]) -> list[Case]:
@@ -38,10 +44,18 @@ def cases_of(rows: Sequence[dict[str, Any]]) -> list[Case]:
             decode(Members, row["members"]),
             decode(Residuals, row["residuals"]),
             row["steps"],
+            _held(row),
         )
         for row in rows
         if row["failure"] is None
     ]
+
+
+def _held(row: dict[str, Any]) -> Held | None:
+    if row.get("I_range") is None:
+        return None
+    noise = row["residuals"]["noise"] or row["measured_noise"] or 0.0
+    return Held(ends_of(row["I_range"], row["flow"]["I0"]), noise, row["independent"])
 
 
 MISS = 2 / 0.1  # of the interval score: cost of a miss of a 90 % interval
@@ -61,7 +75,7 @@ class Score(NamedTuple):
 
 
 def score(case: Case, table: Calibration) -> Score:
-    found = error_bars.estimate(case.members, case.residuals, case.steps, table)
+    found = error_bars.estimate(case.members, case.residuals, case.steps, table, held=case.held)
     error = np.array(found.mu) - case.mu
     low, high = np.array(found.intervals).T
     missed = np.maximum(np.maximum(low - case.mu, case.mu - high), 0.0)
