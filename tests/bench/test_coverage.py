@@ -307,17 +307,17 @@ def test_errors_on_other_data_are_recovered() -> None:
         return made
 
     at_usual = [flows(1, 0.0)[0]._replace(held=held.Held(usual))]
-    noisy = [case for noise in (0.05, 0.2, 0.6) for case in flows(300, noise)]
-    table = other_data.fit(at_usual, flows(600, 0.0), noisy, base, "made up")
+    noisy = [case for noise in (0.05, 0.2, 0.6) for case in flows(80, noise)]
+    table = other_data.fit(at_usual, flows(150, 0.0), noisy, base, "made up")
     assert table.reach is not None
     assert table.noise is not None
-    np.testing.assert_allclose(table.reach.power[1], 1.5, atol=0.25)
-    np.testing.assert_allclose(table.reach.size, 1, atol=0.15)
-    np.testing.assert_allclose(table.noise.power, (1.0, 0.8), atol=0.15)
-    np.testing.assert_allclose(table.noise.size, (0.02, 0.04), rtol=0.25)
+    np.testing.assert_allclose(table.reach.power[1], 1.5, atol=0.4)
+    np.testing.assert_allclose(table.reach.size, 1, atol=0.25)
+    np.testing.assert_allclose(table.noise.power, (1.0, 0.8), atol=0.5)
+    np.testing.assert_allclose(table.noise.size, (0.02, 0.04), rtol=0.6)
     assert -0.75 < table.noise.correlation < -0.3
-    scores = [judge.score(case, table) for case in flows(400, 0.1)]
-    assert 0.85 < np.mean([s.covered for s in scores]) < 0.96
+    scores = [judge.score(case, table) for case in flows(200, 0.1)]
+    assert 0.84 < np.mean([s.covered for s in scores]) < 0.97
 
 
 def test_a_varied_study_draws_the_flows_too() -> None:
