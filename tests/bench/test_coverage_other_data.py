@@ -1,0 +1,83 @@
+"""The coverage study on flows of every shape, and what the table says of other data."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from bench.studies.coverage import judge, materials, other_data
+from bench.studies.coverage.judge import Case
+from granpinn.results import Residuals
+from granpinn.results.records import Members
+from granpinn.uncertainty import calibration, held
+
+
+def test_errors_on_other_data_are_recovered() -> None:
+    """Flows with errors of known size at the ends of their range of I, without and with noise."""
+    generator = np.random.default_rng(5)
+    usual = (0.015, 0.28)
+    base = dataclasses.replace(
+        calibration.load(),
+        widening=(1.0, 1.0),
+        mu_s=(0.4,),
+        discrepancy=(((4e-5, 0.0), (0.0, 9e-4)),),
+        scatter=((1e-12, 0.0), (0.0, 1e-12)),
+        discrepancy_weight=1e6,
+        shorter=(),
+        misfit=1.0,
+    )
+
+    def flows(count: int, noise: float) -> list[Case]:
+        made = []
+        for _ in range(count):
+            mu = (0.4, 0.64)
+            x = (0.01, float(generator.uniform(0.2 if noise else 0.1, 0.28)))
+            reach = held.ReachError(usual, (1.0, 1.0), (0.0, 1.5), 1, "here")
+            of_noise = held.NoiseError((0.02, 0.04), (1.0, 0.8), -0.6, 60_000.0, 1, "here")
+            at = held.Held(x, noise, 60_000.0)
+            C = held.carried(np.array(base.discrepancy[0]), mu, x, reach)
+            if noise:
+                C = C + held.by_noise(mu, at, of_noise)
+            z = generator.multivariate_normal([0, 0], C)
+            residuals = Residuals(
+                velocity=noise or 1e-3,
+                noise=noise,
+                surface=1e-4,
+                momentum=1e-3,
+                continuity=0.01,
+                constitutive=1e-3,
+            )
+            members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
+            true = np.array(mu) - 0.4 * z
+            made.append(Case(materials.LAW, true, members, residuals, 10**6, at))
+        return made
+
+    at_usual = [flows(1, 0.0)[0]._replace(held=held.Held(usual))]
+    noisy = [case for noise in (0.05, 0.2, 0.6) for case in flows(80, noise)]
+    table = other_data.fit(at_usual, flows(150, 0.0), noisy, base, "made up")
+    assert table.reach is not None
+    assert table.noise is not None
+    np.testing.assert_allclose(table.reach.power[1], 1.5, atol=0.4)
+    np.testing.assert_allclose(table.reach.size, 1, atol=0.25)
+    np.testing.assert_allclose(table.noise.power, (1.0, 0.8), atol=0.5)
+    np.testing.assert_allclose(table.noise.size, (0.02, 0.04), rtol=0.6)
+    assert -0.75 < table.noise.correlation < -0.3
+    scores = [judge.score(case, table) for case in flows(200, 0.1)]
+    assert 0.84 < np.mean([s.covered for s in scores]) < 0.97
+
+
+def test_a_varied_study_draws_the_flows_too() -> None:
+    first, second = (
+        materials.draw(8, 0, 3, varied=True, noisy=True, cells=256, threads=1) for _ in range(2)
+    )
+    usual = materials.draw(8, 0, 3, cells=256, threads=1)
+    assert first == second
+    assert [t.collapse.mu_s for t in first] == [t.collapse.mu_s for t in usual]
+    for task in first:
+        c = task.collapse
+        assert materials.I0[0] <= c.I0 <= materials.I0[1]
+        assert materials.ASPECT[0] <= c.aspect <= materials.ASPECT[1]
+        assert task.noise is not None
+        assert materials.NOISE[0] <= task.noise <= materials.NOISE[1]
+    assert len({(t.collapse.stride, t.collapse.frames, t.noise) for t in first}) == 8
