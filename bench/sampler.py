@@ -37,7 +37,7 @@ PHASES = {  # of the main thread, by its innermost function of this table
     "identification/finish.py conclude": "conclusion",
     "identification/prediction.py predict": "prediction",
     "identification/finish.py with_assumptions": "assumptions",
-    "identification/finish.py with_comparisons": "judgement",
+    "identification/finish.py with_law": "judgement",
     "identification/balance.py beside": "momentum balance",
     "identification/judgement.py with_parts": "law on parts",
     "identification/comparison.py compared": "comparison of laws",

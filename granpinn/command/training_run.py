@@ -26,12 +26,15 @@ from granpinn.report.painters import Painters, painters
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     BOOTSTRAP,
+    FIELDS,
+    PARTS,
     PROFILE,
     REPORT,
     RESIMULATION,
     SIMULATOR_FIT,
     asked_for,
     attempt,
+    awaited,
     having,
     lacking,
     pending,
@@ -109,7 +112,8 @@ def _identify(config: Config, rank: int, answer: Answer, drawn: Drawn) -> result
 
     def known(result: results.Result) -> None:
         answer.show(result)
-        drawn.draw()
+        if not awaited(result, FIELDS, PARTS):
+            drawn.draw()
 
     result: results.Result = identify(flow, config, run_dir=folder, progress=listener, known=known)
     after = {

@@ -19,9 +19,11 @@ from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     Concluded,
     conclude,
+    fields_written,
     simulated,
     with_assumptions,
-    with_comparisons,
+    with_law,
+    with_parts,
     with_simulated_pressure,
 )
 from granpinn.identification.single import histories, kept, prepare, start
@@ -120,7 +122,7 @@ def identify_many(
             own, after = ensembles[e], behind[e]
             made = conclude(own, run, e * K, parts[e], keep_fields, simulate=True, others=after)
             # The fields of all members at once would not fit into memory.
-            return made._replace(maps=None)
+            return fields_written(made)._replace(maps=None)
 
         written = _side_by_side(concluded, range(len(cases)), config.device)
         written = with_assumptions(written, run)
@@ -128,7 +130,7 @@ def identify_many(
         with threads(max(1, _cores() // group.size)) as pool:
 
             def finished(member: Concluded) -> Result:
-                member = with_comparisons(member, run)
+                member = with_parts(with_law(member, run), run)
                 made = with_simulated_pressure(member, simulated(member, run, pool))
                 return kept(made._replace(maps=None), run)
 

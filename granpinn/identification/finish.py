@@ -1,12 +1,15 @@
-"""From trained networks to the files of a run folder, in four steps.
+"""From trained networks to the files of a run folder, in a few steps.
 
-`conclude` writes the values and the fields. Whatever follows can fail without harm to them, and is
-pending in the file until it is made:
+`conclude` writes the values and makes the fields. Whatever follows can fail without harm to the
+values, and is pending in the file until it is made:
 
 1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
    intervals. A law without uncertain assumptions has its intervals at once.
-2. `with_comparisons`: what needs the final intervals (judgement.py).
-3. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
+2. `with_law`: what decides which values and intervals are shown (judgement.py).
+3. `fields_written`: fields.h5, here so that the answer need not wait for it. A batch, which does
+   not keep the fields of all its members, writes it first.
+4. `with_parts`: the law on parts of the data, which needs the final intervals.
+5. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
 """
 
 from __future__ import annotations
@@ -52,6 +55,7 @@ from granpinn.results.attempt import (
     SCORES,
     SIMULATED_PRESSURE,
     attempt,
+    awaited,
     having,
     lacking,
     pending,
@@ -99,7 +103,7 @@ def conclude(
     """The result of an ensemble, the members of the run from `first` on, written to its folder.
 
     The values are written before the fields are made. Error bars wait for the effect of uncertain
-    assumptions, and comparisons wait for the error bars.
+    assumptions, comparisons wait for the error bars, and fields.h5 waits for `fields_written`.
 
     Args:
         simulate: whether a simulated pressure will follow if the settings ask for it.
@@ -138,10 +142,10 @@ def conclude(
         shear = attempt(DETERMINED, lambda: shear_of(predicted, cohesion))
         if simulate and case.config.simulated_pressure.frames:
             result = pending(result, SIMULATED_PRESSURE)
+        if folder is not None and keep_fields:
+            result = pending(result, FIELDS)
     if folder is not None:
         _write_values(result, folder)
-        if keep_fields and maps is not None:
-            write_fields(maps, folder / "fields.h5")
     of_laws = comparison.places(case, e, first + len(cases) if others is None else others)
     return Concluded(result, case, model, e, uncertain, maps, shear, of_laws, folder, keep_fields)
 
@@ -149,11 +153,12 @@ def conclude(
 def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[Concluded]:
     """The results with the effects of their assumptions, written to their folders.
 
-    The trainings for all of them are one batch.
+    The trainings for all of them are one batch. What is known is on the disk before they begin.
     """
     asked = {c.place: c.uncertain for c in concluded if c.uncertain}
     if not asked:
         return list(concluded)
+    concluded = [fields_written(c) for c in concluded]
     found = attempt(ASSUMPTIONS, lambda: assumptions.trained(asked, run))
 
     def made(c: Concluded) -> Concluded:
@@ -169,14 +174,31 @@ def with_assumptions(concluded: Sequence[Concluded], run: TrainingLoop) -> list[
     return [made(c) for c in concluded]
 
 
-def with_comparisons(concluded: Concluded, run: TrainingLoop) -> Concluded:
-    """The result with what its law is worth (judgement.py), written to its folder."""
-    c, case, place = concluded, concluded.case, concluded.place
-    result = judgement.with_law(c.result, case, run, place, c.shear, c.of_laws)
-    concluded = _kept(concluded, result)
-    if not judgement.has_parts(case, run, place):
-        return concluded
-    return _kept(concluded, judgement.with_parts(result, case, run, place))
+def with_law(concluded: Concluded, run: TrainingLoop) -> Concluded:
+    """The result with its final values and intervals (judgement.py), written to its folder."""
+    c = concluded
+    return _kept(c, judgement.with_law(c.result, c.case, run, c.place, c.shear, c.of_laws))
+
+
+def fields_written(concluded: Concluded) -> Concluded:
+    """`concluded`, with fields.h5 in its folder unless it is there or not asked for.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    c = concluded
+    if c.folder is None or c.maps is None or not awaited(c.result, FIELDS):
+        return c
+    write_fields(c.maps, c.folder / "fields.h5")
+    return _kept(c, having(c.result, FIELDS))
+
+
+def with_parts(concluded: Concluded, run: TrainingLoop) -> Concluded:
+    """The result with its law on parts of the data, written to its folder."""
+    c = concluded
+    if not judgement.has_parts(c.case, run, c.place):
+        return c
+    return _kept(c, judgement.with_parts(c.result, c.case, run, c.place))
 
 
 class Simulated(NamedTuple):

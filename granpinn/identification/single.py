@@ -19,10 +19,12 @@ from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     Concluded,
     conclude,
+    fields_written,
     parts_of,
     simulated,
     with_assumptions,
-    with_comparisons,
+    with_law,
+    with_parts,
     with_simulated_pressure,
 )
 from granpinn.identification.identified import Identification, InFolder, InMemory
@@ -61,7 +63,8 @@ def identify(
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
-        known: called with the result once its law is known, while the pressure is simulated.
+        known: called with the result twice: once its values and intervals are known, and once all
+            but the simulated pressure is known and written, while the pressure is simulated.
 
     Returns:
         The result, with the network, its fields, the history and figures.
@@ -72,7 +75,7 @@ def identify(
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
     """
     begin = time.monotonic()
-    config = config or Config()
+    config, known = config or Config(), known or (lambda result: None)
     if law is not None:
         register(law)
         config = dataclasses.replace(config, law=law.name)
@@ -102,10 +105,11 @@ def identify(
             simulation = None
             if run.trainer.params.is_cuda:  # the cores of the CPU are idle
                 simulation = beside.submit(simulated, concluded, run, pool)
-            concluded = with_comparisons(concluded, run)
+            concluded = with_law(concluded, run)
+            known(concluded.result)
+            concluded = with_parts(fields_written(concluded), run)
             simulation = simulation or beside.submit(simulated, concluded, run, pool)
-            if known is not None:
-                known(concluded.result)
+            known(concluded.result)
             # Written after `known`, which may read the files of the run.
             return kept(with_simulated_pressure(concluded, simulation.result()), run)
 

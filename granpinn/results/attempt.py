@@ -75,6 +75,11 @@ def pending(result: Result, *parts: str) -> Result:
     return result
 
 
+def awaited(result: Result, *parts: str) -> bool:
+    """Whether one of these parts is still to be made."""
+    return any(part.what in parts and part.why == PENDING for part in result.not_done)
+
+
 def lacking(result: Result, part: NotDone) -> Result:
     """The result without a part, with the reason."""
     result = having(result, part.what)

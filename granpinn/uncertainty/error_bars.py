@@ -10,10 +10,10 @@ parameters after n steps: the mean of e e^T, which includes a common offset. s e
 velocity error m is larger than in the study (m_0), or n is smaller than in the study of the
 shortest trainings (n_0). m is the misfit beyond the known noise, capped by the misfit that the
 equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
-state. D_n is carried over to the inertial numbers that the data hold. N is the effect of their
-noise where no member has a second draw of it (held.py). A is the effect of assumptions, such as the
-offset of the surface line (of_assumptions.py); their priors are given and do not change the degrees
-of freedom.
+state. D_n is carried over to the inertial numbers that the data hold. N is the measured effect of
+noise, most of which is a bias that all members share (held.py). A is the effect of assumptions,
+such as the offset of the surface line (of_assumptions.py); their priors are given and do not change
+the degrees of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -97,17 +97,14 @@ def further(
     calibration: Calibration,
     held: Held | None = None,
 ) -> list[Part]:
-    """The errors of a center beyond its scatter.
-
-    The scatter of members with a second draw of the noise contains the effect of noise.
-    """
+    """The errors of a center beyond its scatter: the discrepancy, and the effect of noise."""
     mu = middle(members)
     D = discrepancy(mu[0], residuals, steps, calibration)
     if held is not None and calibration.reach is not None:
         D = carried(D, mu, held.x, calibration.reach)
     parts = [(D, calibration.discrepancy_weight)]
     noise = calibration.noise
-    if held is not None and held.noise > 0 and noise is not None and not any(members.redrawn):
+    if held is not None and held.noise > 0 and noise is not None:
         parts.append((by_noise(mu, held, noise), noise.flows))
     return parts
 

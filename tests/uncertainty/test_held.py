@@ -85,9 +85,9 @@ def test_intervals_widen_with_noise_and_with_a_smaller_range() -> None:
     np.testing.assert_allclose(half(None), usual, rtol=1e-9)
     assert (half(Held(USUAL, 0.3, 60_000.0)) > 1.5 * usual).all()
     assert half(Held((0.005, 0.08)))[1] > 2 * usual[1]
-    # members with a second draw show the effect of noise themselves
+    # members with a second draw of the noise share its bias
     again = half(Held(USUAL, 0.3, 60_000.0), False, True), half(Held(USUAL), False, True)
-    np.testing.assert_allclose(*again, rtol=1e-9)
+    assert (again[0] > 1.5 * again[1]).all()
 
 
 def test_the_shipped_tables_know_other_data() -> None:
