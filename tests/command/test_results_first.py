@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,22 @@ import pytest
 
 from granpinn import identify, identify_many, results
 from granpinn.command import training_run
-from granpinn.data import Flow
+from granpinn.data import Flow, read_flow
+from granpinn.data.surface_sd import SURFACE_SD
 from granpinn.errors import Interrupted
 from granpinn.identification import finish, judgement, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
 from granpinn.results import NotDone
-from granpinn.results.attempt import ASSUMPTIONS, BASELINE, FIELDS, PARTS, PENDING, attempt
+from granpinn.results.attempt import (
+    ASSUMPTIONS,
+    BASELINE,
+    FIELDS,
+    PARTS,
+    PENDING,
+    attempt,
+    awaited,
+)
 from granpinn.second_opinion import resimulation, simulated_pressure
 from granpinn.simulation import SimulationError
 from tests.command.late_parts import FILES, missing, raising, run
@@ -59,6 +69,26 @@ def test_the_simulated_pressure_fails_alone(
     assert result.parameters.mu_s.value > 0
     assert result.error_percent.velocity is not None
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
+
+
+def test_the_answer_comes_before_the_fields_and_the_law_on_parts(
+    flow_file: Path, tmp_path: Path
+) -> None:
+    told: list[tuple[results.Result, bool]] = []
+
+    def known(result: results.Result) -> None:
+        told.append((result, (tmp_path / "fields.h5").exists()))
+
+    flow = read_flow(flow_file)
+    exact = {**flow.attributes, SURFACE_SD: 0.0}  # hence no effect of an assumption
+    flow = dataclasses.replace(flow, attributes=exact)
+    last = identify(flow, tiny(steps=3), run_dir=tmp_path, known=known)
+    (answer, written), (whole, written_then) = told
+    assert (written, written_then) == (False, True)
+    assert awaited(answer, FIELDS)
+    assert awaited(answer, PARTS)
+    assert not awaited(whole, FIELDS, PARTS)
+    assert answer.parameters == whole.parameters == last.parameters
 
 
 def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
