@@ -26,15 +26,12 @@ from granpinn.report.painters import Painters, painters
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     BOOTSTRAP,
-    FIELDS,
-    PARTS,
     PROFILE,
     REPORT,
     RESIMULATION,
     SIMULATOR_FIT,
     asked_for,
     attempt,
-    awaited,
     having,
     lacking,
     pending,
@@ -112,10 +109,11 @@ def _identify(config: Config, rank: int, answer: Answer, drawn: Drawn) -> result
 
     def known(result: results.Result) -> None:
         answer.show(result)
-        if not awaited(result, FIELDS, PARTS):
-            drawn.draw()
+        drawn.draw()
 
-    result: results.Result = identify(flow, config, run_dir=folder, progress=listener, known=known)
+    result: results.Result = identify(
+        flow, config, run_dir=folder, progress=listener, answered=answer.show, known=known
+    )
     after = {
         PROFILE: config.free_I0,
         BOOTSTRAP: config.calibrate,

@@ -216,7 +216,7 @@ def simulated(
     The threads of `pool` simulate the frames. Nothing is written.
     """
     case, model = concluded.case, concluded.model
-    if all(part.what != SIMULATED_PRESSURE for part in concluded.result.not_done):
+    if not awaited(concluded.result, SIMULATED_PRESSURE):
         return None
 
     def made() -> Simulated:

@@ -49,6 +49,7 @@ def identify(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     law: Law | None = None,
+    answered: Callable[[Result], None] | None = None,
     known: Callable[[Result], None] | None = None,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields.
@@ -63,8 +64,9 @@ def identify(
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
-        known: called with the result twice: once its values and intervals are known, and once all
-            but the simulated pressure is known and written, while the pressure is simulated.
+        answered: called with the result once its values and intervals are known.
+        known: called with the result once all but the simulated pressure is known and written,
+            while the pressure is simulated.
 
     Returns:
         The result, with the network, its fields, the history and figures.
@@ -75,7 +77,7 @@ def identify(
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
     """
     begin = time.monotonic()
-    config, known = config or Config(), known or (lambda result: None)
+    config = config or Config()
     if law is not None:
         register(law)
         config = dataclasses.replace(config, law=law.name)
@@ -106,10 +108,12 @@ def identify(
             if run.trainer.params.is_cuda:  # the cores of the CPU are idle
                 simulation = beside.submit(simulated, concluded, run, pool)
             concluded = with_law(concluded, run)
-            known(concluded.result)
+            if answered is not None:
+                answered(concluded.result)
             concluded = with_parts(fields_written(concluded), run)
             simulation = simulation or beside.submit(simulated, concluded, run, pool)
-            known(concluded.result)
+            if known is not None:
+                known(concluded.result)
             # Written after `known`, which may read the files of the run.
             return kept(with_simulated_pressure(concluded, simulation.result()), run)
 

@@ -75,9 +75,9 @@ def pending(result: Result, *parts: str) -> Result:
     return result
 
 
-def awaited(result: Result, *parts: str) -> bool:
-    """Whether one of these parts is still to be made."""
-    return any(part.what in parts and part.why == PENDING for part in result.not_done)
+def awaited(result: Result, part: str) -> bool:
+    """Whether a part is still to be made."""
+    return NotDone(part, PENDING) in result.not_done
 
 
 def lacking(result: Result, part: NotDone) -> Result:

@@ -76,18 +76,19 @@ def test_the_answer_comes_before_the_fields_and_the_law_on_parts(
 ) -> None:
     told: list[tuple[results.Result, bool]] = []
 
-    def known(result: results.Result) -> None:
+    def look(result: results.Result) -> None:
         told.append((result, (tmp_path / "fields.h5").exists()))
 
     flow = read_flow(flow_file)
     exact = {**flow.attributes, SURFACE_SD: 0.0}  # hence no effect of an assumption
     flow = dataclasses.replace(flow, attributes=exact)
-    last = identify(flow, tiny(steps=3), run_dir=tmp_path, known=known)
+    last = identify(flow, tiny(steps=3), run_dir=tmp_path, answered=look, known=look)
     (answer, written), (whole, written_then) = told
     assert (written, written_then) == (False, True)
     assert awaited(answer, FIELDS)
     assert awaited(answer, PARTS)
-    assert not awaited(whole, FIELDS, PARTS)
+    assert not awaited(whole, FIELDS)
+    assert not awaited(whole, PARTS)
     assert answer.parameters == whole.parameters == last.parameters
 
 
