@@ -42,6 +42,7 @@ from granpinn.second_opinion.resimulation import Column
 from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
 from granpinn.uncertainty.of_result import headline
+from granpinn.uncertainty.unknown_I0 import with_unknown_I0
 
 if TYPE_CHECKING:  # slow to import, and needed after the training
     from granpinn.figures.album import Picture
@@ -152,7 +153,7 @@ def _with_profile(config: Config, result: results.Result, folder: Path) -> resul
     )
     if isinstance(profile, NotDone):
         return lacking(result, profile)
-    return having(result, PROFILE, profile=profile)
+    return having(result, PROFILE, profile=with_unknown_I0(profile, result))
 
 
 def _with_bootstrap(

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.parameters import Parameter, Parameters
+
 
 @dataclass(frozen=True)
 class Loss:
@@ -65,6 +68,8 @@ class Profile:
         mu_2_by_I0: d mu_2 / d I0 at the I0 of the run.
         status: "separable", "lower bound", "upper bound", "not separable".
         verdict: the status in a sentence.
+        unknown: mu_s, slope and I0 where I0 is not known, each with a 90 % interval or not
+            determined (uncertainty/unknown_I0.py); None: the run has no error bars.
     """
 
     points: tuple[ProfilePoint, ...]
@@ -81,6 +86,7 @@ class Profile:
     mu_2_by_I0: float
     status: str
     verdict: str
+    unknown: Parameters | None = None
 
     def __post_init__(self) -> None:
         if not self.points:
@@ -100,7 +106,21 @@ class Profile:
             f"slope (mu_2 - mu_s)/I0 {self.slope:.3f} +- {self.slope_std:.3f}, d mu_2/d I0 "
             f"{self.mu_2_by_I0:+.2f}, correlation of mu_2 with I0 {correlation}"
         )
-        return "\n".join([*lines, self.verdict])
+        return "\n".join([*lines, self.verdict, self._unknown()])
+
+    def _unknown(self) -> str:
+        """The line on the parameters where I0 is not known."""
+        if self.unknown is None:
+            return "with I0 unknown: no error bars, as the run has none"
+        words = [f"{name} {_with_interval(p)}" for name, p in self.unknown.items()]
+        return f"with I0 unknown (90 % intervals): {', '.join(words)}"
+
+
+def _with_interval(parameter: Parameter) -> str:
+    if parameter.interval_90 is None:
+        return NOT_DETERMINED
+    low, high = parameter.interval_90
+    return f"{parameter.value:.4g} ({low:.4g} to {high:.4g})"
 
 
 @dataclass(frozen=True)
