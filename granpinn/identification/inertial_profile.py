@@ -62,6 +62,18 @@ def require_mu_of_i(config: Config) -> None:
         )
 
 
+def settings_of(config: Config) -> Config:
+    """The settings of every training of a profile."""
+    average = max(LEAST_AVERAGE, config.optimizer.average)
+    return dataclasses.replace(
+        config,
+        members=1,  # the seeds of the profile are its ensemble
+        simulated_pressure=dataclasses.replace(config.simulated_pressure, frames=0),
+        tensorboard=False,
+        optimizer=dataclasses.replace(config.optimizer, average=average),
+    )
+
+
 def profile_I0(
     flow: Flow | str | os.PathLike[str],
     config: Config,
@@ -82,14 +94,7 @@ def profile_I0(
         is not mu(I).
     """
     require_mu_of_i(config)
-    average = max(LEAST_AVERAGE, config.optimizer.average)
-    config = dataclasses.replace(
-        config,
-        members=1,  # the seeds of the profile are its ensemble
-        simulated_pressure=dataclasses.replace(config.simulated_pressure, frames=0),
-        tensorboard=False,
-        optimizer=dataclasses.replace(config.optimizer, average=average),
-    )
+    config = settings_of(config)
     if steps is not None:
         config = dataclasses.replace(config, steps=steps, max_time=None)
     grid, seeds = grid_of(config), range(config.seed, config.seed + config.profile.seeds)

@@ -31,10 +31,10 @@ from granpinn import identify_many
 from granpinn.config import Config, ConfigError, flatten
 from granpinn.data import Flow, FlowFileError, Truth, read_flow
 from granpinn.identification.inertial_profile import (
-    LEAST_AVERAGE,
     fair_losses,
     grid_of,
     profile_from,
+    settings_of,
     vertex,
 )
 from granpinn.results import Result
@@ -47,9 +47,7 @@ NAMES = ("mu_s", "mu_2", "I0")
 def settings(words: Sequence[str], values: int, reach: float) -> Config:
     """Those of the trainings of a profile."""
     config = raw.config_of(words, {"profile.values": values, "profile.reach": reach})
-    average = max(LEAST_AVERAGE, config.optimizer.average)
-    optimizer = dataclasses.replace(config.optimizer, average=average)
-    return dataclasses.replace(config, optimizer=optimizer)
+    return settings_of(config)
 
 
 def study(flows: Sequence[Flow], config: Config, noise: float, draws: int) -> dict[str, Any]:
