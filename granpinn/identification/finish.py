@@ -6,8 +6,8 @@ values, and is pending in the file until it is made:
 1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
    intervals. A law without uncertain assumptions has its intervals at once.
 2. `with_law`: what decides which values and intervals are shown (judgement.py).
-3. `fields_written`: fields.h5, here so that the answer need not wait for it. A batch, which does
-   not keep the fields of all its members, writes it first.
+3. `fields_written`: fields.h5. A single run writes it after its answer; a batch writes it before
+   step 1, and then drops the fields to save memory.
 4. `with_parts`: the law on parts of the data, which needs the final intervals.
 5. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
 """
