@@ -4,6 +4,7 @@ import hashlib
 import importlib
 import os
 import random
+import signal
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -20,6 +21,15 @@ import torch
 
 from granpinn.data import Flow, write_flow
 from tests.flows import make_flow
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interruptible() -> None:
+    """Tests and the processes that they start react to Ctrl-C, also where a shell that started
+    them in the background ignores it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)
