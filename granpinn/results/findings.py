@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from granpinn.results.determined import NOT_DETERMINED
-from granpinn.results.parameters import Parameter, Parameters
+from granpinn.results.parameters import Parameters
 
 
 @dataclass(frozen=True)
@@ -112,15 +111,8 @@ class Profile:
         """The line on the parameters where I0 is not known."""
         if self.unknown is None:
             return "with I0 unknown: no error bars, as the run has none"
-        words = [f"{name} {_with_interval(p)}" for name, p in self.unknown.items()]
+        words = [f"{name} {p.words}" for name, p in self.unknown.items()]
         return f"with I0 unknown (90 % intervals): {', '.join(words)}"
-
-
-def _with_interval(parameter: Parameter) -> str:
-    if parameter.interval_90 is None:
-        return NOT_DETERMINED
-    low, high = parameter.interval_90
-    return f"{parameter.value:.4g} ({low:.4g} to {high:.4g})"
 
 
 @dataclass(frozen=True)

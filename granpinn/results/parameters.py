@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.named import Named
 
 
@@ -38,6 +39,15 @@ class Parameter:
             raise ValueError(f"std must not be negative, got {self.std}")
         if self.interval_90 is not None and self.interval_90[0] > self.interval_90[1]:
             raise ValueError(f"interval_90 must be (lower, upper), got {self.interval_90}")
+
+    @property
+    def words(self) -> str:
+        """The value with its interval, or why it has none."""
+        if not self.determined:
+            return NOT_DETERMINED
+        if self.interval_90 is None:
+            return f"{self.value:.4g} ({'fixed' if self.fixed else 'no interval'})"
+        return f"{self.value:.4g} ({self.interval_90[0]:.4g} to {self.interval_90[1]:.4g})"
 
 
 class Parameters(Named[Parameter]):

@@ -27,7 +27,7 @@ from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPres
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
-from granpinn.results.parameters import Covariance, Parameter, Parameters
+from granpinn.results.parameters import Covariance, Parameters
 from granpinn.results.parts import Parts
 from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
 
@@ -155,7 +155,7 @@ class Result:
 
     def __repr__(self) -> str:
         """One line: the input, the level and the parameters."""
-        found = ", ".join(f"{name} = {_value(p)}" for name, p in self.parameters.items())
+        found = ", ".join(f"{name} = {p.words}" for name, p in self.parameters.items())
         return f"{type(self).__name__}({self.input.name}, level {self.level}: {found})"
 
     def __str__(self) -> str:
@@ -210,14 +210,6 @@ class Result:
         parts += [*compared, *self.assumptions, self.baseline, self.simulated_pressure]
         parts += [self.profile, self.resimulation, self.bootstrap, *self.not_done]
         return [str(part) for part in parts if part is not None]
-
-
-def _value(p: Parameter) -> str:
-    if not p.determined:
-        return NOT_DETERMINED
-    if p.interval_90 is None:
-        return f"{p.value:.4g} ({'fixed' if p.fixed else 'no interval'})"
-    return f"{p.value:.4g} ({p.interval_90[0]:.4g} to {p.interval_90[1]:.4g})"
 
 
 def number(value: float | None, spec: str) -> str:

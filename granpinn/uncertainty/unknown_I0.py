@@ -37,20 +37,17 @@ def with_unknown_I0(profile: Profile, result: Result) -> Profile:
         result: the run at its own I0, with the error bars of that.
     """
     law, shear, bars = result.covariance, result.determined, result.error_bars
-    if law is None or shear is None or bars is None or not {"mu_s", "mu_2"} <= set(law.names):
+    if law is None or shear is None or bars is None or law.names != ("mu_s", "mu_2"):
         return profile
-    own = [law.names.index(name) for name in ("mu_s", "mu_2")]
-    C = np.array(law.matrix)[np.ix_(own, own)]
     run_I0 = result.parameters["I0"].value
     J = line(ends_of((shear.I_low, shear.I_high), run_I0))
-    of_ends = J @ C @ J.T
+    of_ends = J @ np.array(law.matrix) @ J.T
     allowed = [point for point in profile.points if not point.excluded]
-    each = [_at(point, of_ends, (shear.I_low, shear.I_high)) for point in allowed]
+    each = [_sd_at(point, of_ends, (shear.I_low, shear.I_high)) for point in allowed]
     widths = np.array(bars.half_width) / NORMAL_90  # Student's distribution and the widening
+    sd_s, sd_slope = (np.array(each) * widths).T
     mu_s = np.array([point.mu_s for point in allowed])
-    sd_s = np.array([math.sqrt(c[0, 0]) for c in each]) * widths[0]
     slope = np.array([point.slope for point in allowed])
-    sd_slope = np.array([math.sqrt(c[1, 1]) for c in each]) * widths[1]
     found = Parameters(
         mu_s=_mixture(np.log(mu_s), sd_s / mu_s, logarithmic=True),
         slope=_mixture(slope, sd_slope),
@@ -59,11 +56,11 @@ def with_unknown_I0(profile: Profile, result: Result) -> Profile:
     return dataclasses.replace(profile, unknown=found)
 
 
-def _at(point: ProfilePoint, of_ends: Float64, shear: tuple[float, float]) -> Float64:
-    """Covariance [2, 2] of mu_s and slope at one I0, from that of mu at the ends [2, 2]."""
+def _sd_at(point: ProfilePoint, of_ends: Float64, shear: tuple[float, float]) -> Float64:
+    """Standard deviations [2] of mu_s and slope at one I0, from the covariance at the ends."""
     back = np.linalg.inv(line(ends_of(shear, point.I0)))
     slope_of = np.array([[1.0, 0.0], [-1 / point.I0, 1 / point.I0]]) @ back
-    return np.asarray(slope_of @ of_ends @ slope_of.T)
+    return np.asarray(np.sqrt(np.diag(slope_of @ of_ends @ slope_of.T)))
 
 
 def _mixture(mean: Float64, sd: Float64, logarithmic: bool = False) -> Parameter:
