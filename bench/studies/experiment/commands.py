@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.studies.experiment.film import FRACTION, GRAIN, GRAIN_DENSITY, TRUTH, Film
+from bench.studies.experiment.film import FRACTION, GRAIN_DENSITY, TRUTH, Film
 from granpinn.data import Flow, read_flow
 
 
@@ -37,7 +37,7 @@ def convert(film: Film, vectors: Path, out: Path) -> Flow:
         "frame-rate": f"{1 / period!r} Hz",
         "pulse-delay": f"{film.delay * 1e3!r} ms",
         "start": f"{film.times[0] * 1e3!r} ms",
-        "grain-diameter": f"{GRAIN * 1e3!r} mm",
+        "grain-diameter": f"{film.grain * 1e3!r} mm",
         "grain-density": f"{GRAIN_DENSITY} kg/m^3",
         "solid-fraction": f"{FRACTION}",
         "mask": str(film.folder / "pair_*_grains.png"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,16 +27,16 @@ HEIGHT = 0.1  # m, of the column; its shape is that of the paper
 GRAVITY = 9.81
 FRACTION = 0.6  # of the volume: grains
 GRAIN_DENSITY = 2500.0
-# I has the density of a grain and the simulation the bulk density: d sqrt(rho_g / rho) agree.
-GRAIN = 0.0025 * HEIGHT * math.sqrt(FRACTION)
+PAPER = Collapse(mu_s=TRUTH["mu_s"], mu_2=TRUTH["mu_2"])
 FASTEST = 99.5  # percentile of the speed that makes the largest displacement
 MARGIN = 16  # px of dark above and beside the grains
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Pairs of pictures: at times[k], `delay` apart, in `folder`."""
+    """Pairs of pictures of grains of a diameter: at times[k], `delay` apart, in `folder`."""
 
+    grain: float
     field: VelocityField
     camera: Camera
     times: Sequence[float]
@@ -43,14 +44,15 @@ class Film:
     folder: Path
 
 
-def column(cells: int, frames: int) -> Flow:
-    """The paper's collapse (0.4, 0.64) in SI units, with every cell of the grid."""
+def column(cells: int, frames: int, like: Collapse = PAPER) -> Flow:
+    """A collapse in SI units, 0.1 m high, with every cell of the grid; by default the paper's."""
+    scale = HEIGHT / like.height
     return simulate(
-        Collapse(
-            mu_s=TRUTH["mu_s"],
-            mu_2=TRUTH["mu_2"],
-            d=0.0025 * HEIGHT,
+        dataclasses.replace(
+            like,
+            d=like.d * scale,
             height=HEIGHT,
+            box_width=None if like.box_width is None else like.box_width * scale,
             density=FRACTION * GRAIN_DENSITY,
             gravity=(0.0, -GRAVITY),
             cells=cells,
@@ -92,4 +94,5 @@ def shoot(flow: Flow, pairs: int, pixel: float, displacement: float, out: Path, 
             )
         lines += [f"{k},{x:.3f},{y:.3f}" for x, y in surface_points(level).T]
     (out / "surface.csv").write_text("\n".join(lines) + "\n")
-    return Film(field, camera, times, delay, folder)
+    # I has the density of a grain and the simulation the bulk density: d sqrt(rho_g / rho) agree.
+    return Film(flow.grain_diameter * math.sqrt(FRACTION), field, camera, times, delay, folder)
