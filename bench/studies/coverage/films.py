@@ -68,7 +68,7 @@ def measured(task: Task, folder: Path, piv: Piv, pairs: int = PAIRS, across: int
 
 
 def by_openpiv(task: Task, folder: Path, python: str) -> Path:
-    return measured(task, folder, openpiv(python, WINDOW))
+    return measured(task, folder, lambda film, out: openpiv(python, WINDOW)(film, out))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
