@@ -18,6 +18,7 @@ import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.output import hdf5_file
+from granpinn.output.frames import PACKED, packer
 from granpinn.report.film import nearest_index
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
@@ -52,7 +53,7 @@ def write_vtkhdf(fields: Fields, path: str | Path) -> bool:
     """Write all variables frame by frame; whether points of an uneven grid were moved."""
     y, x = even(fields.y), even(fields.x)
     cut = np.ix_(y.points, x.points)
-    with hdf5_file(path) as file:
+    with hdf5_file(path) as file, packer() as threads:
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array(VERSION, np.int64)
         root.attrs["Type"] = np.bytes_(b"ImageData")
@@ -67,7 +68,8 @@ def write_vtkhdf(fields: Fields, path: str | Path) -> bool:
         offsets = steps.create_group("PointDataOffsets")
         points = root.create_group("PointData")
         for name, frame in _arrays(fields).items():
-            _write(points, name, fields.t.size, lambda k, f=frame: f(k)[cut])  # type: ignore[misc]
+            packed = _dataset(points, name, (fields.t.size, *frame(0)[cut].shape))
+            threads.write(packed, lambda k, f=frame: f(k)[cut])  # type: ignore[misc]
             offsets[name] = np.arange(fields.t.size, dtype=np.int64)
     return y.moved or x.moved
 
@@ -101,15 +103,7 @@ def _arrays(fields: Fields) -> dict[str, Frame]:
     return arrays
 
 
-def _write(points: h5py.Group, name: str, count: int, frame: Frame) -> None:
-    first = frame(0)
-    dataset = points.create_dataset(
-        name,
-        shape=(count, *first.shape),
-        dtype=np.float32,
-        chunks=(1, *first.shape),
-        compression="gzip",
-        shuffle=True,
-    )
-    for k in range(count):
-        dataset[k] = first if k == 0 else frame(k)
+def _dataset(points: h5py.Group, name: str, shape: tuple[int, ...]) -> h5py.Dataset:
+    """An empty dataset [T, ...] with chunks of one frame."""
+    chunks = (1, *shape[1:])
+    return points.create_dataset(name, shape=shape, dtype=np.float32, chunks=chunks, **PACKED)

@@ -23,6 +23,7 @@ from granpinn.data.hdf5.dataset import Dataset
 from granpinn.data.regular import UnsafeFileError
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
+from granpinn.output.frames import PACKED, Packer, packer
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
@@ -130,8 +131,8 @@ class Fields:
 
 
 def write_fields(fields: Fields, path: str | Path) -> None:
-    """Write fields.h5 frame by frame: the full grid of a variable is never in memory."""
-    with hdf5_file(path) as file:
+    """Write fields.h5 by frames: no more than a few dozen of them are in memory."""
+    with hdf5_file(path) as file, packer() as threads:
         _write_attributes(fields, file.attrs)
         axes = []
         for name, kind in (("t", "time"), ("y", "length"), ("x", "length")):
@@ -139,17 +140,17 @@ def write_fields(fields: Fields, path: str | Path) -> None:
             _describe(axes[-1], fields.units.of(kind), None)
             axes[-1].make_scale(name)
         for name in ("c", *(name for name in VARIABLES if name in fields.values)):
-            _write_variable(file, fields, name, axes)
+            _write_variable(file, fields, name, axes, threads)
 
 
 def append_variable(fields: Fields, name: str, path: str | Path) -> None:
     """Append one variable to the fields.h5 that holds all others of `fields`."""
-    with hdf5_file(path, extend=True) as file:
-        _write_variable(file, fields, name, [file[axis] for axis in "tyx"])
+    with hdf5_file(path, extend=True) as file, packer() as threads:
+        _write_variable(file, fields, name, [file[axis] for axis in "tyx"], threads)
 
 
 def _write_variable(
-    file: h5py.File, fields: Fields, name: str, axes: Sequence[h5py.Dataset]
+    file: h5py.File, fields: Fields, name: str, axes: Sequence[h5py.Dataset], threads: Packer
 ) -> None:
     kind, long_name = VARIABLES.get(name, ("number", "volume fraction of grains"))
     dataset = file.create_dataset(
@@ -157,14 +158,12 @@ def _write_variable(
         shape=fields.shape,
         dtype=np.float32,
         chunks=(1, fields.y.size, fields.x.size),
-        compression="gzip",
-        shuffle=True,
+        **PACKED,
     )
     _describe(dataset, fields.units.of(kind), long_name)
     for dimension, axis in zip(dataset.dims, axes, strict=True):
         dimension.attach_scale(axis)
-    for k in range(fields.t.size):
-        dataset[k] = fields.c[k] if name == "c" else fields.frame(name, k)
+    threads.write(dataset, lambda k: fields.c[k] if name == "c" else fields.frame(name, k))
 
 
 def _describe(dataset: h5py.Dataset, unit: str | None, long_name: str | None) -> None:
