@@ -38,9 +38,10 @@ def tiny(**changes: Any) -> Config:
 def make_objective(config: Config, flow: Flow) -> Objective:
     scales = scales_of(flow)
     data = training_set(flow, scales, config.level, getattr(torch, config.dtype))
-    posed = problem.build(flow, scales, data, config)
+    facts = Facts(flow, scales)
+    posed = problem.build(facts, data, config)
     law = LAWS[config.law]
-    member = Member(posed, data, config.seed, law, fixed_values(config, Facts(flow, scales)), flow)
+    member = Member(posed, data, config.seed, law, fixed_values(config, facts), flow)
     return Objective([member], config.batch, torch.device("cpu"), precision=config.precision)
 
 

@@ -30,19 +30,15 @@ from granpinn.physics.scales import Scales
 
 FRAMES = 12  # at most, for the shear rate
 STEPS = 4  # of an octave, to which magnitudes are rounded
+ARRAYS = ("view", "vectors", "fits", "noise_cells", "slopes")  # facts of the size of the flow
 
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """What the vectors of a flow show, dimensionless.
-
-    Attributes:
-        training: number of vectors that train, where `flow` is runs of a large flow.
-    """
+    """What the vectors of a flow show, dimensionless."""
 
     flow: Flow
     scales: Scales
-    training: int | None = None
 
     @cached_property
     def invariant(self) -> tuple[bool, bool, bool]:
@@ -121,14 +117,24 @@ class Facts:
         """Noise of one component of one vector over the rms speed."""
         return self.sigma / self.speed
 
-    @cached_property
-    def independent(self) -> float:
-        """Number of independent vectors."""
+    def independent(self, training: int | None = None) -> float:
+        """Number of independent vectors.
+
+        Args:
+            training: number of vectors that train, where the flow is runs of a large flow.
+        """
         particles = self.flow.particles
-        count = self.view.count.sum() if particles is None else particles.u.size
-        if self.training is not None and self.flow.starts:
-            count = self.training
+        count = self.flow.valid.sum() if particles is None else particles.u.size
+        if training is not None and self.flow.starts:
+            count = training
         return float(count) / self.noise.vectors_per_independent
+
+    def without_arrays(self) -> Facts:
+        """These facts without the arrays behind them, which another fact would make again."""
+        numbers = {k: v for k, v in vars(self).items() if k not in ARRAYS}
+        kept = Facts(self.flow, self.scales)
+        vars(kept).update(numbers)
+        return kept
 
 
 def _some_frames(view: View) -> View:

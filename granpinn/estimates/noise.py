@@ -30,9 +30,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Int8
 from granpinn.estimates.pairs import pair_noise
-from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, rms, spread
+from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, rms, signs_of, spread
 from granpinn.estimates.view import View
 
 ORDER = 3
@@ -133,6 +133,7 @@ def _rms(pair: list[float | None]) -> float | None:
 
 def _per_independent(differences: list[Float64]) -> float:
     """Product over x and y of 1 + 2 (sum of the correlations at 1, 2, ... cells)."""
+    signs = [signs_of(values) for values in differences]
     product = 1.0
     for axis in (1, 2):
         total = 1.0
@@ -140,7 +141,7 @@ def _per_independent(differences: list[Float64]) -> float:
             n = differences[0].shape[axis]
             if lag >= n:
                 break
-            shared = np.mean([_at_lag(values, axis, lag) for values in differences])
+            shared = np.mean([_at_lag(values, axis, lag) for values in signs])
             if not shared > LEAST_CORRELATION:
                 break
             total += 2 * float(shared)
@@ -148,8 +149,7 @@ def _per_independent(differences: list[Float64]) -> float:
     return product
 
 
-def _at_lag(values: Float64, axis: int, lag: int) -> float:
-    """Of neighbors."""
-    n = values.shape[axis]
-    a, b = np.take(values, range(n - lag), axis), np.take(values, range(lag, n), axis)
-    return correlation(a * b)
+def _at_lag(signs: Int8, axis: int, lag: int) -> float:
+    """Of neighbors, from the signs of their differences."""
+    ordered = np.moveaxis(signs, axis, 0)
+    return correlation(ordered[:-lag] * ordered[lag:])

@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Float64, Index
 from granpinn.estimates.fits import quadratic_basis
-from granpinn.estimates.robust import FEWEST, LEAST_CORRELATION, NORMAL, correlation
+from granpinn.estimates.robust import FEWEST, LEAST_CORRELATION, NORMAL, correlation, signs_of
 
 NEIGHBORS = 24  # of a prediction, which has 10 coefficients
 LEAST_REACH = 4  # frames: the even ones up to it are four, enough for a parabola in time
@@ -120,7 +120,7 @@ def _errors(data: _Vectors, used: Index, patches: list[Index], reach: int) -> _E
     if there.sum() < FEWEST:
         return None
     sizes = NORMAL * np.median(np.abs(both[:, there]), axis=1)
-    shared = np.array([correlation(both[0, :, c] * both[1, :, c]) for c in (0, 1)])
+    shared = np.array([correlation(signs_of(both[0, :, c] * both[1, :, c])) for c in (0, 1)])
     return _Errors(both, np.sqrt(np.maximum(shared, 0.0) * sizes[0] * sizes[1]), shared)
 
 
@@ -190,5 +190,5 @@ def _of_group(found: _Errors, group: Index) -> float:
     for c in (0, 1):
         a, b = found.both[..., c]
         products = np.concatenate([p[:, None] * q[group] for p, q in ((a, b), (b, a))])
-        mean += correlation(products[np.tile(there, (2, 1))]) / float(found.shared[c]) / 2
+        mean += correlation(signs_of(products[np.tile(there, (2, 1))])) / float(found.shared[c]) / 2
     return mean

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Int8
 
 FEWEST = 50  # values below which there is no estimate
 NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates
@@ -21,15 +21,21 @@ def spread(values: Float64) -> float | None:
     return float(NORMAL * np.median(np.abs(finite)))
 
 
-def correlation(products: Float64) -> float:
-    """Of two normal deviates, from the signs of their products; 0 if these are few.
+def signs_of(values: Float64) -> Int8:
+    """-1, 0 or 1 for each value; 0 for NaN."""
+    return (values > 0).view(np.int8) - (values < 0).view(np.int8)
+
+
+def correlation(signs: Int8) -> float:
+    """Of two normal deviates, from the products of their signs; 0 if too few are not 0.
 
     The mean sign is 2/pi arcsin of the correlation.
     """
-    known = products[np.isfinite(products) & (products != 0)]
-    if known.size < FEWEST:
+    known = int(np.count_nonzero(signs))
+    if known < FEWEST:
         return 0.0
-    return math.sin(math.pi / 2 * float(np.mean(np.sign(known))))
+    mean = int(signs.sum(dtype=np.int64)) / known
+    return math.sin(math.pi / 2 * mean)
 
 
 def rms(u: float, v: float) -> float:

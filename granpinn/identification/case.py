@@ -7,7 +7,6 @@ import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -60,6 +59,7 @@ class Case:
         stated: the frames of `seen` as in the file.
         whole: a large flow with all its frames, from which the training points come; else None.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        facts: what the vectors of `seen` show; members of one flow share it.
         balance: the momentum balance of `seen`; members of one flow share it.
         redrawn: whether a second draw of the known noise was added to its data.
     """
@@ -73,13 +73,9 @@ class Case:
     stated: Flow
     whole: Flow | None
     known_sd: float
+    facts: Facts
     balance: Balance
     redrawn: bool = False
-
-    @cached_property
-    def facts(self) -> Facts:
-        """What the vectors of `seen` show; each fact is measured once."""
-        return Facts(self.seen, self.scales)
 
     @property
     def sampled(self) -> str | None:
@@ -150,7 +146,8 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
     scales = scales_of(seen if whole is None else whole)
     seen = with_partial_cells(seen)
     data = training_data(seen, scales, config, whole)
-    built = problem.build(seen, scales, data, config)
+    facts = Facts(seen, scales)
+    built = problem.build(facts, data, config)
     law = LAWS[config.law]
     if not law.compiled and config.form != "mixed":
         raise ConfigError(
@@ -158,11 +155,22 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
             "mixed form"
         )
     shown = large.spread(flow)
-    member = Member(built, data, config.seed, law, fixed_values(config, Facts(seen, scales)), shown)
-    balance, sd = Balance(seen, config.side_walls), known_sd(seen)
+    member = Member(built, data, config.seed, law, fixed_values(config, facts), shown)
     if whole is None:
         stated = flow
-    return Case(shown, slips, config, scales, member, seen, stated, whole, sd, balance)
+    return Case(
+        flow=shown,
+        slips=slips,
+        config=config,
+        scales=scales,
+        member=member,
+        seen=seen,
+        stated=stated,
+        whole=whole,
+        known_sd=known_sd(seen),
+        facts=facts.without_arrays(),
+        balance=Balance(seen, config.side_walls),
+    )
 
 
 def require_room(flow: Flow, config: Config) -> None:

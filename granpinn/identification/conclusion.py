@@ -68,7 +68,7 @@ def held_by(case: Case, residuals: Residuals, I_range: Pair | None) -> Held | No
     if I_range is None or I0 is None:
         return None
     noise = residuals.noise or measured_noise(case) or 0.0
-    return Held(ends_of(I_range, I0), noise, case.facts.independent)
+    return Held(ends_of(I_range, I0), noise, case.facts.independent())
 
 
 def measured_noise(case: Case) -> float | None:

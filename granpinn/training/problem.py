@@ -51,11 +51,12 @@ class Problem:
         return words(tuple(factor == 0 for factor in self.spec.input_scale))
 
 
-def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Problem:
-    """The problem of a flow with the settings `config`.
+def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
+    """The problem of a flow, by its facts, with the settings `config`.
 
     Inputs in which the flow does not change have the factor 0: no output depends on them.
     """
+    flow, scales = facts.flow, facts.scales
     if config.network.units == "file":
         shift = [0.0, 0.0, 0.0]
         scale = [scales.length, scales.length, scales.time]
@@ -66,7 +67,6 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         scale = [2 / (high - low) if high > low else 1.0 for low, high in bounds]
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
-    facts = Facts(flow, scales, len(data.points))
     scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
     material = material_of(flow, scales)
     sigmas = sigmas_of(config, scales, facts)
@@ -93,7 +93,7 @@ def build(flow: Flow, scales: Scales, data: TrainingSet, config: Config) -> Prob
         physics,
         [sigma**-2 for sigma in sigmas],
         smallest / scales.length,
-        VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
+        VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
     )
 

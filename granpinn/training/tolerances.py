@@ -46,10 +46,10 @@ class VelocityNoise:
     share: float = 1.0
 
     @classmethod
-    def of(cls, facts: Facts) -> VelocityNoise:
-        """Of a flow, from its measured noise."""
+    def of(cls, facts: Facts, training: int | None = None) -> VelocityNoise:
+        """Of a flow, from its measured noise, for a number of vectors as of `Facts.independent`."""
         resolved = RESOLVED ** ((3 - sum(facts.invariant)) / 3)
-        share = min(1.0, math.sqrt(resolved / max(1.0, facts.independent)))
+        share = min(1.0, math.sqrt(resolved / max(1.0, facts.independent(training))))
         return cls(facts.sigma, share)
 
     def factor(self, weight: float, misfit: float) -> float:

@@ -13,6 +13,7 @@ from granpinn import Config
 from granpinn.config import Batch, Network
 from granpinn.data import Flow, TrainingSet, read_flow, training_set, write_flow
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
 from granpinn.training.problem import Problem, build
 
 TILT = 3.0
@@ -26,7 +27,7 @@ def flows() -> dict[str, Flow]:
 def posed(flow: Flow) -> tuple[TrainingSet, Problem]:
     scales = scales_of(flow)
     data = training_set(flow, scales)
-    return data, build(flow, scales, data, Config())
+    return data, build(Facts(flow, scales), data, Config())
 
 
 def require_same(found: TrainingSet, expected: TrainingSet) -> None:

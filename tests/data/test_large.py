@@ -147,13 +147,13 @@ def test_no_estimate_joins_two_runs(path: Path) -> None:
     still = replace(flow, u=np.where(np.isnan(flow.u), np.nan, flow.u * 0 + 1.0), v=0 * flow.v)
     still.u[30:] *= 100
     runs = large.runs(still)
-    facts = Facts(runs, scales_of(flow), 12345)
+    facts = Facts(runs, scales_of(flow))
     assert facts.noise.sigma == 0.0
     assert len(facts.view.t) == 20 + BETWEEN_RUNS
     assert facts.view.count.sum() == runs.valid.sum()
     assert np.abs(facts.slopes.du[:, 0]).max() < 1e-9
     assert np.nanmax(facts.noise_cells) == 0.0
-    assert facts.independent * facts.noise.vectors_per_independent == 12345
+    assert facts.independent(12345) * facts.noise.vectors_per_independent == 12345
 
 
 @pytest.mark.usefixtures("bounds")

@@ -124,7 +124,7 @@ def test_a_part_of_a_grid_has_the_noise_of_the_whole(demo: Flow, seed: int) -> N
         few = Facts(thinned(flow, part, seed), scales)
         assert few.noise.sigma == pytest.approx(whole.noise.sigma, rel=0.15)
         assert few.noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
-        assert few.independent == few.view.count.sum() / few.noise.vectors_per_independent
+        assert few.independent() == few.view.count.sum() / few.noise.vectors_per_independent
 
 
 def test_differences_are_used_where_gaps_are_few(

@@ -12,6 +12,9 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.estimates import facts
+from granpinn.estimates.noise import Noise, grid_noise
+from granpinn.estimates.view import View
 from granpinn.identification.case import pose
 from granpinn.identification.single import start
 from granpinn.results import Result
@@ -76,6 +79,20 @@ def test_members_share_the_data_of_one_flow(flow: Flow, other: Flow) -> None:
     N = [len(case.member.data.pooled().points) for case in cases]
     assert len(objective.points) == N[0] + N[1]
     assert objective.places[:, :2].tolist() == [[0, N[0]], [N[0], N[1]], [0, N[0]]]
+
+
+def test_the_noise_of_a_flow_is_measured_once(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For posing and conclusion, and for all members; nothing of the size of the flow is kept."""
+    measured = []
+
+    def counted(view: View) -> Noise:
+        measured.append(view)
+        return grid_noise(view)
+
+    monkeypatch.setattr(facts, "grid_noise", counted)
+    assert identify(flow, dataclasses.replace(CONFIG, members=3)).members is not None
+    assert len(measured) == 1
+    assert not vars(pose(flow, CONFIG).facts).keys() & set(facts.ARRAYS)
 
 
 def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> None:

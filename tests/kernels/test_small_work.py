@@ -16,6 +16,7 @@ from granpinn import reference
 from granpinn.config import Config
 from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training.control_table import HEALTHY, Position
 from granpinn.training.objective import Member, Objective
@@ -185,7 +186,7 @@ def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
     flow = make_flow()
     scales = scales_of(flow)
     data = training_set(flow, scales, config.level, torch.float64)
-    posed = build(flow, scales, data, config)
+    posed = build(Facts(flow, scales), data, config)
     members = [Member(posed, data, seed, DEFAULT, {"I0": config.I0}) for seed in (0, 1, 2)]
     objective = Objective(members, config.batch, torch.device(device))
     trainer = Trainer(objective, Schedule(40, config.optimizer), config)

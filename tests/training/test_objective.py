@@ -25,7 +25,7 @@ from tests.runs import make_trainer, tiny
 
 def posed(flow: Flow, config: Config) -> problem.Problem:
     scales = scales_of(flow)
-    return problem.build(flow, scales, training_set(flow, scales, config.level), config)
+    return problem.build(Facts(flow, scales), training_set(flow, scales, config.level), config)
 
 
 @pytest.mark.parametrize("form", ["mixed", "strong"])

@@ -73,7 +73,7 @@ def test_a_velocity_of_one_coordinate_has_fewer_values() -> None:
     found = facts(add_noise(make_chute(frames=20), 0.05, 0))
     assert found.invariant == (True, False, True)
     assert VelocityNoise.of(found).share == pytest.approx(
-        math.sqrt(RESOLVED ** (1 / 3) / found.independent)
+        math.sqrt(RESOLVED ** (1 / 3) / found.independent())
     )
 
 
@@ -136,9 +136,9 @@ def test_only_what_the_settings_need_is_measured(monkeypatch: pytest.MonkeyPatch
         raise AssertionError("the velocity was looked at")
 
     monkeypatch.setattr(facts_module, "view_of", fail)
-    problem.build(flow, scales, data, Config(recipe="paper"))
+    problem.build(Facts(flow, scales), data, Config(recipe="paper"))
     with pytest.raises(AssertionError, match="looked at"):
-        problem.build(flow, scales, data, Config())
+        problem.build(Facts(flow, scales), data, Config())
 
 
 def test_a_fact_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,3 +155,12 @@ def test_a_fact_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (found.speed, found.sigma) == (found.speed, found.sigma)
     assert found.slopes is found.slopes
     assert made == [flow]
+    light = found.without_arrays()
+    assert (light.shear_rate, light.noise, light.independent()) == (
+        found.shear_rate,
+        found.noise,
+        found.independent(),
+    )
+    assert made == [flow]
+    np.testing.assert_array_equal(light.slopes.du, found.slopes.du)
+    assert made == [flow, flow]

@@ -54,7 +54,7 @@ def estimate(flow: Flow) -> dict[str, float | None]:
     return {
         "sigma": None if noise.sigma is None else noise.sigma / facts.speed,
         "vectors_per_independent": noise.vectors_per_independent,
-        "independent": facts.independent,
+        "independent": facts.independent(),
         "share_times_sigma": tolerance.share * tolerance.sigma / facts.speed,
         "seconds": round(seconds, 2),
     }
