@@ -59,7 +59,12 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     if not rows:
         return
     peak = fma_peak()
+    machine = describe()
     terminalreporter.section("one optimization step, process CPU time")
+    terminalreporter.write_line(
+        f"{machine['processor']}, {machine['cores']} cores, {machine['kernels']}, "
+        f"multiply-add peak {peak:.1f} GFLOP/s per core"
+    )
     eager = {key(row): row["cpu_ms"] for row in rows if row["step"] == "eager autograd"}
     for row in rows:
         gain = f"{eager[key(row)] / row['cpu_ms']:6.2f}x eager" if key(row) in eager else ""

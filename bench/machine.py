@@ -12,6 +12,8 @@ import torch
 
 import granpinn
 
+MODEL = ("cpu family", "model", "stepping")  # of /proc/cpuinfo
+
 
 @cache
 def describe() -> dict[str, Any]:
@@ -31,7 +33,12 @@ def describe() -> dict[str, Any]:
 
 
 def _processor() -> str:
+    """The name, and the numbers of the model where the name alone may be that of a family."""
+    found: dict[str, str] = {}
     for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.split(":", 1)[1].strip()
-    return platform.processor()
+        name, _, value = line.partition(":")
+        found.setdefault(name.strip(), value.strip())
+    if "model name" not in found:
+        return platform.processor()
+    numbers = [f"{name} {found[name]}" for name in MODEL if name in found]
+    return f"{found['model name']} ({', '.join(numbers)})" if numbers else found["model name"]
