@@ -52,7 +52,7 @@ def rows(form: str, points: int) -> list[dict[str, Any]]:
     out = []
     for name, function, steps in ways:
         row: dict[str, Any] = {"name": name, "form": form, "points": points}
-        row |= {"flop": task.flop, "traffic": task.traffic}
+        row |= {"flop": task.flop, "traffic": task.traffic, "resident_mb": task.resident / 1e6}
         try:
             row["ms"] = milliseconds(jax.jit(function), state, steps)
             used = jax.devices()[0].memory_stats() or {}

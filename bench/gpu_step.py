@@ -23,14 +23,15 @@ from typing import Any
 import torch
 
 from bench import gpu_accuracy, gpu_table, gpu_training, rivals
+from bench.cache import cache_bytes
 from bench.device import ceilings, launches
 from bench.machine import describe
 from bench.processes import run_lines
 from bench.rivals import (
-    FUNCTIONAL,
     GRANPINN,
     OTHER_RIVALS,
     QUICK_RIVALS,
+    SLOW_RIVALS,
     Measured,
     Rival,
     Sizes,
@@ -153,6 +154,7 @@ def gpu(device: torch.device) -> dict[str, Any]:
     return {
         "gpu": found.name,
         "multiprocessors": found.multi_processor_count,
+        "l2_mb": (cache_bytes(device) or 0) / 1e6,
         "gpu_memory_gb": found.total_memory / 1e9,
         "cuda": torch.version.cuda,
     }
@@ -175,6 +177,8 @@ def main() -> int:
     parser.add_argument(
         "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
     )
+    parser.add_argument("--form", choices=list(rivals.SIZES), help="rows of this form only")
+    parser.add_argument("--points", nargs="+", type=int, help="rows of these sizes only")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to measure")
     parser.add_argument("--trained", type=Path, metavar="RUN_DIR", help="errors for this run too")
     parser.add_argument("--json", type=Path, help="file for the raw results")
@@ -186,6 +190,7 @@ def main() -> int:
     seconds = arguments.seconds or (55.0 if quick else 285.0)
     study = Study(device, seconds, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
+    sizes = rivals.chosen(sizes, arguments.form, arguments.points)
     rows = "rows" in arguments.only
     if "accuracy" in arguments.only:
         trained = 8 if tiny else 0 if quick else 3000
@@ -203,9 +208,10 @@ def main() -> int:
         study.measure(OTHER_RIVALS, sizes)
         if study.named(JAX):
             study.jax(sizes)
-        study.measure([FUNCTIONAL], sizes)
+        study.measure(SLOW_RIVALS, sizes)
     study.count_launches()
-    gpu_table.complete(study.rows, study.result["ceilings"])
+    l2_mb = study.result["machine"].get("l2_mb")
+    gpu_table.complete(study.rows, study.result["ceilings"], l2_mb)
     study.add("rows", study.rows)
     print(json.dumps(study.result["machine"] | study.result["ceilings"]))
     many = [study.result.get(name, []) for name in ("ensembles", "training")]

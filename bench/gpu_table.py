@@ -16,8 +16,12 @@ MIXED = 0.6
 LARGEST, GOAL_PEAK_GB = 262144, 1.5
 
 
-def complete(rows: list[Row], ceilings: dict[str, float]) -> None:
-    """Adds to every measured row its rates and its ratios to eager autograd and the best rival."""
+def complete(rows: list[Row], ceilings: dict[str, float], l2_mb: float | None = None) -> None:
+    """Adds to every measured row its rates and its ratios to eager autograd and the best rival.
+
+    `stays_in_l2` says whether the second-level cache holds all that a step touches: its weights,
+    Adam's state and the batch, which stay from step to step, and its tensors at their peak.
+    """
     for row in rows:
         if "ms" not in row:
             continue
@@ -25,6 +29,8 @@ def complete(rows: list[Row], ceilings: dict[str, float]) -> None:
         row["of_sgemm"] = row["tflops"] / ceilings["sgemm_tflops"]
         row["of_tf32"] = row["tflops"] / ceilings["tf32_tflops"]
         row["of_copy"] = row["traffic"] / row["ms"] / 1e9 / ceilings["copy_tb_per_s"]
+        if l2_mb and "peak_gb" in row:
+            row["stays_in_l2"] = row["resident_mb"] + 1e3 * row["peak_gb"] <= l2_mb
         others = [
             other
             for other in rows
@@ -91,6 +97,9 @@ def _comparison(row: Row) -> str:
     line += f" ({row['of_sgemm']:.0%} of sgemm, {row['of_tf32']:.0%} of TF32)"
     if "times_faster_than_eager" in row:
         line += f", {row['times_faster_than_eager']:.1f}x eager"
+    if "ms_alone_cold" in row:
+        warm, cold = (significant(row[f"ms_alone_{kind}"]) for kind in ("warm", "cold"))
+        line += f", alone {warm} ms, with an empty L2 {cold}"
     if "best_rival" in row:
         line += f", {row['times_faster_than_best_rival']:.2f}x {row['best_rival']}"
     if row["points"] == LARGEST and "peak_gb" in row:

@@ -18,6 +18,7 @@ from bench import taylor
 from bench.steps import ETA_MAX, ETA_MIN, P_FLOOR, D, Task, U, adam
 
 Jet = list[Tensor]  # value, x, y, t (, xx, xy, yy)
+Network = Callable[[Tensor], Jet]
 
 
 def taylor_network(params: Tensor, points: Tensor, widths: list[int], channels: int) -> Jet:
@@ -66,13 +67,26 @@ def _mixed(jet: Jet, theta: Tensor) -> list[Tensor]:
     return taylor.mixed(jet, friction, torch.sqrt, torch.sigmoid, softplus)
 
 
-def jets_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
-    params, theta, optimizer = adam(task)
-    channels, residuals = (7, _strong) if task.form == "strong" else (4, _mixed)
-    widths = task.widths
+def by_hand(task: Task, params: Tensor) -> Network:
+    """The jets of the network at points [B, 3]: seven channels in the strong form, else four."""
+    channels = 7 if task.form == "strong" else 4
+    return lambda points: taylor_network(params, points, task.widths, channels)
 
-    def loss(params: Tensor, theta: Tensor, points: Tensor, velocity: Tensor) -> Tensor:
-        jet = taylor_network(params, points, widths, channels)
+
+def jets_step(
+    task: Task, compiled: bool = False, jets: Callable[[Task, Tensor], Network] = by_hand
+) -> Callable[[], Tensor]:
+    """Loss by Taylor jets, its gradient by autograd.
+
+    Args:
+        jets: a task and its parameters -> a function from points [B, 3] to the jets there.
+    """
+    params, theta, optimizer = adam(task)
+    residuals = _strong if task.form == "strong" else _mixed
+    network = jets(task, params)
+
+    def loss(theta: Tensor, points: Tensor, velocity: Tensor) -> Tensor:
+        jet = network(points)
         e = [U * jet[0][:, k] - velocity[:, k] for k in (0, 1)] + residuals(jet, theta)
         return torch.stack([(r**2).mean() for r in e]).sum() / 2
 
@@ -81,7 +95,7 @@ def jets_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
 
     def step() -> Tensor:
         optimizer.zero_grad()
-        value = loss(params, theta, task.points, task.velocity)
+        value = loss(theta, task.points, task.velocity)
         value.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         return value.detach()

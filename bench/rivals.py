@@ -11,14 +11,18 @@ from typing import Any
 
 import torch
 
+from bench.cache import alone
 from bench.device import Advance, PeakMemory, graphed, milliseconds
 from bench.jets import jets_step
-from bench.steps import Task, eager_step, functional_step, fused_step, make_task
+from bench.steps import Task, eager_step, functional_gradient, fused_step, make_task
+from bench.torch_jet import package_jets
+from bench.traced import nested_gradient, traced_step
 
 EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + graph"
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: a launch takes as long as the step
 STEPS_PER_GRAPH = 10
+ALONE = 512  # up to here a step by itself is timed too (bench/cache.py)
 STEPS_OF_A_ROW = 14  # least number, with warm-up and capture (bench/device.py)
 MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
@@ -43,7 +47,7 @@ class Rival:
 
     def wants(self, form: str, points: int) -> bool:
         """Whether the rival has a row of this size: slow compilers have only a few."""
-        return self.seconds < 20 or points <= 512 or (form == "strong" and points == 32768)
+        return self.seconds < 20 or points <= 512 or (form == "strong" and points <= 32768)
 
 
 GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
@@ -54,13 +58,29 @@ QUICK_RIVALS = [
 OTHER_RIVALS = [
     Rival("torch eager autograd + graph", eager_step, True),
     Rival("Taylor jets, torch eager", jets_step, False),
+    Rival(
+        "torch-jet, torch.compile + graph",
+        partial(jets_step, compiled=True, jets=package_jets),
+        graph=True,
+        seconds=15.0,
+    ),
 ]
-FUNCTIONAL = Rival(
-    "torch.func jvp, torch.compile + graph",
-    partial(functional_step, compiled=True),
-    graph=True,
-    seconds=25.0,
-)
+SLOW_RIVALS = [
+    Rival(name, partial(traced_step, gradient=gradient), graph=True, seconds=40.0)
+    for name, gradient in (
+        ("autograd by make_fx, inductor + graph", nested_gradient),
+        ("torch.func by make_fx, inductor + graph", functional_gradient),
+    )
+]
+
+
+def chosen(sizes: Sizes, form: str | None, points: list[int] | None) -> Sizes:
+    """The sizes that the command line selects; None selects all."""
+    return {
+        name: tuple(n for n in counts if points is None or n in points)
+        for name, counts in sizes.items()
+        if form in (None, name)
+    }
 
 
 @dataclass
@@ -80,6 +100,7 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
     steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
     task = make_task(form, points).to(device)
     row |= {"flop": task.flop, "traffic": task.traffic, "steps_per_graph": steps * use_graph}
+    row["resident_mb"] = task.resident / 1e6
     row["adam"] = "granpinn" if rival in GRANPINN else "torch"
     try:
         torch.compiler.reset()  # a limit on recompilations would count all rows together
@@ -90,6 +111,8 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
             if not math.isfinite(loss := float(advance())):
                 raise ArithmeticError(f"the loss became {loss}")
             row["ms"] = ms
+        if use_graph and points <= ALONE:
+            row |= alone(advance if steps == 1 else graphed(step, 1), device)
         if memory.bytes is not None:
             row["peak_gb"] = memory.bytes / 1e9
     except Exception as error:  # the other rivals are measured after any error of this one

@@ -57,6 +57,11 @@ class Task:
         return 3.0 * channels * 2 * weights * self.count
 
     @property
+    def resident(self) -> float:
+        """Bytes that stay from step to step: weights, gradient, two moments of Adam, batch."""
+        return 4.0 * (5 * self.count + 4 * (self.params.numel() + self.theta.numel()))
+
+    @property
     def traffic(self) -> float:
         """Bytes that any step has to move: the batch once; Adam reads 4 numbers, writes 3."""
         return 4.0 * (5 * self.count + 7 * self.params.numel())
@@ -160,21 +165,24 @@ def _gradient(f: Tensor, points: Tensor) -> tuple[Tensor, ...]:
     return g.unbind(1)
 
 
+def nested_loss(task: Task, params: Tensor, theta: Tensor, points: Tensor) -> Tensor:
+    """The loss by nested torch.autograd.grad at `points`, which require gradients."""
+    z = _network(params, task.widths)(points)
+    u, v, p = _fields(z)
+    first = [_gradient(f, points) for f in (u, v, p)]
+    stress = _stress(task.form, z, p, first, theta)
+    xx, xy, yy = (_gradient(tau, points) for tau in stress)
+    return _loss(task, z, first, (xx[0] + xy[1], xy[0] + yy[1]), theta)
+
+
 def eager_step(task: Task) -> Callable[[], Tensor]:
     """Nested torch.autograd.grad, as PINNs are usually written."""
     params, theta, optimizer = adam(task)
     points = task.points.clone().requires_grad_()
-    network = _network(params, task.widths)
 
     def step() -> Tensor:
         optimizer.zero_grad()
-        z = network(points)
-        u, v, p = _fields(z)
-        first = [_gradient(f, points) for f in (u, v, p)]
-        stress = _stress(task.form, z, p, first, theta)
-        xx, xy, yy = (_gradient(tau, points) for tau in stress)
-        divergence = (xx[0] + xy[1], xy[0] + yy[1])
-        loss = _loss(task, z, first, divergence, theta)
+        loss = nested_loss(task, params, theta, points)
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         return loss.detach()
@@ -185,10 +193,11 @@ def eager_step(task: Task) -> Callable[[], Tensor]:
 # ---------------------------------------------------------------- torch.func
 
 
-def functional_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
-    """torch.func: forward-mode jvp for the derivatives by x, y, t, nested for the stress."""
-    params, theta, optimizer = adam(task)
-    axes = torch.eye(3).to(task.points).unsqueeze(1).expand(3, len(task.points), 3)
+def functional_gradient(task: Task, params: Tensor, theta: Tensor) -> tuple[Tensor, ...]:
+    """Gradients by params and theta, and the loss; derivatives by x, y, t by forward-mode jvp,
+    nested for the stress."""
+    eye = torch.eye(3, dtype=task.points.dtype, device=task.points.device)
+    axes = eye.unsqueeze(1).expand(3, len(task.points), 3)
 
     def objective(params: Tensor, theta: Tensor) -> Tensor:
         network = _network(params, task.widths)
@@ -213,19 +222,17 @@ def functional_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
         _, (_, xy_y, yy_y) = along(stress, task.points, 1)
         return _loss(task, z, first, (xx_x + xy_y, xy_x + yy_y), theta)
 
-    def gradient(params: Tensor, theta: Tensor) -> Any:
-        return torch.func.grad_and_value(objective, argnums=(0, 1))(params, theta)
+    gradients, loss = torch.func.grad_and_value(objective, argnums=(0, 1))(params, theta)
+    return (*gradients, loss)
 
-    if compiled:
-        # Else torch would write to a tensor of zeros without memory (pytorch#177261).
-        options: dict[str, Any] = {"allow_buffer_reuse": False}
-        gradient = torch.compile(gradient, dynamic=False, options=options)
+
+def functional_step(task: Task) -> Callable[[], Tensor]:
+    params, theta, optimizer = adam(task)
 
     def step() -> Tensor:
-        (params.grad, theta.grad), loss = gradient(params.detach(), theta.detach())
+        params.grad, theta.grad, loss = functional_gradient(task, params.detach(), theta.detach())
         optimizer.step()
-        value: Tensor = loss
-        return value
+        return loss
 
     return step
 

@@ -42,7 +42,7 @@ def row(name: str, points: int, ms: float, form: str = "strong") -> dict[str, An
 
 
 def test_ratios_are_to_rows_of_the_same_form_and_size() -> None:
-    ours = row(OURS["fp32"], 512, 0.1)
+    ours = row(OURS["fp32"], 512, 0.1) | {"peak_gb": 0.02, "resident_mb": 2.1}
     rows = [
         ours,
         row(OURS["fast"], 512, 0.01),
@@ -53,7 +53,9 @@ def test_ratios_are_to_rows_of_the_same_form_and_size() -> None:
         row(JETS, 4096, 0.002),
         {"name": "broken", "form": "strong", "points": 512, "error": "OutOfMemoryError"},
     ]
-    gpu_table.complete(rows, CEILINGS)
+    gpu_table.complete(rows, CEILINGS, l2_mb=50.0)
+    assert ours["stays_in_l2"] is True
+    assert "stays_in_l2" not in rows[3]  # its memory is not known
     assert ours["times_faster_than_eager"] == pytest.approx(200)
     assert ours["best_rival"] == JETS
     assert ours["times_faster_than_best_rival"] == pytest.approx(2.5)
