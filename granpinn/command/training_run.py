@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from granpinn import report, results
 from granpinn.command import flow_warnings
@@ -22,6 +20,7 @@ from granpinn.identification.finish import require_kept
 from granpinn.identification.inertial_profile import profile_I0, require_mu_of_i
 from granpinn.identification.single import identify
 from granpinn.output import OutputError, objection_to_folder, owned
+from granpinn.report import early
 from granpinn.report.painters import Painters, painters
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
@@ -43,9 +42,6 @@ from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
 from granpinn.uncertainty.of_result import headline
 from granpinn.uncertainty.unknown_I0 import with_unknown_I0
-
-if TYPE_CHECKING:  # slow to import, and needed after the training
-    from granpinn.figures.album import Picture
 
 
 def run(config: Config) -> int:
@@ -72,20 +68,20 @@ def run(config: Config) -> int:
 
 
 class Drawn:
-    """The figures of a run that are drawn while the pressure is simulated.
+    """What of the page is made while the pressure is simulated.
 
     The threads of the simulation leave Python alone, and the figures need nothing else.
     """
 
     def __init__(self, folder: Path, painters: Painters | None) -> None:
         self._folder, self._painters = folder, painters
-        self.pictures: Sequence[Picture] = ()
+        self.early = early.Early()
 
     def draw(self) -> None:
         """Draw the figures; what fails, fails again in its place, when the page is built."""
         with suppress(OutputError):
-            made = attempt(REPORT, lambda: report.draw(self._folder, self._painters))
-            self.pictures = () if isinstance(made, NotDone) else made
+            made = attempt(REPORT, lambda: early.draw(self._folder, self._painters))
+            self.early = early.Early() if isinstance(made, NotDone) else made
 
 
 def _painters(config: Config) -> AbstractContextManager[Painters | None]:
@@ -185,7 +181,7 @@ def _conclude(
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
         answer.show(result)
-    page = attempt(REPORT, lambda: report.build(folder, drawn=drawn.pictures))
+    page = attempt(REPORT, lambda: report.build(folder, early=drawn.early))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")

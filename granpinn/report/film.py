@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from granpinn.arrays import Bytes, Floats, Int64
 from granpinn.figures.residual import RESIDUAL_RANGE
 from granpinn.figures.style import NothingToDraw
+from granpinn.report.pixels import grain_box, pixel_grid
 from granpinn.report.sheets import (
     LEVELS,
     OUTSIDE,
@@ -127,31 +128,47 @@ class Film(NamedTuple):
     y: Axis
     colors: tuple[str, ...]
 
+    @property
+    def size(self) -> int:
+        """Bytes of all sheets, in base64."""
+        return sum(len(sheet.png) for sheet in self.sheets)
 
-def shoot(fields: Fields, frame: int, budget: int = BUDGET) -> Film:
-    """The film of a run, which shows frame index `frame` first.
+
+def shoot(fields: Fields, frame: int, budget: int = BUDGET, largest: Film | None = None) -> Film:
+    """The film of a run, which shows frame index `frame` first, with as many pixels as fit.
+
+    Args:
+        largest: this film with all its pixels, if it is known.
 
     Raises:
         NothingToDraw: there are no grains, or none of the variables.
+    """
+    pixels, film = MAX_PIXELS, largest or film_of(fields, frame)
+    while film.size > budget and pixels > MIN_PIXELS:
+        longest = max(film.width, film.height)
+        pixels = max(MIN_PIXELS, int(0.95 * longest * (budget / film.size) ** 0.5))
+        film = film_of(fields, frame, pixels)
+    return film
+
+
+def film_of(fields: Fields, frame: int, pixels: int = MAX_PIXELS) -> Film:
+    """The film with at most `pixels` on the longer side of a frame, whatever its size.
+
+    Raises:
+        NothingToDraw: as `shoot`.
     """
     shown = [q for q in QUANTITIES.values() if set(q.variables) <= set(fields.values)]
     if not shown:
         raise NothingToDraw("fields.h5 has none of the variables of the film")
     rows, columns = grain_box(fields)
     frames = frames_of(fields.t.size, frame)
-    pixels = MAX_PIXELS
-    while True:
-        y, x = pixel_grid(fields.y[rows], fields.x[columns], pixels)
-        cut = np.ix_(rows.start + y[::-1], columns.start + x)
-        pictures = _pictures(fields, frames, cut)
-        if not pictures:
-            raise NothingToDraw("fields.h5 has no finite value to show")
-        across = columns_of(frames.size, y.size, x.size)
-        pngs = [indexed_png(laid_out(picture.indices, across)) for picture in pictures]
-        size = sum(map(len, pngs))
-        if size <= budget or pixels <= MIN_PIXELS:
-            break
-        pixels = max(MIN_PIXELS, int(0.95 * max(y.size, x.size) * (budget / size) ** 0.5))
+    y, x = pixel_grid(fields.y[rows], fields.x[columns], pixels)
+    cut = np.ix_(rows.start + y[::-1], columns.start + x)
+    pictures = _pictures(fields, frames, cut)
+    if not pictures:
+        raise NothingToDraw("fields.h5 has no finite value to show")
+    across = columns_of(frames.size, y.size, x.size)
+    pngs = [indexed_png(laid_out(picture.indices, across)) for picture in pictures]
     start = int(np.searchsorted(frames, frame))
     first = pictures[0].indices
     shape = x.size / y.size
@@ -204,43 +221,6 @@ def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> Axi
     values = [float(v) for v in locator.tick_values(low, high) if low <= v <= high]
     ticks = tuple((100 * (v - low) / (high - low), f"{v + 0.0:.6g}") for v in values)
     return Axis(name if unit == "1" else f"{name} [{unit or 'units of the file'}]", ticks)
-
-
-def grain_box(fields: Fields) -> tuple[slice, slice]:
-    """The rows and columns that hold grains at any time."""
-    if fields.index.size == 0:
-        raise NothingToDraw("fields.h5 has no grid point inside the grains")
-    place = fields.index % (fields.y.size * fields.x.size)
-    row, column = np.divmod(place, fields.x.size)
-    return (
-        slice(int(row.min()), int(row.max()) + 1),
-        slice(int(column.min()), int(column.max()) + 1),
-    )
-
-
-def pixel_grid(y: Floats, x: Floats, pixels: int) -> tuple[Int64, Int64]:
-    """Nearest grid rows [H] and columns [W] of square pixels; the longer side has <= `pixels`.
-
-    Pixels are as fine as the finest grid spacing as long as they fit.
-    """
-    spacings = np.concatenate([np.diff(y), np.diff(x), [np.inf]])
-    longest = max(np.ptp(y), np.ptp(x))
-    side = max(float(spacings.min()), float(longest) / pixels)
-    return _nearest(y, side, pixels), _nearest(x, side, pixels)
-
-
-def _nearest(axis: Floats, side: float, pixels: int) -> Int64:
-    if axis.size == 1:
-        return np.zeros(1, np.int64)
-    count = min(pixels, max(1, round(float(np.ptp(axis)) / side) + 1))
-    centers = np.linspace(axis[0], axis[-1], count)
-    return nearest_index(axis, centers)
-
-
-def nearest_index(axis: Floats, wanted: Floats) -> Int64:
-    """Index [n] of the value of an ascending axis that is nearest to each of `wanted` [n]."""
-    middles = (axis[1:] + axis[:-1]) / 2
-    return np.asarray(np.searchsorted(middles, wanted), np.int64)
 
 
 class _Pictures(NamedTuple):

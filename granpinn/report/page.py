@@ -20,9 +20,9 @@ from markupsafe import Markup, escape
 
 from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
-from granpinn.output import make_folder, write_text
+from granpinn.output import write_text
 from granpinn.report import film as films
-from granpinn.report.painters import Painters
+from granpinn.report.early import Early
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -49,33 +49,11 @@ PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
-def draw(run_dir: str | Path, painters: Painters | None = None) -> list[album.Picture]:
-    """Draw the figures of a run folder as it is now; `build` draws the others.
-
-    Nothing that follows the law, such as the simulated pressure, changes these figures.
-
-    Args:
-        painters: the processes that draw them, if there are any.
-
-    Raises:
-        ResultsFileError: there is no valid results.json.
-    """
-    folder = Path(run_dir)
-    if painters is None:
-        return album.draw_all(read(folder)[0], folder / "figures")[0]
-    figures = make_folder(folder / "figures")
-    titles = album.titles(album.Source(read_results(folder / "results.json"), None, None, 0))
-    return [
-        album.Picture(figures / f"{name}.png", titles[name], *painted)
-        for name, painted in painters.draw(titles).items()
-    ]
-
-
 def build(
     run_dir: str | Path,
     time: float | None = None,
     pdf: bool = False,
-    drawn: Sequence[album.Picture] = (),
+    early: Early | None = None,
 ) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
@@ -83,17 +61,19 @@ def build(
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
-        drawn: figures of this run that `draw` has drawn.
+        early: what `granpinn.report.early.draw` has made of this run.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
-    folder = Path(run_dir)
+    folder, early = Path(run_dir), early or Early()
     source, problems = read(folder, time)
-    pictures, missing = album.draw_all(source, folder / "figures", pdf, drawn)
+    pictures, missing = album.draw_all(source, folder / "figures", pdf, early.pictures)
     figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - figures)
-    shot = attempt(FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget))
+    shot = attempt(
+        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, early.film)
+    )
     film = None if isinstance(shot, NotDone) else shot
     if isinstance(shot, NotDone):
         missing = [album.Missing(FILM, shot.why), *missing]
@@ -102,6 +82,12 @@ def build(
     text = render(source.result, source.history, pictures, missing, problems, film)
     write_text(page, text)
     return page
+
+
+def largest_film(source: album.Source) -> films.Film | None:
+    """The film with all its pixels, from which `build` goes on; None if it cannot be made."""
+    film = attempt(FILM, lambda: films.film_of(album.fields_of(source), source.frame))
+    return None if isinstance(film, NotDone) else film
 
 
 def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[str]]:

@@ -12,20 +12,22 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 PROGRAM = "granpinn.report.painter"
 MOST = 8  # processes; a run has about ten figures
+NAMES = ""  # the line that asks for the names of the figures
 
 
 class Painted(NamedTuple):
-    """A figure that was written: its caption, and its narrow PNG for phones."""
+    """A figure that was written: its title and caption, and its narrow PNG for phones."""
 
+    title: str
     caption: str
     phone: bytes
 
@@ -48,8 +50,8 @@ class Painters:
             for _ in range(count)
         ]
 
-    def draw(self, names: Iterable[str]) -> dict[str, Painted]:
-        """Draw figures, each in the next idle process; those that could be drawn."""
+    def draw(self) -> dict[str, Painted]:
+        """Draw the figures, each in the next idle process; those that could be drawn, by name."""
         idle: SimpleQueue[subprocess.Popen[str]] = SimpleQueue()
         for process in self._processes:
             idle.put(process)
@@ -57,11 +59,12 @@ class Painters:
         def one(name: str) -> Painted | None:
             process = idle.get()
             try:
-                return _answer(process, name)
+                found = _answer(process, name)
             finally:
                 idle.put(process)
+            return found and Painted(**found | {"phone": base64.b64decode(found["phone"])})
 
-        names = list(names)
+        names = _answer(self._processes[0], NAMES) or []
         with ThreadPoolExecutor(len(self._processes)) as pool:
             found = zip(names, pool.map(one, names), strict=True)
             return {name: painted for name, painted in found if painted is not None}
@@ -74,17 +77,16 @@ class Painters:
             process.communicate()
 
 
-def _answer(process: subprocess.Popen[str], name: str) -> Painted | None:
-    """The figure of a process; None if it could not be drawn, or the process has ended."""
+def _answer(process: subprocess.Popen[str], line: str) -> Any:
+    """The answer of a process to a line; None if there is none, or the process has ended."""
     assert process.stdin is not None
     assert process.stdout is not None
     try:
-        process.stdin.write(f"{name}\n")
+        process.stdin.write(f"{line}\n")
         process.stdin.flush()
     except BrokenPipeError:
         return None
-    found = json.loads(process.stdout.readline() or "null")
-    return found and Painted(found["caption"], base64.b64decode(found["phone"]))
+    return json.loads(process.stdout.readline() or "null")
 
 
 @contextmanager

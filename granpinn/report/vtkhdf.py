@@ -19,7 +19,7 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, packer
-from granpinn.report.film import nearest_index
+from granpinn.report.pixels import nearest_index
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
 

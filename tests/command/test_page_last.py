@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from granpinn.command import training_run
 from granpinn.config import Config
 from granpinn.figures import album
 from granpinn.output import OutputError
+from granpinn.report.early import Early
 from granpinn.results import NotDone
 from granpinn.second_opinion import simulated_pressure
 from tests.command.late_parts import missing, raising, run
@@ -95,16 +96,16 @@ def test_figures_are_drawn_while_the_pressure_is_simulated(
 def test_early_figures_that_cannot_be_written_are_those_of_the_page(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(training_run.report, "draw", raising(OutputError("the disk is full")))
+    monkeypatch.setattr(training_run.early, "draw", raising(OutputError("the disk is full")))
     given = []
 
-    def build(folder: Path, drawn: Sequence[Any]) -> Path:
-        given.append(drawn)
+    def build(folder: Path, early: Early) -> Path:
+        given.append(early)
         return folder / "report.html"
 
     monkeypatch.setattr(training_run.report, "build", build)
     assert run(flow_file, "--out", tmp_path / "run") == 0
-    assert given == [()]
+    assert given == [Early()]
     result = results.read_results(tmp_path / "run" / "results.json")
     assert result.not_done == ()
     assert result.simulated_pressure is not None

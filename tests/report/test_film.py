@@ -14,6 +14,7 @@ from PIL import Image
 from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
 from granpinn.report import sheets
+from granpinn.report.pixels import grain_box, nearest_index, pixel_grid
 from granpinn.results import Fields
 from tests.examples import make_fields
 from tests.flows import make_flow
@@ -44,7 +45,7 @@ def test_a_frame_of_a_sheet_is_that_frame_upside_down(fields: Fields) -> None:
     film = films.shoot(fields, 0)
     sheet = next(s for s in film.sheets if s.name == "pressure")
     picture = pixels(sheet.png)
-    rows, columns = films.grain_box(fields)
+    rows, columns = grain_box(fields)
     for k in range(5):
         shown = frame_of(picture, film, k).astype(float)
         known = fields.frame("p", k)[rows, columns][::-1]
@@ -184,11 +185,11 @@ def test_a_field_without_variation_has_a_scale(
 def test_pixels_of_an_uneven_grid_are_even_and_nearest() -> None:
     x = np.array([0.0, 1.0, 3.0, 4.0])
     y = np.array([0.0, 2.0])
-    rows, columns = films.pixel_grid(y, x, 100)
+    rows, columns = pixel_grid(y, x, 100)
     assert columns.tolist()[0] == 0
     assert columns.tolist() == [0, 1, 1, 2, 3] or columns.tolist() == [0, 1, 2, 2, 3]
     assert rows.size == 3
-    assert films.nearest_index(x, np.array([-5.0, 0.4, 0.6, 9.0])).tolist() == [0, 0, 1, 3]
+    assert nearest_index(x, np.array([-5.0, 0.4, 0.6, 9.0])).tolist() == [0, 0, 1, 3]
 
 
 def test_a_frame_without_grains_is_transparent(contents: Contents) -> None:

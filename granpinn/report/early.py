@@ -1,0 +1,52 @@
+"""What of the page is made while the pressure is simulated: most figures, and the film.
+
+Nothing that follows the law, such as the simulated pressure, changes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from granpinn.output import make_folder
+from granpinn.report.painters import Painters
+
+if TYPE_CHECKING:  # slow to import
+    from granpinn.figures.album import Picture
+    from granpinn.report.film import Film
+
+
+class Early(NamedTuple):
+    """Figures that were drawn, and the film with all its pixels; None if it could not be made."""
+
+    pictures: Sequence[Picture] = ()
+    film: Film | None = None
+
+
+def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
+    """Draw the figures and the film of a run folder as it is now; `build` makes the others.
+
+    Args:
+        painters: the processes that draw the figures, if there are any. Meanwhile this one loads
+            the libraries of the page, and makes the film.
+
+    Raises:
+        ResultsFileError: there is no valid results.json.
+    """
+    folder = Path(run_dir)
+    figures = make_folder(folder / "figures")
+    if painters is None:
+        from granpinn.report import page
+
+        source, _ = page.read(folder)
+        pictures, _ = page.album.draw_all(source, figures)
+        return Early(pictures, page.largest_film(source))
+    with ThreadPoolExecutor(1) as pool:
+        drawn = pool.submit(painters.draw)
+        from granpinn.report import page
+
+        film = page.largest_film(page.read(folder)[0])
+        made = drawn.result().items()
+    return Early([page.album.Picture(figures / f"{name}.png", *one) for name, one in made], film)
