@@ -9,8 +9,10 @@ section IV.A.2.l.
 from __future__ import annotations
 
 import math
+import os
 import zlib
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from operator import add, lt, mod
 from typing import Any
 
@@ -25,6 +27,7 @@ MAX_CHUNKS = 1_000_000
 LARGE_CHUNK = 2**26  # bytes; a chunk above it may not be larger than the data
 _FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
 _CHECKSUM_BYTES = 4
+MOST_THREADS, LEAST_CHUNKS = 8, 2  # threads that unpack, and chunks for each of them
 _MODULUS = 0xFFFF  # of both sums of fletcher32
 _BLOCK = 2**20  # words whose sums fit into 64 bits
 
@@ -80,11 +83,24 @@ class Chunks:
         if len(places) != expected:
             return False
         raw = self._source(stored)
-        for place, info in places.items():
-            values = np.frombuffer(self._unpacked(info, raw(info)), self._dtype).reshape(chunk)
-            target = array[tuple(map(slice, place, map(add, place, chunk)))]
-            inside = values if target.shape == chunk else values[tuple(map(slice, target.shape))]
-            target[...] = inside
+
+        def fill(some: list[tuple[int, ...]]) -> None:
+            for place in some:
+                content = self._unpacked(places[place], raw(places[place]))
+                values = np.frombuffer(content, self._dtype).reshape(chunk)
+                target = array[tuple(map(slice, place, map(add, place, chunk)))]
+                whole = target.shape == chunk
+                target[...] = values if whole else values[tuple(map(slice, target.shape))]
+
+        every = list(places)
+        threads = min(MOST_THREADS, len(os.sched_getaffinity(0)), len(every) // LEAST_CHUNKS)
+        if threads < 2 or not self._filters:
+            fill(every)
+            return True
+        # zlib leaves Python meanwhile. Each thread has its own part, so that errors keep an order.
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(fill, [every[k::threads] for k in range(threads)]):
+                pass
         return True
 
     def _is_place(self, offset: tuple[int, ...]) -> bool:
