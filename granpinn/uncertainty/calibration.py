@@ -157,6 +157,31 @@ class ShortTraining:
 
 
 @dataclass(frozen=True)
+class MisfitGrowth:
+    """How errors grow with the misfit of the velocity, measured on films of simulated collapses.
+
+    Attributes:
+        power: of the misfit, to which errors are proportional.
+        largest: misfit of the films over that of the table; errors grow in proportion from there.
+        flows: number of films.
+        provenance: the trainings that gave the numbers.
+    """
+
+    power: float
+    largest: float
+    flows: int
+    provenance: str
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.power <= 1 <= self.largest:
+            raise ValueError(f"power must be 0 to 1 and largest at least 1, got {self}")
+
+    def factor(self, ratio: float) -> float:
+        """On the errors at a misfit of `ratio` times, at least 1, that of the table."""
+        return math.pow(min(ratio, self.largest), self.power) * max(1.0, ratio / self.largest)
+
+
+@dataclass(frozen=True)
 class Calibration:
     """
     Attributes:
@@ -168,7 +193,7 @@ class Calibration:
         mu_s: knots of the discrepancy, ascending.
         discrepancy: second moment of z at these knots, beyond the scatter.
         discrepancy_weight: number of truths behind each.
-        misfit: largest relative velocity misfit in the study; discrepancy grows with it from there.
+        misfit: largest relative velocity misfit in the study; errors grow with it from there.
         steps: of the shortest trainings in the study.
         noise_part: velocity error of the fit, as a part of the measurement noise.
         widening: factors on the 90 % intervals of mu_s and mu_2, as errors are not quite normal.
@@ -181,6 +206,7 @@ class Calibration:
         shorter: studies of shorter trainings, from few steps to many.
         reach: errors in flows that reach other I; None: not calibrated.
         noise: errors that noise adds; None: not calibrated.
+        growth: of errors with a misfit beyond that of the study; None: in proportion.
     """
 
     law: str
@@ -205,6 +231,7 @@ class Calibration:
     shorter: tuple[ShortTraining, ...] = ()
     reach: ReachError | None = None
     noise: NoiseError | None = None
+    growth: MisfitGrowth | None = None
 
     def __post_init__(self) -> None:
         require_names(self.residuals, (), terms.NAMES, "residuals.")

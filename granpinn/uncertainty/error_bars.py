@@ -2,7 +2,7 @@ r"""Error bars of (mu_s, mu_2); for mu(I) alone, as they are calibrated by simul
 
 For the center c of an ensemble, with z = (error of mu_s, error of mu_2) / mu_s, the covariance is
 
-$$ C = V + s^2 D_n + N + A, \qquad s = \max(1, m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
+$$ C = V + s^2 D_n + N + A, \qquad s = g(m / m_0)\,\max(1, n_0 / n)^{3/2}: $$
 
 V is the scatter of the center over seeds and measurement noise, estimated from the members and, as
 they are few, from the calibration table. D_n is the further error of simulated collapses with known
@@ -10,10 +10,11 @@ parameters after n steps: the mean of e e^T, which includes a common offset. s e
 velocity error m is larger than in the study (m_0), or n is smaller than in the study of the
 shortest trainings (n_0). m is the misfit beyond the known noise, capped by the misfit that the
 equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
-state. D_n is carried over to the inertial numbers that the data hold. N is the measured effect of
-noise, most of which is a bias that all members share (held.py). A is the effect of assumptions,
-such as the offset of the surface line (of_assumptions.py); their priors are given and do not change
-the degrees of freedom.
+state. The growth g of the errors with it, 1 below m_0, was measured on films of simulated collapses
+(bench/studies/coverage); beyond their misfit it is in proportion. D_n is carried over to the
+inertial numbers that the data hold. N is the measured effect of noise, most of which is a bias that
+all members share (held.py). A is the effect of assumptions, such as the offset of the surface line
+(of_assumptions.py); their priors are given and do not change the degrees of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
@@ -45,7 +46,7 @@ from granpinn.arrays import Float64
 from granpinn.results import Residuals
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
-from granpinn.uncertainty.calibration import Calibration
+from granpinn.uncertainty.calibration import Calibration, MisfitGrowth
 from granpinn.uncertainty.center import center, deviations
 from granpinn.uncertainty.held import Held, by_noise, carried
 from granpinn.uncertainty.of_assumptions import covariance
@@ -183,14 +184,22 @@ def resolution(residuals: Residuals, calibration: Calibration) -> float:
 
 def discrepancy(mu_s: float, residuals: Residuals, steps: int, calibration: Calibration) -> Float64:
     """s^2 D_n [2, 2], times the squared excess of the residuals where they reject the law."""
-    s = unresolved(residuals, calibration) * slowness(steps, calibration.lengths[0].steps)
+    s = unresolved(residuals, calibration, calibration.growth)
+    s *= slowness(steps, calibration.lengths[0].steps)
     return s**2 * calibration.discrepancy_at(mu_s, steps)
 
 
-def unresolved(residuals: Residuals, calibration: Calibration) -> float:
-    """max(1, m / m_0), times the excess of the residuals over their limit."""
-    resolved = max(1.0, resolution(residuals, calibration) / calibration.misfit)
-    return resolved * excess(residuals, calibration)
+def unresolved(
+    residuals: Residuals, calibration: Calibration, growth: MisfitGrowth | None = None
+) -> float:
+    """The effect g of m / m_0, times the excess of the residuals over their limit.
+
+    Args:
+        growth: of errors with the misfit; None: in proportion.
+    """
+    ratio = max(1.0, resolution(residuals, calibration) / calibration.misfit)
+    effect = ratio if growth is None else growth.factor(ratio)
+    return effect * excess(residuals, calibration)
 
 
 def slowness(steps: int, studied: int) -> float:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from bench.studies.coverage import judge, materials, other_data
 from bench.studies.coverage.judge import Case
 from granpinn.results import Residuals
 from granpinn.results.records import Members
-from granpinn.uncertainty import calibration, held
+from granpinn.uncertainty import calibration, error_bars, held
+from granpinn.uncertainty.calibration import MisfitGrowth
 
 
 def test_errors_on_other_data_are_recovered() -> None:
@@ -55,7 +57,7 @@ def test_errors_on_other_data_are_recovered() -> None:
 
     at_usual = [flows(1, 0.0)[0]._replace(held=held.Held(usual))]
     noisy = [case for noise in (0.05, 0.2, 0.6) for case in flows(80, noise)]
-    table = other_data.fit(at_usual, flows(150, 0.0), noisy, base, "made up")
+    table = other_data.fit(at_usual, flows(150, 0.0), noisy, [], base, "made up")
     assert table.reach is not None
     assert table.noise is not None
     np.testing.assert_allclose(table.reach.power[1], 1.5, atol=0.4)
@@ -65,6 +67,48 @@ def test_errors_on_other_data_are_recovered() -> None:
     assert -0.75 < table.noise.correlation < -0.3
     scores = [judge.score(case, table) for case in flows(200, 0.1)]
     assert 0.84 < np.mean([s.covered for s in scores]) < 0.97
+
+
+def test_the_growth_with_the_misfit_is_recovered() -> None:
+    """Films whose errors grow with the root of their misfit, 2 to 8 times that of the table."""
+    generator = np.random.default_rng(6)
+    base = dataclasses.replace(
+        calibration.load(),
+        widening=(1.0, 1.0),
+        mu_s=(0.4,),
+        discrepancy=(((4e-5, 0.0), (0.0, 4e-5)),),
+        scatter=((1e-12, 0.0), (0.0, 1e-12)),
+        discrepancy_weight=1e6,
+        shorter=(),
+        noise=None,
+        reach=None,
+    )
+    made = []
+    for _ in range(400):
+        residuals = Residuals(
+            velocity=float(generator.uniform(2, 8)) * base.misfit,
+            noise=0.0,
+            surface=1e-4,
+            momentum=1.0,
+            continuity=0.01,
+            constitutive=1.0,
+        )
+        limits = {n: dataclasses.replace(r, limit=1e9) for n, r in base.residuals.items()}
+        base = dataclasses.replace(base, residuals=limits)
+        s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 1, "made up"))
+        z = generator.multivariate_normal([0, 0], s**2 * np.array(base.discrepancy[0]))
+        members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
+        true = np.array([0.4, 0.64]) - 0.4 * z
+        made.append(Case(materials.LAW, true, members, residuals, 10**6, None))
+    found = other_data.growth_with_misfit(made, base, "made up")
+    assert found is not None
+    assert found.power == pytest.approx(0.5, abs=0.1)
+    assert found.largest == pytest.approx(8, rel=0.02)
+    for mu, power in (((0.4, 0.64), 0.0), ((0.3, 0.64), 1.0)):  # no errors, and hopeless ones
+        cases = [case._replace(mu=np.array(mu)) for case in made]
+        found = other_data.growth_with_misfit(cases, base, "made up")
+        assert found is not None
+        assert found.power == power
 
 
 def test_a_varied_study_draws_the_flows_too() -> None:

@@ -228,12 +228,19 @@ def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyP
     whole = equations.ill_posed
     monkeypatch.setattr(equations, "ill_posed", ill_posed)
     words = ["--cases", "plug 16", "--seeds", "2", "--device", "cpu", "--steps", "12"]
+    words += ["--noises", "0", "0.1"]
     words += ["--local-law"] if local else []
     words += ["--network.widths", "9,7", "--batch.interior", "33", "--batch.surface", "6"]
     monkeypatch.setattr(sys, "argv", ["run", *words, "--json", str(tmp_path / "floor.json")])
     assert run.main() == 0
     found = json.loads((tmp_path / "floor.json").read_text())
-    assert [row["seed"] for row in found["rows"]] == [0, 1]
+    assert [(row["noise"], row["seed"]) for row in found["rows"]] == [
+        (0, 0),
+        (0, 1),
+        (0.1, 0),
+        (0.1, 1),
+    ]
+    assert found["rows"][2]["residuals"]["noise"] > 0
     assert found["local_law"] is local is (max(seen) == 0)
     for row in found["rows"]:
         assert row["mu_s_percent"] == pytest.approx(100 * (row["found"]["mu_s"] / 0.4 - 1))

@@ -39,6 +39,7 @@ TABLE = dataclasses.replace(
     residuals={  # 1 at the misfit of CLEAN
         name: Range(math.log10(500), 1.0, 3.0) for name in ("momentum", "constitutive")
     },
+    growth=None,
 )
 CLEAN = Residuals(
     velocity=0.002, noise=0.0, surface=1e-4, momentum=1.0, continuity=0.01, constitutive=1.0

@@ -133,7 +133,7 @@ def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
     for case in cases:
         center = np.array(center_of(case.members))
         z = (center - case.mu) / center[0]
-        scale = error_bars.unresolved(case.residuals, table)
+        scale = error_bars.unresolved(case.residuals, table, table.growth)
         scatter, _ = error_bars.scatter(case.members, table)
         beyond.append((np.outer(z, z) - scatter) / scale**2)
         mu_s.append(center[0])

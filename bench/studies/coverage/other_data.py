@@ -1,7 +1,7 @@
 """How the errors of the shipped table carry over to other data: other I, and noise.
 
 python -m bench.studies.coverage.other_data --usual usual.json --varied varied.json \
-    --noisy varied_0.02.json varied_0.05.json varied_0.2.json \
+    --noisy varied_0.02.json varied_0.05.json varied_0.2.json --measured films.json \
     --test noisy.json cells_512.json --write
 
 The table of the level must have been made from collapses of the usual shape (calibrate.py).
@@ -9,8 +9,10 @@ The table of the level must have been made from collapses of the usual shape (ca
 (`coverage.run --varied`), `--noisy` the same with noise. The law of each growth is fitted by
 maximum likelihood to the relative errors of mu at the ends of the range of I, each end by itself.
 Then the sizes are raised until the 90 % intervals hold 90 % of these flows. The limits of the
-residuals are raised to those of the flows of every shape. The coverage of `--test` is that of flows
-the fit has not seen. A level without `--noisy` takes the effect of noise of the usual level.
+residuals are raised to those of the flows of every shape. `--measured` gives films, which a PIV
+program measured: errors grow with the least power of their misfit with which 90 % of them hold. The
+coverage of `--test` is that of flows the fit has not seen. A level without `--noisy` or
+`--measured` takes these entries of the usual level.
 
 Defends: intervals of collapses of any shape, with and without noise, hold 85 to 95 % of the truths.
 """
@@ -28,14 +30,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 from bench.studies.coverage.calibrate import ALARM, missed, reach, text_of, upper_quantile
 from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
 from granpinn.config import Config
 from granpinn.uncertainty import calibration, error_bars, held, of_law
-from granpinn.uncertainty.calibration import Calibration
+from granpinn.uncertainty.calibration import Calibration, MisfitGrowth
 from granpinn.uncertainty.held import Held, NoiseError, ReachError
 
 Array = npt.NDArray[np.float64]
@@ -43,6 +45,7 @@ Pair = tuple[float, float]
 
 VECTORS = 60_000.0  # the number to which the size of the effect of noise refers
 ROUNDS = 8  # of raising it
+FILES = {"usual": 1, "varied": "+", "noisy": "*", "measured": "*", "test": "*"}  # and how many
 LOWER = 0.0  # power at the lower end: its errors do not grow as the range shrinks
 
 
@@ -50,10 +53,11 @@ def fit(
     usual: Sequence[Case],
     varied: Sequence[Case],
     noisy: Sequence[Case],
+    measured: Sequence[Case],
     base: Calibration,
     provenance: str,
 ) -> Calibration:
-    """The table with the entries on other I and on noise; all cases obey mu(I)."""
+    """The table with the entries on other I, noise and misfit; all cases obey mu(I)."""
     base = _with_limits(base, varied)
     ends = np.median([_held(case).x for case in usual], axis=0)
     x = float(ends[0]), float(ends[1])
@@ -67,11 +71,21 @@ def fit(
 
     grows = float(_least(unlikely, [1.0, 0.0])[0])
     size_of_reach = _raised((1.0, 1.0), lambda size: at(grows, size), varied)
-    table = at(grows, size_of_reach)
+    table = _with_noise(at(grows, size_of_reach), noisy, provenance)
+    growth = growth_with_misfit(measured, table, provenance)
+    return dataclasses.replace(table, growth=growth or _usual_level().growth)
+
+
+def _usual_level() -> Calibration:
+    table = calibration.of_level(Config().level)
+    assert table is not None
+    return table
+
+
+def _with_noise(table: Calibration, noisy: Sequence[Case], provenance: str) -> Calibration:
+    """The table with the effect of noise on these flows."""
     if not noisy:
-        usual_level = calibration.of_level(Config().level)
-        assert usual_level is not None
-        return dataclasses.replace(table, noise=usual_level.noise)
+        return dataclasses.replace(table, noise=_usual_level().noise)
     size, power = np.transpose([_growth(noisy, table, end) for end in (0, 1)])
     f = np.array([_errors(case) for case in noisy])
     entry = NoiseError(
@@ -87,6 +101,30 @@ def fit(
         return dataclasses.replace(table, noise=dataclasses.replace(entry, size=size))
 
     return with_size(_raised(entry.size, with_size, noisy))
+
+
+def growth_with_misfit(
+    measured: Sequence[Case], table: Calibration, provenance: str
+) -> MisfitGrowth | None:
+    """The growth of errors up to the largest misfit of these flows; None without any.
+
+    Its power is the least with which the 90 % intervals hold 90 % of them.
+    """
+    if not measured:
+        return None
+    misfits = [error_bars.resolution(case.residuals, table) for case in measured]
+    largest = max(1.0, max(misfits) / table.misfit)
+
+    def of(power: float) -> MisfitGrowth:
+        return MisfitGrowth(power, largest, len(measured), provenance)
+
+    def short(power: float) -> float:
+        own = dataclasses.replace(table, growth=of(power))
+        return float(max(upper_quantile(np.array([missed(c) / reach(c, own) for c in measured]))))
+
+    if short(0.0) <= 1 or short(1.0) >= 1:
+        return of(float(short(0.0) > 1))
+    return of(float(brentq(lambda power: short(power) - 1, 0.0, 1.0, xtol=1e-3)))
 
 
 def _with_limits(table: Calibration, cases: Sequence[Case]) -> Calibration:
@@ -157,7 +195,7 @@ def _least(unlikely: Callable[[Array], float], start: Sequence[float]) -> Array:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--level", default=Config().level, help="of the trainings and the table")
-    for name, many in (("usual", 1), ("varied", "+"), ("noisy", "*"), ("test", "*")):
+    for name, many in FILES.items():
         parser.add_argument(
             f"--{name}", nargs=many, type=Path, default=[], help="files of coverage.run"
         )
@@ -166,19 +204,19 @@ def main() -> int:
     base = calibration.of_level(own.level)
     if base is None:
         parser.error(f"level {own.level} has no table: make it with coverage.calibrate")
-    dates = sorted({_read(path)["date"] for path in (*own.varied, *own.noisy)})
+    dates = sorted({_read(path)["date"] for path in (*own.varied, *own.noisy, *own.measured)})
     note = f"bench.studies.coverage on simulated collapses of every shape: {', '.join(dates)}"
-    usual, varied, noisy, _ = (
+    usual, varied, noisy, measured = (
         [case for path in paths for case in _cases(path)]
-        for paths in (own.usual, own.varied, own.noisy, own.test)
+        for paths in (own.usual, own.varied, own.noisy, own.measured)
     )
     try:
-        table = fit(usual, varied, noisy, base, note)
+        table = fit(usual, varied, noisy, measured, base, note)
     except ValueError as error:
         parser.error(str(error))
-    for path in (*own.usual, *own.varied, *own.noisy, *own.test):
+    for path in (*own.usual, *own.varied, *own.noisy, *own.measured, *own.test):
         print(f"{path.name}:\n{report([(case, table) for case in _cases(path)])}")
-    print(table.reach, table.noise, sep="\n")
+    print(table.reach, table.noise, table.growth, sep="\n")
     if own.write:
         calibration.PATHS[own.level].write_text(text_of(table) + "\n")
     return 0
