@@ -62,7 +62,7 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     run = importlib.import_module("granpinn.command.training_run")
     monkeypatch.setattr(run.early, "draw", lambda folder, painters: run.early.Early())
     monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
-    monkeypatch.setattr(run.report, "build", lambda folder, early: folder / "report.html")
+    monkeypatch.setattr(run.report, "build", lambda folder, **made: folder / "report.html")
 
 
 @pytest.fixture

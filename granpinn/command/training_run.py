@@ -181,7 +181,8 @@ def _conclude(
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
         answer.show(result)
-    page = attempt(REPORT, lambda: report.build(folder, early=drawn.early))
+    pictures, film = drawn.early
+    page = attempt(REPORT, lambda: report.build(folder, drawn=pictures, largest=film))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")

@@ -63,4 +63,4 @@ def packed(values: npt.NDArray[Any], dtype: np.dtype[Any]) -> bytes:
     of all values, and so on, compressed."""
     flat = np.ascontiguousarray(values, dtype).reshape(-1)
     parts = flat.view(np.uint8).reshape(-1, dtype.itemsize)
-    return zlib.compress(np.ascontiguousarray(parts.T), LEVEL)
+    return zlib.compress(np.ascontiguousarray(parts.T).data, LEVEL)

@@ -37,16 +37,16 @@ def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
     """
     folder = Path(run_dir)
     figures = make_folder(folder / "figures")
-    if painters is None:
+    with ThreadPoolExecutor(1) as pool:
+        painted = None if painters is None else pool.submit(painters.draw)
+        from granpinn.figures import album
         from granpinn.report import page
 
         source, _ = page.read(folder)
-        pictures, _ = page.album.draw_all(source, figures)
-        return Early(pictures, page.largest_film(source))
-    with ThreadPoolExecutor(1) as pool:
-        drawn = pool.submit(painters.draw)
-        from granpinn.report import page
-
-        film = page.largest_film(page.read(folder)[0])
-        made = drawn.result().items()
-    return Early([page.album.Picture(figures / f"{name}.png", *one) for name, one in made], film)
+        if painted is None:
+            pictures, _ = album.draw_all(source, figures)
+        film = page.largest_film(source)
+        if painted is not None:
+            found = painted.result().items()
+            pictures = [album.Picture(figures / f"{name}.png", *one) for name, one in found]
+    return Early(pictures, film)

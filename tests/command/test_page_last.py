@@ -17,7 +17,6 @@ from granpinn.command import training_run
 from granpinn.config import Config
 from granpinn.figures import album
 from granpinn.output import OutputError
-from granpinn.report.early import Early
 from granpinn.results import NotDone
 from granpinn.second_opinion import simulated_pressure
 from tests.command.late_parts import missing, raising, run
@@ -99,13 +98,13 @@ def test_early_figures_that_cannot_be_written_are_those_of_the_page(
     monkeypatch.setattr(training_run.early, "draw", raising(OutputError("the disk is full")))
     given = []
 
-    def build(folder: Path, early: Early) -> Path:
-        given.append(early)
+    def build(folder: Path, **made: Any) -> Path:
+        given.append(made)
         return folder / "report.html"
 
     monkeypatch.setattr(training_run.report, "build", build)
     assert run(flow_file, "--out", tmp_path / "run") == 0
-    assert given == [Early()]
+    assert given == [{"drawn": (), "largest": None}]
     result = results.read_results(tmp_path / "run" / "results.json")
     assert result.not_done == ()
     assert result.simulated_pressure is not None
