@@ -60,7 +60,7 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
         "residuals": residuals,
         "I_range": inertial_range(case.member.data, model_of(case, run.trainer, e)),
         "measured_noise": conclusion.measured_noise(case),
-        "independent": case.facts.independent,
+        "independent": case.facts.independent(),
         "steps": run.trainer.step,
         "n_points": len(case.member.data.points),
         "failure": failure or (None if residuals else "residuals that are not finite"),
