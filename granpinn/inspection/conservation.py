@@ -110,10 +110,13 @@ def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
 
 
 def _block(there: Bool, *gradients: Float64) -> list[float]:
-    """Number of vectors of a block, sums of u_x^2, u_y^2, v_x^2, v_y^2, u_x v_y and u_y v_x."""
+    """Number of vectors of a block, sums of u_x^2, u_y^2, v_x^2, v_y^2, u_x v_y and u_y v_x.
+
+    `a @ b` would wait for the threads of BLAS: 7 ms for each of these sums.
+    """
     u_x, u_y, v_x, v_y = (a[there] for a in gradients)
     pairs = ((u_x, u_x), (u_y, u_y), (v_x, v_x), (v_y, v_y), (u_x, v_y), (u_y, v_x))
-    return [float(there.sum()), *(float(a @ b) for a, b in pairs)]
+    return [float(there.sum()), *(float(np.sum(a * b)) for a, b in pairs)]
 
 
 def center_of(flow: Flow, frames: Index, u: Float64, v: Float64, height: float) -> Center:
