@@ -257,3 +257,18 @@ def test_the_collector_spares_modules_in_the_process_of_a_command_alone() -> Non
     code += "e.keep_what_is_loaded(); print(gc.get_freeze_count())"
     words = [sys.executable, "-c", code]
     assert int(subprocess.run(words, capture_output=True, text=True, check=True).stdout) > 1000
+
+
+@pytest.mark.skipif(os.uname().machine != "x86_64", reason="torch may share the BLAS of NumPy")
+@pytest.mark.parametrize("given", [None, "3"])
+def test_numpy_gets_one_thread_unless_the_user_says_otherwise(given: str | None) -> None:
+    """Before it is loaded."""
+    environment = {k: v for k, v in os.environ.items() if k != exit_codes.BLAS_THREADS}
+    program = (
+        "import os, sys; from granpinn.command import exit_codes; exit_codes.guard_process('a'); "
+        "assert 'numpy' not in sys.modules; print(os.environ[exit_codes.BLAS_THREADS])"
+    )
+    environment |= {} if given is None else {exit_codes.BLAS_THREADS: given}
+    words = [sys.executable, "-c", program]
+    found = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == (given or "1")
