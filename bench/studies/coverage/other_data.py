@@ -45,7 +45,13 @@ Pair = tuple[float, float]
 
 VECTORS = 60_000.0  # the number to which the size of the effect of noise refers
 ROUNDS = 8  # of raising it
-FILES = {"usual": 1, "varied": "+", "noisy": "*", "measured": "*", "test": "*"}  # and how many
+FILES: dict[str, int | str] = {
+    "usual": 1,
+    "varied": "+",
+    "noisy": "*",
+    "measured": "*",
+    "test": "*",
+}  # and how many
 LOWER = 0.0  # power at the lower end: its errors do not grow as the range shrinks
 
 
