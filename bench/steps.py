@@ -107,14 +107,18 @@ def adam(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
     return params, theta, torch.optim.Adam([params, theta], lr=5e-4, **options)
 
 
-def _network(params: Tensor, widths: list[int]) -> Network:
+def network_of(
+    params: Tensor, widths: list[int], activation: Callable[[Tensor], Tensor] = silu
+) -> Network:
+    """The network of these parameters, points [B, 3] -> outputs [B, O]."""
+
     def network(x: Tensor) -> Tensor:
         start = 0
         for layer, (n_in, n_out) in enumerate(pairwise(widths)):
             W = params[start : start + n_out * n_in].view(n_out, n_in)
             b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
             start += n_out * (n_in + 1)
-            x = torch.nn.functional.linear(silu(x) if layer else x, W, b)
+            x = torch.nn.functional.linear(activation(x) if layer else x, W, b)
         return x
 
     return network
@@ -167,7 +171,7 @@ def _gradient(f: Tensor, points: Tensor) -> tuple[Tensor, ...]:
 
 def nested_loss(task: Task, params: Tensor, theta: Tensor, points: Tensor) -> Tensor:
     """The loss by nested torch.autograd.grad at `points`, which require gradients."""
-    z = _network(params, task.widths)(points)
+    z = network_of(params, task.widths)(points)
     u, v, p = _fields(z)
     first = [_gradient(f, points) for f in (u, v, p)]
     stress = _stress(task.form, z, p, first, theta)
@@ -200,7 +204,7 @@ def functional_gradient(task: Task, params: Tensor, theta: Tensor) -> tuple[Tens
     axes = eye.unsqueeze(1).expand(3, len(task.points), 3)
 
     def objective(params: Tensor, theta: Tensor) -> Tensor:
-        network = _network(params, task.widths)
+        network = network_of(params, task.widths)
 
         def along(function: Callable[[Tensor], Any], points: Tensor, axis: int) -> Any:
             return torch.func.jvp(function, (points,), (axes[axis],))

@@ -8,30 +8,16 @@ channels, one more than by hand. The residuals, loss and Adam are those of `benc
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
-
 import torch
 from torch import Tensor
-from torch.nn.functional import linear
 
 from bench.jets import Jet, Network
-from bench.steps import Task
+from bench.steps import Task, network_of
 
 
-def _swish_network(params: Tensor, widths: list[int]) -> Callable[[Tensor], Tensor]:
-    """The network of `bench.steps` with the swish of the operations that torch-jet knows."""
-
-    def network(x: Tensor) -> Tensor:
-        start = 0
-        for layer, (n_in, n_out) in enumerate(pairwise(widths)):
-            W = params[start : start + n_out * n_in].view(n_out, n_in)
-            b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
-            start += n_out * (n_in + 1)
-            x = linear(x * torch.sigmoid(x) if layer else x, W, b)
-        return x
-
-    return network
+def _swish(x: Tensor) -> Tensor:
+    """The activation by operations that torch-jet knows."""
+    return x * torch.sigmoid(x)
 
 
 def package_jets(task: Task, params: Tensor) -> Network:
@@ -41,7 +27,7 @@ def package_jets(task: Task, params: Tensor) -> Network:
     """
     from jet import capture_graph, jet
 
-    taylor = jet(_swish_network(params, task.widths), (task.points,))
+    taylor = jet(network_of(params, task.widths, _swish), (task.points,))
     x, y, t = torch.eye(3, dtype=task.points.dtype, device=task.points.device)
     strong = task.form == "strong"
     lines = torch.stack([x, y, x + y] if strong else [x, y, t])
