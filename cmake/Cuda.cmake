@@ -3,7 +3,7 @@
 #   auto  built where every torch is a CUDA build and the CUDA compiler of the same major version is
 #         found
 #   on    likewise, but an error where something is missing
-# GRANPINN_CUDA_ARCHITECTURES is CMake's list, "90" for a quick build, "native", "90a-real;100".
+# GRANPINN_CUDA_ARCHITECTURES is CMake's list, "90a" for a quick build, "native", "90a-real;100".
 # torch's own libraries are linked; the CUDA toolkit is asked for nothing but nvcc and its runtime.
 foreach(name GRANPINN_CUDA GRANPINN_CUDA_ARCHITECTURES)
   if(NOT DEFINED ${name} AND DEFINED ENV{${name}})
@@ -16,9 +16,10 @@ endif()
 if(NOT GRANPINN_CUDA MATCHES "^(auto|on|off)$")
   message(FATAL_ERROR "GRANPINN_CUDA must be auto, on or off, got '${GRANPINN_CUDA}'.")
 endif()
-# code for 8.x (that of 8.0 runs on 8.6 and 8.9 too) and 9.0, and PTX for newer ones
+# code for 8.x (that of 8.0 runs on 8.6 and 8.9 too) and for 9.0 with its own instructions (90a), and
+# PTX for newer ones
 if(NOT GRANPINN_CUDA_ARCHITECTURES)
-  set(GRANPINN_CUDA_ARCHITECTURES 80-real 90)
+  set(GRANPINN_CUDA_ARCHITECTURES 80-real 90a-real 90-virtual)
 endif()
 string(REPLACE " " ";" GRANPINN_CUDA_ARCHITECTURES "${GRANPINN_CUDA_ARCHITECTURES}")
 

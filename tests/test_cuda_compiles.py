@@ -19,7 +19,7 @@ def test_it_compiles(source: Path, tmp_path: Path) -> None:
     nvcc = shutil.which("nvcc")
     if nvcc is None:
         pytest.skip("nvcc is not installed")
-    command = [nvcc, "-std=c++17", "--expt-relaxed-constexpr", "-arch=sm_90", "-I", ROOT / "csrc"]
+    command = [nvcc, "-std=c++17", "--expt-relaxed-constexpr", "-arch=sm_90a", "-I", ROOT / "csrc"]
     # 128: a loop that one instance of a template never enters
     command += ["-diag-suppress", "128", "-Werror", "all-warnings", "-Xcompiler=-Wall,-Wextra"]
     command += ["-Xcicc", "-O1", "-Xptxas", "-O1"]  # half the time

@@ -96,7 +96,7 @@ def test_gpus_are_reported_as_torch_sees_them(
 @pytest.mark.parametrize(
     ("missing", "expected"),
     [
-        ("", "built for 80-real 90 by NVIDIA 13.0.88"),
+        ("", "built for 80-real 90a-real 90-virtual by NVIDIA 13.0.88"),
         ("switched off by GRANPINN_CUDA", "none: switched off by GRANPINN_CUDA"),
     ],
 )
@@ -106,7 +106,7 @@ def test_the_cuda_part_is_reported_as_built_or_with_the_reason(
     monkeypatch.setattr(torch.version, "cuda", "13.2")
     info = {
         "cuda_missing": missing,
-        "cuda_architectures": "80-real 90",
+        "cuda_architectures": "80-real 90a-real 90-virtual",
         "cuda_compiler": "NVIDIA 13.0.88",
     }
     kernels = SimpleNamespace(build_info=lambda: info)

@@ -19,9 +19,10 @@
 
 #include <cuda_fp16.h>
 
+#include "iteration.cuh"
+
 namespace granpinn::cuda::half_square {
 
-constexpr int kSide = 128;
 constexpr int kRowBytes = 2 * kSide;
 constexpr int kBytes = kSide * kRowBytes;
 
