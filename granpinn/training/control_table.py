@@ -85,9 +85,11 @@ class ControlTable:
         depends = (at.schedule, at.misfit, tuple(lr_scale), tuple(diverged))
         ready = self._loaded == depends and self._next == at.step
         if not ready or at.step + steps > self._first + len(self._rows):
-            self._rows, self._first, self._loaded = self.rows(at), at.step, depends
+            self._rows, self._first = self.rows(at), at.step
             self.table[: len(self._rows)].copy_(torch.from_numpy(self._rows))
             self.counter.copy_(torch.tensor([at.step, at.step, 0]))
+        if not ready:
+            self._loaded = depends
             self.lr_scale.copy_(torch.tensor(lr_scale, dtype=torch.float64))
             frozen = torch.full((len(lr_scale),), HEALTHY)
             frozen[list(diverged)] = 0

@@ -9,10 +9,12 @@ members, only the faulty ones stop.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Mapping
 
 import torch
 from torch import Tensor
+from torch.nn.utils import get_total_norm
 
 from granpinn.errors import CannotGoOn
 
@@ -49,6 +51,9 @@ def require_finite_members(
         frozen: members that do not count.
         step: the one before which it was found.
     """
+    numbers = [t for t in tensors.values() if t.is_floating_point()]
+    if get_total_norm(numbers, math.inf).isfinite():
+        return
     sound = torch.stack([t.isfinite().flatten(1).all(1) for t in tensors.values()])
     bad = {
         e: f"the tensor {name} became NaN or infinite before step {step}"

@@ -288,10 +288,11 @@ class Trainer:
         terms = self.last.terms
         if self.schedule.in_prefit(step):
             terms = torch.cat([terms[:, :1], torch.full_like(terms[:, 1:], math.nan)], 1)
-        values = torch.cat([self.last.loss[:, None], terms], 1).tolist()
+        loss, theta = self.last.loss[:, None], self.law_variables.theta
+        values = torch.cat([loss, terms, theta], 1).tolist()  # one wait for the device
         found = []
         for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True)):
-            theta = self.law_variables.theta[e, : len(law.parameters)].tolist()
-            own = self.in_units(e, theta)
-            found.append(Row.of(law, [self.step, wall_s, *values[e], *own, rate * scale]))
+            first = 1 + terms.shape[1]
+            own = self.in_units(e, values[e][first : first + len(law.parameters)])
+            found.append(Row.of(law, [self.step, wall_s, *values[e][:first], *own, rate * scale]))
         return found
