@@ -68,7 +68,7 @@ def run(config: Config) -> int:
 
 
 class Drawn:
-    """What of the page is made while the pressure is simulated.
+    """The part of the page that is made while the pressure is simulated.
 
     The threads of the simulation leave Python alone, and the figures need nothing else.
     """
@@ -181,8 +181,7 @@ def _conclude(
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
         answer.show(result)
-    pictures, film = drawn.early
-    page = attempt(REPORT, lambda: report.build(folder, drawn=pictures, largest=film))
+    page = attempt(REPORT, lambda: report.build(folder, early=drawn.early))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")

@@ -1,4 +1,4 @@
-"""What of the page is made while the pressure is simulated: most figures, and the film.
+"""The part of the page that is made while the pressure is simulated: most figures, and the film.
 
 Nothing that follows the law, such as the simulated pressure, changes them.
 """
@@ -16,13 +16,21 @@ from granpinn.report.painters import Painters
 if TYPE_CHECKING:  # slow to import
     from granpinn.figures.album import Picture
     from granpinn.report.film import Film
+    from granpinn.results import Fields
 
 
 class Early(NamedTuple):
-    """Figures that were drawn, and the film with all its pixels; None if it could not be made."""
+    """What `build` of granpinn/report/page.py need not make again.
+
+    Attributes:
+        pictures: figures that were drawn.
+        film: with all its pixels; None if it could not be made.
+        fields: of fields.h5, as it was then.
+    """
 
     pictures: Sequence[Picture] = ()
     film: Film | None = None
+    fields: Fields | None = None
 
 
 def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
@@ -49,4 +57,4 @@ def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
         if painted is not None:
             found = painted.result().items()
             pictures = [album.Picture(figures / f"{name}.png", *one) for name, one in found]
-    return Early(pictures, film)
+    return Early(pictures, film, source.fields)

@@ -22,6 +22,7 @@ from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
 from granpinn.report import film as films
+from granpinn.report.early import Early
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -52,8 +53,7 @@ def build(
     run_dir: str | Path,
     time: float | None = None,
     pdf: bool = False,
-    drawn: Sequence[album.Picture] = (),
-    largest: films.Film | None = None,
+    early: Early | None = None,
 ) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
@@ -61,19 +61,19 @@ def build(
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
-        drawn, largest: figures of this run, and its film with all its pixels, that
-            granpinn/report/early.py has made.
+        early: what was made of the page before.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
-    source, problems = read(folder, time)
-    pictures, missing = album.draw_all(source, folder / "figures", pdf, drawn)
+    early = early or Early()
+    source, problems = read(folder, time, early.fields)
+    pictures, missing = album.draw_all(source, folder / "figures", pdf, early.pictures)
     figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - figures)
     shot = attempt(
-        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, largest)
+        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, early.film)
     )
     film = None if isinstance(shot, NotDone) else shot
     if isinstance(shot, NotDone):
@@ -91,8 +91,13 @@ def largest_film(source: album.Source) -> films.Film | None:
     return None if isinstance(film, NotDone) else film
 
 
-def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[str]]:
+def read(
+    folder: Path, time: float | None = None, known: Fields | None = None
+) -> tuple[album.Source, list[str]]:
     """The contents of a run folder, and what of it could not be read.
+
+    Args:
+        known: fields that were read before; only what they lack is read.
 
     Raises:
         ResultsFileError: there is no valid results.json.
@@ -102,7 +107,7 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
     fields: Fields | None = None
     history: album.History | None = None
     try:
-        fields = read_fields(folder / "fields.h5")
+        fields = read_fields(folder / "fields.h5", known)
     except FieldsFileError as error:
         problems.append(str(error))
     try:
