@@ -224,7 +224,7 @@ class SimulatedPressure:
     """The pressure of a simulation, where the grains are at rest."""
 
     frames: int = setting(
-        25,
+        16,
         "times at which a simulation gives the pressure where the grains are at rest; 0: none",
         low=0,
         high=10000,

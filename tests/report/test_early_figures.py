@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from granpinn.figures import album
@@ -15,7 +16,8 @@ from granpinn.report import film as films
 from granpinn.report import page as pages
 from granpinn.report import painters as processes
 from granpinn.report.early import draw
-from granpinn.results import Fields, read_results, write_results
+from granpinn.results import Fields, read_fields, read_results, write_results
+from granpinn.results import fields as fields_file
 from tests.page import Page
 
 OF_CHECKS = ["pressure_simulated", "law_on_parts"]
@@ -48,6 +50,26 @@ def test_figures_drawn_before_the_simulated_pressure_are_those_of_the_page(
     for sheet in early.film.sheets:
         assert sheet.png in page
         assert sheet.png in (built / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_page_reads_what_is_new_in_the_fields(
+    run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, real, names = read_fields(run_dir / "fields.h5"), fields_file._on_grid, []
+
+    def noted(file: Any, name: str, shape: tuple[int, int, int]) -> Any:
+        names.append(name)
+        return real(file, name, shape)
+
+    monkeypatch.setattr(fields_file, "_on_grid", noted)
+    before = {name: v for name, v in whole.values.items() if name != "p_simulated"}
+    found = pages.read(run_dir, known=replace(whole, values=before))[0].fields
+    assert names == ["p_simulated"]
+    assert found is not None
+    assert list(found.values) == list(whole.values)
+    for name, value in whole.values.items():
+        np.testing.assert_array_equal(found.values[name], value)
+    np.testing.assert_array_equal(found.c, whole.c)
 
 
 def test_a_film_without_room_becomes_smaller(

@@ -129,29 +129,6 @@ def test_a_variable_that_is_appended_is_as_if_it_had_been_there(
     assert read_fields(part).values.keys() == read_fields(whole).values.keys()
 
 
-def test_known_fields_are_not_read_again(
-    fields: Fields, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path, real, names = tmp_path / "fields.h5", module._on_grid, []
-
-    def noted(file: object, name: str, shape: tuple[int, int, int]) -> object:
-        names.append(name)
-        return real(file, name, shape)  # type: ignore[arg-type]
-
-    others = {name: value for name, value in fields.values.items() if name != "p_simulated"}
-    write_fields(replace(fields, values=others), path)
-    known = read_fields(path)
-    append_variable(fields, "p_simulated", path)
-    whole = read_fields(path)
-    monkeypatch.setattr(module, "_on_grid", noted)
-    found = read_fields(path, known)
-    assert names == ["p_simulated"]
-    assert list(found.values) == list(whole.values)
-    for name, value in whole.values.items():
-        np.testing.assert_array_equal(found.values[name], value)
-    np.testing.assert_array_equal(found.c, whole.c)
-
-
 def test_a_vector_that_is_missing_in_the_flow_stays_missing(tmp_path: Path) -> None:
     flow = make_flow(frames=2)
     u = flow.u.copy()

@@ -5,8 +5,8 @@
 //   row(v), column(v)         its place in X
 //   store(square)             rounds X to a square of half-precision numbers in shared memory
 //   publish()                 makes what was stored visible to the products of all warps
-//   advance(A, P, X, r, c)    X <- a X + P X, with A = X X^T and P = b A + c A^2 in squares of their
-//                             own. The square X holds the rounded X, of 16 r rows and 16 c columns.
+//   advance(A, P, X, r, c)    X <- a X + P X, with A = X X^T and P = b A + c A^2 in other squares;
+//                             the square X holds the rounded X, of 16 r rows and 16 c columns
 #pragma once
 
 namespace granpinn::cuda {

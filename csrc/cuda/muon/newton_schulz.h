@@ -7,8 +7,7 @@
 //   file                      precision           sides        launches
 //   newton_schulz.cu          float32, float64    any          16
 //   newton_schulz_cluster.cu  float32             up to 128    1, a cluster of blocks for a matrix
-//   newton_schulz_half.cu     half and float32    up to 128    1, a block for a matrix; its products
-//                                                              by warpgroups or warps, *_iteration.cuh
+//   newton_schulz_half.cu     half and float32    up to 128    1, a block for a matrix
 #pragma once
 
 #include <cuda_runtime_api.h>

@@ -54,8 +54,8 @@ __device__ double sum_of(double value, double* sums) {
   return value;
 }
 
-// An m x n matrix in global memory, of any alignment. The staging area holds it, or its transpose if
-// it is tall.
+// An m x n matrix in global memory, of any alignment. The staging area holds it, or its transpose
+// if it is tall.
 template <class T>
 struct Matrix {
   T* values;

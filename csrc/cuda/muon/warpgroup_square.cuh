@@ -13,8 +13,9 @@
 // The same bytes serve as a left operand, as a right operand whose rows are summed over, and as a
 // right operand whose columns are summed over. So no square is ever transposed.
 //
-// A warpgroup of four warps computes 64 rows of a product. A lane's sums [16][4]: of tile j, columns
-// 8 j + 2 (lane % 4) + {0, 1} of rows lane / 4 (the first two) and lane / 4 + 8 of the warp's 16.
+// A warpgroup of four warps computes 64 rows of a product. A lane has sums [16][4]: of tile j, the
+// columns 8 j + 2 (lane % 4) + {0, 1} of row lane / 4 (the first two) and row lane / 4 + 8 of the
+// warp's 16.
 #pragma once
 
 #include <cuda_fp16.h>
@@ -36,7 +37,7 @@ __device__ inline unsigned chunk_address(unsigned square, int row, int chunk) {
   return square + chunk / 8 * kHalfBytes + row * kRowBytes + (chunk % 8 ^ row % 8) * 16;
 }
 
-// The hardware's description of an operand that starts at `address`: distances in units of 16 bytes.
+// The hardware's description of an operand from `address` on; distances in units of 16 bytes.
 __device__ inline unsigned long long describe(unsigned address, int leading, int stride) {
   constexpr unsigned long long swizzle_of_128_bytes = 1ull << 62;
   return swizzle_of_128_bytes | static_cast<unsigned long long>(stride) << 32 |
@@ -77,8 +78,8 @@ __device__ inline void begin_product(Sums& d, unsigned long long a, unsigned lon
       : "l"(a), "l"(b), "n"(RightByRows ? 1 : 0));
 }
 
-// d += left right over all inputs. left: rows from `row` on, by columns. (An instruction that is not
-// needed for a smaller matrix costs less than a branch: the next one would wait for the sums.)
+// d += left right over all inputs. left: rows from `row` on, by columns. (An instruction that a
+// smaller matrix does not need costs less than a branch: the next one would wait for the sums.)
 template <bool RightByRows>
 __device__ inline void add_product(Sums& d, unsigned left, int row, unsigned right) {
   asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
