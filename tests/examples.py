@@ -119,6 +119,20 @@ def make_result(**changes: Any) -> Result:
     return replace(result, **changes)
 
 
+def residuals_with(
+    velocity: float, noise: float = 0.0, momentum: float = 1.0, constitutive: float = 1.0
+) -> Residuals:
+    """Residuals of a training; those that no test changes are small."""
+    return Residuals(
+        velocity=velocity,
+        noise=noise,
+        surface=1e-4,
+        momentum=momentum,
+        continuity=0.01,
+        constitutive=constitutive,
+    )
+
+
 def make_fields(flow: Flow, **values: Any) -> Fields:
     """The known fields of a flow beside predicted ones; `values` replaces some, a number or [K].
 

@@ -22,6 +22,7 @@ from granpinn.results.records import Members
 from granpinn.simulation import Collapse
 from granpinn.uncertainty import calibration, of_law
 from granpinn.uncertainty.center import center
+from tests.examples import residuals_with
 
 Array = npt.NDArray[np.float64]
 
@@ -70,14 +71,7 @@ def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[C
         found = mu + mu_s * z
         misfit = generator.uniform(0.001, 0.003)
         momentum, constitutive = np.exp(generator.normal(0, 0.2, 2)) * (10 * misfit, 6 * misfit)
-        residuals = Residuals(
-            velocity=misfit,
-            noise=0.0,
-            surface=1e-4,
-            momentum=momentum,
-            continuity=0.01,
-            constitutive=constitutive,
-        )
+        residuals = residuals_with(misfit, momentum=momentum, constitutive=constitutive)
         values = {name: tuple(found[:, k].tolist()) for k, name in enumerate(("mu_s", "mu_2"))}
         members = Members(tuple(range(K)), values, (False,) * K)
         cases.append(Case(materials.LAW, mu, members, residuals, 40_000))

@@ -9,10 +9,10 @@ import pytest
 
 from bench.studies.coverage import judge, materials, other_data
 from bench.studies.coverage.judge import Case
-from granpinn.results import Residuals
 from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, held
 from granpinn.uncertainty.calibration import MisfitGrowth
+from tests.examples import residuals_with
 
 
 def test_errors_on_other_data_are_recovered() -> None:
@@ -42,14 +42,7 @@ def test_errors_on_other_data_are_recovered() -> None:
             if noise:
                 C = C + held.by_noise(mu, at, of_noise)
             z = generator.multivariate_normal([0, 0], C)
-            residuals = Residuals(
-                velocity=noise or 1e-3,
-                noise=noise,
-                surface=1e-4,
-                momentum=1e-3,
-                continuity=0.01,
-                constitutive=1e-3,
-            )
+            residuals = residuals_with(noise or 1e-3, noise, momentum=1e-3, constitutive=1e-3)
             members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
             true = np.array(mu) - 0.4 * z
             made.append(Case(materials.LAW, true, members, residuals, 10**6, at))
@@ -85,14 +78,7 @@ def test_the_growth_with_the_misfit_is_recovered() -> None:
     )
     made = []
     for _ in range(400):
-        residuals = Residuals(
-            velocity=float(generator.uniform(2, 8)) * base.misfit,
-            noise=0.0,
-            surface=1e-4,
-            momentum=1.0,
-            continuity=0.01,
-            constitutive=1.0,
-        )
+        residuals = residuals_with(float(generator.uniform(2, 8)) * base.misfit)
         limits = {n: dataclasses.replace(r, limit=1e9) for n, r in base.residuals.items()}
         base = dataclasses.replace(base, residuals=limits)
         s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 1, "made up"))

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from granpinn.results import Residuals
 from granpinn.uncertainty import calibration, error_bars
 from granpinn.uncertainty.calibration import MisfitGrowth
+from tests.examples import residuals_with
 
 GROWTH = MisfitGrowth(0.5, 9.0, 20, "a test")
 
@@ -20,14 +20,7 @@ def test_errors_grow_as_measured(ratio: float, factor: float) -> None:
     assert GROWTH.factor(ratio) == pytest.approx(factor)
     shipped = calibration.load()
     table = dataclasses.replace(shipped, growth=GROWTH)
-    clean = Residuals(
-        velocity=ratio * table.misfit,
-        noise=0.0,
-        surface=1e-4,
-        momentum=1.0,
-        continuity=0.01,
-        constitutive=1.0,
-    )
+    clean = residuals_with(ratio * table.misfit)
     limits = {n: dataclasses.replace(r, limit=1e9) for n, r in table.residuals.items()}
     table = dataclasses.replace(table, residuals=limits)
     D = error_bars.discrepancy(0.4, clean, table.steps, table)

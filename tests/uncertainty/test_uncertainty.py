@@ -19,6 +19,7 @@ from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, of_law
 from granpinn.uncertainty.calibration import Range
 from granpinn.uncertainty.center import center, nearest
+from tests.examples import residuals_with
 
 Array = npt.NDArray[np.float64]
 
@@ -41,9 +42,7 @@ TABLE = dataclasses.replace(
     },
     growth=None,
 )
-CLEAN = Residuals(
-    velocity=0.002, noise=0.0, surface=1e-4, momentum=1.0, continuity=0.01, constitutive=1.0
-)
+CLEAN = residuals_with(velocity=0.002)
 NOISY = Residuals(CLEAN, velocity=0.05, noise=0.05)
 TRUTH = np.array([0.4, 0.64])
 RANGE = {"intercept": 0.0, "slope": 1.0, "limit": 2.0}
