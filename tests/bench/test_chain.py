@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.studies.experiment import commands
 from bench.studies.experiment import run as experiment
 from bench.studies.experiment.commands import ExperimentError, run
 from bench.studies.experiment.film import Film
 from bench.studies.experiment.losses import table
 from bench.studies.units_invariance.run import demonstration
 from granpinn.data import read_flow, write_flow
+from tests.command.pageless import pageless
 
 WINDOW = 8
 INVALID = 7  # every seventh vector
@@ -80,7 +82,10 @@ def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
     assert "surface line" in table(found)
 
 
-def test_a_flow_of_an_earlier_run_is_identified_and_no_more(tmp_path: Path) -> None:
+def test_a_flow_of_an_earlier_run_is_identified_and_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(commands, "run", lambda command: run(pageless(command)))
     write_flow(demonstration(every=20), tmp_path / "flow.h5")
     arguments = experiment.parser().parse_args(
         ["--out", str(tmp_path / "out"), "--flow", str(tmp_path / "flow.h5")]

@@ -20,6 +20,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
+from tests.command import pageless
 from tests.runs import make_objective, tiny
 
 FLAGS = ["--steps", "30", "--network.widths", "9,7", "--batch.interior", "34", "--batch.surface"]
@@ -40,7 +41,7 @@ def torchrun(*command: object) -> subprocess.Popen[str]:
 def test_two_processes_make_the_steps_of_one(flow_file: Path, tmp_path: Path) -> None:
     one = tmp_path / "one"
     identify(flow_file, parse([str(flow_file), "--out", str(one), *FLAGS]), run_dir=one)
-    process = torchrun("-m", "granpinn.train", flow_file, "--out", tmp_path / "two", *FLAGS)
+    process = torchrun(pageless.__file__, flow_file, "--out", tmp_path / "two", *FLAGS)
     out, err = process.communicate(timeout=100)
     assert process.returncode == 0, err
     assert out.count("report: ") == 1
@@ -56,7 +57,7 @@ def test_two_processes_make_the_steps_of_one(flow_file: Path, tmp_path: Path) ->
 def test_a_signal_to_one_process_stops_both(flow_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     endless = [*FLAGS, "--steps", "1000000", "--max-time", "500"]
-    process = torchrun("-m", "granpinn.train", flow_file, "--out", folder, *endless)
+    process = torchrun(pageless.__file__, flow_file, "--out", folder, *endless)
     history = folder / "history.csv"
     while not (history.exists() and history.read_text().count("\n") > 3):
         assert process.poll() is None, process.communicate()

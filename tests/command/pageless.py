@@ -1,0 +1,33 @@
+"""Run as a program: granpinn.train without its page, whose figures have their own tests."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from granpinn.command import exit_codes
+
+if __name__ == "__main__":
+    exit_codes.guard_process("train")
+
+from granpinn.train import main
+
+
+def pageless(command: Sequence[str]) -> list[str]:
+    """The command line of a training with this program in the place of `-m granpinn.train`."""
+    place = command.index("granpinn.train")
+    return [*command[: place - 1], __file__, *command[place + 1 :]]
+
+
+def leave_out_the_page() -> None:
+    """As the fixture no_report does for tests in their own process."""
+    run = importlib.import_module("granpinn.command.training_run")
+
+    run.early.draw = lambda folder, painters: run.early.Early()
+    run.report.build = lambda folder, **made: folder / "report.html"
+
+
+if __name__ == "__main__":
+    leave_out_the_page()
+    sys.exit(main())
