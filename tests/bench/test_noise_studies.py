@@ -22,7 +22,7 @@ from tests.examples import make_result
 from tests.flows import make_flow
 
 TRUTH = Truth(0.4, 0.64, 0.3)
-FLOW = make_flow(truth=TRUTH)
+FLOW = make_flow(frames=6, rows=12, columns=10, truth=TRUTH)
 KNOWN = {
     "mu_s": 0.4,
     "mu_2": 0.64,
