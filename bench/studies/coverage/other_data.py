@@ -72,8 +72,11 @@ def fit(
         entry = ReachError(x, size, (LOWER, power), len(varied), provenance)
         return dataclasses.replace(base, reach=entry, noise=None)
 
+    errors = np.array([_errors(case) for case in varied])
+
     def unlikely(p: Array) -> float:
-        return _unlikely(varied, [_moment(case, at(p[0])) for case in varied], 1, p[1])
+        table = at(p[0])
+        return _unlikely(errors, [_moment(case, table) for case in varied], 1, p[1])
 
     grows = float(_least(unlikely, [1.0, 0.0])[0])
     size_of_reach = _raised((1.0, 1.0), lambda size: at(grows, size), varied)
@@ -157,21 +160,23 @@ def _growth(noisy: Sequence[Case], table: Calibration, end: int) -> tuple[float,
     """Size and power of the effect of noise at one end, beside errors that the table bounds."""
     share = [_held(c).noise * math.sqrt(VECTORS / _held(c).vectors) for c in noisy]
     moments = [_moment(case, table)[end, end] for case in noisy]
+    f = np.array([_errors(case)[end] for case in noisy])
 
     def unlikely(p: Array) -> float:
         clean = np.array(moments) * math.exp(2 * min(0.0, p[2]))
         added = math.exp(2 * p[0]) * np.array(share) ** (2 * p[1])
-        f = np.array([_errors(case)[end] for case in noisy])
         return float(np.sum(np.log(clean + added) + f**2 / (clean + added)))
 
     found = _least(unlikely, [math.log(0.05), 1.0, -0.5])
     return math.exp(found[0]), float(found[1])
 
 
-def _unlikely(cases: Sequence[Case], moments: Sequence[Array], end: int, scale: float) -> float:
-    """Minus twice the log likelihood of the errors at one end, a factor exp(scale) on their sd."""
+def _unlikely(errors: Array, moments: Sequence[Array], end: int, scale: float) -> float:
+    """Minus twice the log likelihood of the errors [n, 2] at one end, a factor exp(scale) on their
+    sd.
+    """
     variance = np.array([m[end, end] for m in moments]) * math.exp(2 * scale)
-    f = np.array([_errors(case)[end] for case in cases])
+    f = errors[:, end]
     return float(np.sum(np.log(variance) + f**2 / variance))
 
 
