@@ -20,6 +20,7 @@ import pytest
 import torch
 
 from granpinn.data import Flow, write_flow
+from granpinn.results.baseline import Baseline
 from tests.flows import make_flow
 
 
@@ -63,6 +64,13 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run.early, "draw", lambda folder, painters: run.early.Early())
     monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
     monkeypatch.setattr(run.report, "build", lambda folder, **made: folder / "report.html")
+
+
+@pytest.fixture
+def no_balance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Inspections without the momentum balance: it has its own tests and takes most of the time."""
+    inspection = importlib.import_module("granpinn.inspection.inspection")
+    monkeypatch.setattr(inspection, "baseline", lambda *args: Baseline("left out"))
 
 
 @pytest.fixture

@@ -11,16 +11,10 @@ from granpinn.data.scaling import scales_of
 from granpinn.estimates.noise import grid_noise, noise_map
 from granpinn.estimates.scattered_fits import particle_fits
 from granpinn.estimates.view import view_of
-from granpinn.inspection import inspect, inspection
-from granpinn.results.baseline import Baseline
+from granpinn.inspection import inspect
 
+pytestmark = pytest.mark.usefixtures("no_balance")
 TOLERANCE = 0.25  # what is promised
-
-
-@pytest.fixture(autouse=True)
-def no_balance(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The momentum balance has its own tests, and takes most of the time of an inspection."""
-    monkeypatch.setattr(inspection, "baseline", lambda *args: Baseline("left out"))
 
 
 def as_particles(flow: Flow, seed: int, per_frame: int = 1500, every: int = 4) -> Flow:

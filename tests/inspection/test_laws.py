@@ -49,6 +49,7 @@ def test_another_law(demo: Flow, seed: int) -> None:
     assert found.inertia.reach is None
 
 
+@pytest.mark.usefixtures("no_balance")
 def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) -> None:
     noisy = add_noise(demo, 0.02, seed)
     found = inspect(noisy, AssumedLaw(law="free"))
@@ -60,6 +61,7 @@ def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) 
     assert (given.law.I_low, given.law.I_high) == (found.law.I_low, 2.0)
 
 
+@pytest.mark.usefixtures("no_balance")
 @pytest.mark.parametrize("name", LAWS)
 def test_the_precision_of_a_law(name: str, demo: Flow, seed: int) -> None:
     """Parameters that a law holds fixed need not be determined."""
