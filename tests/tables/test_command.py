@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two flows with the parameters of the paper's cases."""
     folder = tmp_path_factory.mktemp("cases")
     for name, truth in (("a", Truth(0.4, 0.64, 0.3)), ("b<b>", Truth(0.6, 0.84, 0.25))):
-        write_flow(make_flow(truth=truth), folder / f"{name}.h5")
+        write_flow(make_flow(rows=12, columns=10, truth=truth), folder / f"{name}.h5")
     (folder / "notes.txt").write_text("no flow")
     (folder / "settings.toml").write_text(TOML)
     return folder

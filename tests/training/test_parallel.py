@@ -17,14 +17,22 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.command.arguments import parse
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow
+from granpinn.data import Flow, write_flow
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
 from tests.command import pageless
+from tests.flows import make_flow
 from tests.runs import make_objective, tiny
 
 FLAGS = ["--steps", "30", "--network.widths", "9,7", "--batch.interior", "34", "--batch.surface"]
 FLAGS += ["6", "--log-every", "5", "--dtype", "float64", "--optimizer.average", "0.2"]
+
+
+@pytest.fixture
+def flow_file(tmp_path: Path) -> Path:
+    path = tmp_path / "heap.h5"
+    write_flow(make_flow(rows=12, columns=10), path)
+    return path
 
 
 def torchrun(*command: object) -> subprocess.Popen[str]:
