@@ -14,6 +14,7 @@ from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
 from granpinn.second_opinion import resimulation, simulated_pressure
 from tests.command.test_results_first import raising, run
+from tests.flows import make_flow
 
 # What a file may say about its box, with the unit of another length or none at all.
 LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]
@@ -46,7 +47,8 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     assert "column" in record.objection or "box" in record.objection
 
 
-def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing(flow: Flow) -> None:
+def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing() -> None:
+    flow = make_flow()
     column = resimulation.Column(1.0, 1.0)
     for spacing, cells in ((1e-30, 512), (0.01, 216), (1e30, 32)):
         stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})

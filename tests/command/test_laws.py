@@ -19,7 +19,7 @@ inspect, simulate, train = (import_module(f"granpinn.{name}") for name in COMMAN
 SHORT = ("--steps", "2", "--network.widths", "6,5", "--batch.interior", "16")
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
 CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")
-COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "30")
+COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "12")
 
 Simulate = Callable[[str], Path]
 

@@ -47,7 +47,9 @@ def test_the_page_fails_alone(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    figures: Callable[..., None],
 ) -> None:
+    figures("velocity")
     monkeypatch.setattr(training_run.report, "build", raising(RuntimeError("no page today")))
     assert run(flow_file, "--out", tmp_path / "run") == 0
     result = results.read_results(tmp_path / "run" / "results.json")

@@ -111,7 +111,7 @@ def test_tables_close_the_pressure_of_every_member(
     device: str, settings: Path, tmp_path: Path
 ) -> None:
     for name in ("a", "b"):
-        write_flow(make_flow(), tmp_path / f"{name}.h5")
+        write_flow(make_flow(rows=12, columns=10), tmp_path / f"{name}.h5")
     out = tmp_path / "out"
     argv = [tmp_path / "a.h5", tmp_path / "b.h5", "--out", out, "--seeds", 2, "--device", device]
     assert tables.main([str(a) for a in [*argv, "--config", settings]]) == 0

@@ -75,7 +75,7 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
     simulated_pressure = result.simulated_pressure
     assert simulated_pressure is not None
     assert simulated_pressure.frames == (3, 7, 11)
-    # dx = 0.1, 20 columns: the box is 1.1 times as wide as the grid.
+    # The box is 1.1 times as wide as the grid; 32 cells are the fewest.
     assert simulated_pressure.cells == 32
     assert simulated_pressure.flowing_percent is not None
     assert simulated_pressure.flowing_percent > 0

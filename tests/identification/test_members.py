@@ -73,9 +73,8 @@ def test_a_repeated_flow_of_a_batch_is_checked_once(
 
 @pytest.mark.parametrize("known", ["added", "in the file"])
 @pytest.mark.parametrize(("K", "redrawn"), [(1, 0), (2, 1), (3, 1), (4, 2), (5, 2)])
-def test_half_of_the_members_get_known_noise_once_more(
-    K: int, redrawn: int, known: str, flow: Flow
-) -> None:
+def test_half_of_the_members_get_known_noise_once_more(K: int, redrawn: int, known: str) -> None:
+    flow = make_flow()  # whose vectors are enough for the statistics
     config = tiny(members=K, noise=0.1 if known == "added" else 0.0)
     if known == "in the file":
         flow = dataclasses.replace(flow, sigma_u=0.2, sigma_v=0.1)
@@ -92,7 +91,8 @@ def test_half_of_the_members_get_known_noise_once_more(
         assert abs(float((shifts[-1] * shifts[-2]).mean() / sd.square().mean())) < 0.06
 
 
-def test_noise_is_redrawn_where_each_vector_has_its_own(flow: Flow) -> None:
+def test_noise_is_redrawn_where_each_vector_has_its_own() -> None:
+    flow = make_flow()
     sigma = np.where(flow.x > 0.5, 0.3, 0.0).astype(np.float32) * np.ones_like(flow.u)
     known = dataclasses.replace(flow, sigma_u=sigma, sigma_v=0.0)
     shift = (redraw(known, 0.0, 1).u - flow.u)[flow.valid]
