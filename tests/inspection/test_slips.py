@@ -229,6 +229,7 @@ def test_train_refuses_before_training(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("no_report")
 def test_train_warns_in_one_line(
     flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, add_noise, read_flow
+from granpinn.data import Flow, add_noise
 from granpinn.data.noise import max_speed
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
-from granpinn.simulation import demo_path
 from granpinn.uncertainty.of_data import LARGE_DIVERGENCE, PIV_DIVERGENCE, verdict
 from tests.inspection.chutes import chute
 
@@ -27,8 +26,8 @@ def every(flow: Flow, stride: int) -> Flow:
     return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=flow.p[k])
 
 
-def test_good_data(demo: Flow) -> None:
-    found = inspect(demo)
+def test_good_data(inspected: Inspection) -> None:
+    found = inspected
     text = said(found)
     assert "can answer the question at level V1" in text
     assert "Add frames" not in text
@@ -87,14 +86,14 @@ def test_rest_has_no_precision(demo: Flow, seed: int) -> None:
             assert found.relative_noise is None
 
 
-def test_too_few_frames(demo: Flow) -> None:
+def test_too_few_frames(demo: Flow, inspected: Inspection) -> None:
     flow = every(demo, 5)
     found = inspect(flow)
     assert found.motion.sparse is not None
     start, end = found.motion.sparse
     assert 0 < start < end <= demo.t[-1]
     assert "Add frames between t =" in said(found)
-    assert inspect(demo).motion.sparse is None
+    assert inspected.motion.sparse is None
 
 
 @pytest.mark.usefixtures("no_balance")
@@ -148,16 +147,16 @@ def test_wrong_gravity(demo: Flow) -> None:
     assert "10.0 degrees clockwise of gravity" in turned.slips[0].text
 
 
-def test_an_inertial_number_that_stays_small(demo: Flow) -> None:
+def test_an_inertial_number_that_stays_small(demo: Flow, inspected: Inspection) -> None:
     """Grains ten times smaller: the same motion at a tenth of I."""
     found = inspect(replace(demo, grain_diameter=0.0025))
     assert "mu_2 cannot be separated from I0" in said(found)
-    wide = inspect(demo)
     assert found.inertia is not None
-    assert wide.inertia is not None
-    assert found.inertia.q50 == pytest.approx(wide.inertia.q50 / 10, rel=0.1)
+    assert inspected.inertia is not None
+    assert found.inertia.q50 == pytest.approx(inspected.inertia.q50 / 10, rel=0.1)
 
 
+@pytest.mark.usefixtures("no_balance")
 def test_a_stated_deviation_that_is_wrong(demo: Flow, seed: int) -> None:
     flow = add_noise(demo, 0.05, seed)
     assert "contradict" not in said(inspect(flow))
@@ -187,8 +186,8 @@ def test_errors_like_those_of_piv_are_not_grains_that_leave_the_plane(demo: Flow
     assert "div v" not in said(found)
 
 
-def test_the_answer_leaves_room_for_systematic_errors(demo: Flow) -> None:
-    answer = verdict(inspect(demo))[0]
+def test_the_answer_leaves_room_for_systematic_errors(inspected: Inspection) -> None:
+    answer = verdict(inspected)[0]
     assert answer.endswith("systematic errors come on top.")
     assert "factor" not in answer
 
@@ -273,8 +272,8 @@ def test_noise_that_limits_mu_2(demo: Flow, seed: int) -> None:
     assert "Noise limits mu_2" in said(found)
 
 
-def test_one_inertial_number_determines_no_law() -> None:
+def test_one_inertial_number_determines_no_law(inspected: Inspection) -> None:
     """Bagnold's flow has the same I everywhere."""
     text = said(inspect(chute(frames=12, columns=20)))
     assert "mu_s and mu_2 not determined: the grains shear at I = 0." in text
-    assert "not determined" not in said(inspect(read_flow(demo_path())))
+    assert "not determined" not in said(inspected)
