@@ -61,7 +61,7 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
     run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run.early, "draw", lambda folder, painters: run.early.Early())
+    monkeypatch.setattr(run.early, "draw", lambda folder, painters: run.Prepared())
     monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
     monkeypatch.setattr(run.report, "build", lambda folder, **made: folder / "report.html")
 

@@ -22,6 +22,7 @@ from granpinn.identification.single import identify
 from granpinn.output import OutputError, objection_to_folder, owned
 from granpinn.report import early
 from granpinn.report.painters import Painters, painters
+from granpinn.report.prepared import Prepared
 from granpinn.results import NotDone, findings
 from granpinn.results.attempt import (
     BOOTSTRAP,
@@ -75,13 +76,13 @@ class Drawn:
 
     def __init__(self, folder: Path, painters: Painters | None) -> None:
         self._folder, self._painters = folder, painters
-        self.early = early.Early()
+        self.prepared = Prepared()
 
     def draw(self) -> None:
         """Draw the figures; what fails, fails again in its place, when the page is built."""
         with suppress(OutputError):
             made = attempt(REPORT, lambda: early.draw(self._folder, self._painters))
-            self.early = early.Early() if isinstance(made, NotDone) else made
+            self.prepared = Prepared() if isinstance(made, NotDone) else made
 
 
 def _painters(config: Config) -> AbstractContextManager[Painters | None]:
@@ -181,7 +182,7 @@ def _conclude(
         result = _resimulate(config, result, folder)
         results.write_results(result, folder / "results.json")
         answer.show(result)
-    page = attempt(REPORT, lambda: report.build(folder, early=drawn.early))
+    page = attempt(REPORT, lambda: report.build(folder, prepared=drawn.prepared))
     if isinstance(page, NotDone):
         result = lacking(result, page)
         results.write_results(result, folder / "results.json")

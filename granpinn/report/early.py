@@ -5,35 +5,15 @@ Nothing that follows the law, such as the simulated pressure, changes them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.output import make_folder
 from granpinn.report.painters import Painters
-
-if TYPE_CHECKING:  # slow to import
-    from granpinn.figures.album import Picture
-    from granpinn.report.film import Film
-    from granpinn.results import Fields
+from granpinn.report.prepared import Prepared
 
 
-class Early(NamedTuple):
-    """What `build` of granpinn/report/page.py need not make again.
-
-    Attributes:
-        pictures: figures that were drawn.
-        film: with all its pixels; None if it could not be made.
-        fields: of fields.h5, as it was then.
-    """
-
-    pictures: Sequence[Picture] = ()
-    film: Film | None = None
-    fields: Fields | None = None
-
-
-def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
+def draw(run_dir: str | Path, painters: Painters | None = None) -> Prepared:
     """Draw the figures and the film of a run folder as it is now; `build` makes the others.
 
     Args:
@@ -57,4 +37,4 @@ def draw(run_dir: str | Path, painters: Painters | None = None) -> Early:
         if painted is not None:
             found = painted.result().items()
             pictures = [album.Picture(figures / f"{name}.png", *one) for name, one in found]
-    return Early(pictures, film, source.fields)
+    return Prepared(pictures, film, source.fields)

@@ -22,7 +22,7 @@ from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
 from granpinn.report import film as films
-from granpinn.report.early import Early
+from granpinn.report.prepared import Prepared
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -53,7 +53,7 @@ def build(
     run_dir: str | Path,
     time: float | None = None,
     pdf: bool = False,
-    early: Early | None = None,
+    prepared: Prepared | None = None,
 ) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
@@ -61,19 +61,19 @@ def build(
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
-        early: what was made of the page before.
+        prepared: what was made of the page before.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
-    early = early or Early()
-    source, problems = read(folder, time, early.fields)
-    pictures, missing = album.draw_all(source, folder / "figures", pdf, early.pictures)
+    prepared = prepared or Prepared()
+    source, problems = read(folder, time, prepared.fields)
+    pictures, missing = album.draw_all(source, folder / "figures", pdf, prepared.pictures)
     figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - figures)
     shot = attempt(
-        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, early.film)
+        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, prepared.film)
     )
     film = None if isinstance(shot, NotDone) else shot
     if isinstance(shot, NotDone):

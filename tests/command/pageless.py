@@ -24,7 +24,7 @@ def leave_out_the_page() -> None:
     """As the fixture no_report does for tests in their own process."""
     run = importlib.import_module("granpinn.command.training_run")
 
-    run.early.draw = lambda folder, painters: run.early.Early()
+    run.early.draw = lambda folder, painters: run.Prepared()
     run.report.build = lambda folder, **made: folder / "report.html"
 
 

@@ -106,7 +106,7 @@ def test_early_figures_that_cannot_be_written_are_those_of_the_page(
 
     monkeypatch.setattr(training_run.report, "build", build)
     assert run(flow_file, "--out", tmp_path / "run") == 0
-    assert given == [{"early": training_run.early.Early()}]
+    assert given == [{"prepared": training_run.Prepared()}]
     result = results.read_results(tmp_path / "run" / "results.json")
     assert result.not_done == ()
     assert result.simulated_pressure is not None

@@ -39,7 +39,7 @@ def test_figures_drawn_before_the_simulated_pressure_are_those_of_the_page(
     assert [p.path.stem for p in drawn] == ["friction_law", "pressure", "law_on_parts"]
     write_results(whole, run_dir / "results.json")
     before = {p.path: p.path.stat().st_mtime_ns for p in drawn}
-    page = pages.build(run_dir, early=early).read_text(encoding="utf-8")
+    page = pages.build(run_dir, prepared=early).read_text(encoding="utf-8")
     assert {path: path.stat().st_mtime_ns for path in before} == before
     for name in ("friction_law", "pressure", "law_on_parts", "pressure_simulated"):
         found, expected = (folder / "figures" / f"{name}.png" for folder in (run_dir, built))
@@ -87,7 +87,7 @@ def test_a_film_without_room_becomes_smaller(
     monkeypatch.setattr(films, "MIN_PIXELS", 4)
     monkeypatch.setattr(films, "BUDGET", 3000)
     early = draw(run_dir)
-    found = pages.build(run_dir, early=early).read_text(encoding="utf-8")
+    found = pages.build(run_dir, prepared=early).read_text(encoding="utf-8")
     pixels = made.copy()
     assert pages.build(run_dir).read_text(encoding="utf-8") == found
     assert len(pixels) > 1
