@@ -60,10 +60,12 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
+    from tests.command.pageless import stand_ins  # it loads the command
+
     run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run.early, "draw", lambda folder, painters: run.Prepared())
     monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
-    monkeypatch.setattr(run.report, "build", lambda folder, **made: folder / "report.html")
+    for owner, name, value in stand_ins():
+        monkeypatch.setattr(owner, name, value)
 
 
 @pytest.fixture

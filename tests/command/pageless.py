@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from granpinn.command import exit_codes
 
@@ -20,14 +21,16 @@ def pageless(command: Sequence[str]) -> list[str]:
     return [*command[: place - 1], __file__, *command[place + 1 :]]
 
 
-def leave_out_the_page() -> None:
-    """As the fixture no_report does for tests in their own process."""
+def stand_ins() -> list[tuple[Any, str, Any]]:
+    """What takes the place of what makes the page: object, name of its attribute, value."""
     run = importlib.import_module("granpinn.command.training_run")
-
-    run.early.draw = lambda folder, painters: run.Prepared()
-    run.report.build = lambda folder, **made: folder / "report.html"
+    return [
+        (run.early, "draw", lambda folder, painters: run.Prepared()),
+        (run.report, "build", lambda folder, **made: folder / "report.html"),
+    ]
 
 
 if __name__ == "__main__":
-    leave_out_the_page()
+    for owner, name, value in stand_ins():
+        setattr(owner, name, value)
     sys.exit(main())
