@@ -290,9 +290,8 @@ class Trainer:
             terms = torch.cat([terms[:, :1], torch.full_like(terms[:, 1:], math.nan)], 1)
         loss, theta = self.last.loss[:, None], self.law_variables.theta
         values = torch.cat([loss, terms, theta], 1).tolist()  # one wait for the device
-        found = []
+        found, first = [], 1 + terms.shape[1]  # place of theta
         for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True)):
-            first = 1 + terms.shape[1]
             own = self.in_units(e, values[e][first : first + len(law.parameters)])
             found.append(Row.of(law, [self.step, wall_s, *values[e][:first], *own, rate * scale]))
         return found

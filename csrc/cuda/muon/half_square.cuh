@@ -80,10 +80,6 @@ __device__ inline void multiply_add(Sum (&d)[M][2 * N], const Fragment (&left)[M
       multiply_add(d[i][j], left[i], right[j / 2].x[j % 2 * 2], right[j / 2].x[j % 2 * 2 + 1]);
 }
 
-__device__ inline unsigned pack(float low, float high) {
-  const __half2 both = __floats2half2_rn(low, high);
-  return *reinterpret_cast<const unsigned*>(&both);
-}
 __device__ inline void store(unsigned at, unsigned both) {
   asm volatile("st.shared.b32 [%0], %1;" ::"r"(at), "r"(both) : "memory");
 }

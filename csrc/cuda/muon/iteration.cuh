@@ -9,10 +9,18 @@
 //                             the square X holds the rounded X, of 16 r rows and 16 c columns
 #pragma once
 
+#include <cuda_fp16.h>
+
 namespace granpinn::cuda {
 
 constexpr int kSide = 128;
 constexpr int kPairs = 32;  // of a thread
 constexpr float kA = 3.4445f, kB = -4.7750f, kC = 2.0315f;
+
+// Two numbers rounded to halves, the first in the lower bits.
+__device__ inline unsigned pack(float low, float high) {
+  const __half2 both = __floats2half2_rn(low, high);
+  return *reinterpret_cast<const unsigned*>(&both);
+}
 
 }  // namespace granpinn::cuda

@@ -18,8 +18,6 @@
 // warp's 16.
 #pragma once
 
-#include <cuda_fp16.h>
-
 #include "iteration.cuh"
 
 namespace granpinn::cuda::warpgroup {
@@ -100,8 +98,7 @@ __device__ inline void store(unsigned square, int row, const Sums& d) {
 #pragma unroll
     for (int i = 0; i < 4; ++i) {
       const float* two = d[j + i / 2] + i % 2 * 2;
-      const __half2 rounded = __floats2half2_rn(two[0], two[1]);
-      both[i] = *reinterpret_cast<const unsigned*>(&rounded);
+      both[i] = pack(two[0], two[1]);
     }
     asm volatile("stmatrix.sync.aligned.m8n8.x4.shared.b16 [%0], {%1, %2, %3, %4};" ::"r"(
                      chunk_address(square, row + lane % 16, j + lane / 16)),
