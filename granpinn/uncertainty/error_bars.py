@@ -57,6 +57,7 @@ Part = tuple[Float64, float]  # a covariance of z [2, 2] and its degrees of free
 
 LEAST_RESIDUAL = 0.8  # of data of the law, as a multiple of the value in the table
 SLOWNESS = 1.5  # errors of trainings shorter than any study are proportional to steps^-SLOWNESS
+LEAST_MISFIT = 1e-12  # below that of any training
 LONGEST = 10.0  # largest half interval, in log mu
 
 
@@ -102,7 +103,8 @@ def further(
     mu = middle(members)
     D = discrepancy(mu[0], residuals, steps, calibration)
     if held is not None and calibration.reach is not None:
-        D = carried(D, mu, held.x, calibration.reach)
+        lower = _of_structure(residuals, calibration)
+        D = carried(D, mu, held.x, calibration.reach, lower)
     parts = [(D, calibration.discrepancy_weight)]
     noise = calibration.noise
     if held is not None and held.noise > 0 and noise is not None:
@@ -168,18 +170,29 @@ def median_variance(K: int) -> float:
 
 
 def resolution(residuals: Residuals, calibration: Calibration) -> float:
-    """Relative error of the fitted velocity, capped by the largest that the residuals imply.
+    """Relative error of the fitted velocity: its misfit, or what the residuals imply if less.
 
     Noise that the file does not state enlarges the misfit. The residuals stay small if the fit
     does not follow this noise. Where the effect of noise has an entry of its own in the table, it
     is not part of this error.
     """
+    return _misfit(residuals, calibration) * implied(residuals, calibration)
+
+
+def implied(residuals: Residuals, calibration: Calibration) -> float:
+    """The largest misfit that the residuals of the equations imply, over the misfit; at most 1."""
     shown = max(
         usual.misfit(residuals[name] / LEAST_RESIDUAL)
         for name, usual in calibration.residuals.items()
     )
-    known = beyond_noise(residuals) if calibration.noise else velocity_error(residuals, calibration)
-    return min(known, shown)
+    return min(1.0, shown / max(_misfit(residuals, calibration), LEAST_MISFIT))
+
+
+def _misfit(residuals: Residuals, calibration: Calibration) -> float:
+    """Relative misfit of the velocity beyond its known noise."""
+    if calibration.noise:
+        return beyond_noise(residuals)
+    return velocity_error(residuals, calibration)
 
 
 def discrepancy(mu_s: float, residuals: Residuals, steps: int, calibration: Calibration) -> Float64:
@@ -197,9 +210,22 @@ def unresolved(
     Args:
         growth: of errors with the misfit; None: in proportion.
     """
-    ratio = max(1.0, resolution(residuals, calibration) / calibration.misfit)
+    ratio = _ratio(residuals, calibration)
     effect = ratio if growth is None else growth.factor(ratio)
     return effect * excess(residuals, calibration)
+
+
+def _ratio(residuals: Residuals, calibration: Calibration) -> float:
+    """m / m_0, at least 1."""
+    return max(1.0, resolution(residuals, calibration) / calibration.misfit)
+
+
+def _of_structure(residuals: Residuals, calibration: Calibration) -> float:
+    """Factor on the errors at the lower end of the range of I, for structure that a fit misses."""
+    if calibration.growth is None:
+        return 1.0
+    shown = implied(residuals, calibration)
+    return calibration.growth.of_structure(_ratio(residuals, calibration), shown)
 
 
 def slowness(steps: int, studied: int) -> float:

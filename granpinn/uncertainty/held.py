@@ -108,9 +108,14 @@ def relative(x: Pair, mu: Pair) -> Float64:
     return np.asarray(J * (mu[0] / (J @ np.array(mu)))[:, None])
 
 
-def carried(D: Float64, mu: Pair, x: Pair, reach: ReachError) -> Float64:
-    """The second moment D [2, 2] of z in flows of the table, for a flow with other ends x."""
+def carried(D: Float64, mu: Pair, x: Pair, reach: ReachError, lower: float = 1.0) -> Float64:
+    """The second moment D [2, 2] of z in flows of the table, for a flow with other ends x.
+
+    Args:
+        lower: further factor on the error at the lower end.
+    """
     growth = np.array(reach.size) * max(1.0, reach.x[1] / x[1]) ** np.array(reach.power)
+    growth[0] *= lower
     M = np.linalg.solve(relative(x, mu), growth[:, None] * relative(reach.x, mu))
     return np.asarray(M @ D @ M.T)
 

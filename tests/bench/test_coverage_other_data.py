@@ -63,7 +63,10 @@ def test_errors_on_other_data_are_recovered() -> None:
 
 
 def test_the_growth_with_the_misfit_is_recovered() -> None:
-    """Films whose errors grow with the root of their misfit, 2 to 8 times that of the table."""
+    """Films whose errors grow with the root of the part of their misfit that is not noise.
+
+    Their residuals imply 2 to 8 times the misfit of the table, a quarter of their own.
+    """
     generator = np.random.default_rng(6)
     base = dataclasses.replace(
         calibration.load(),
@@ -78,10 +81,13 @@ def test_the_growth_with_the_misfit_is_recovered() -> None:
     )
     made = []
     for _ in range(400):
-        residuals = residuals_with(float(generator.uniform(2, 8)) * base.misfit)
+        shown = float(generator.uniform(2, 8)) * base.misfit
+        least = error_bars.LEAST_RESIDUAL
+        own = {n: least * 10**r.intercept * shown**r.slope for n, r in base.residuals.items()}
+        residuals = residuals_with(4 * shown, **own)
         limits = {n: dataclasses.replace(r, limit=1e9) for n, r in base.residuals.items()}
         base = dataclasses.replace(base, residuals=limits)
-        s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 1, "made up"))
+        s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 0.3, 1, "made up"))
         z = generator.multivariate_normal([0, 0], s**2 * np.array(base.discrepancy[0]))
         members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
         true = np.array([0.4, 0.64]) - 0.4 * z
@@ -90,6 +96,7 @@ def test_the_growth_with_the_misfit_is_recovered() -> None:
     assert found is not None
     assert found.power == pytest.approx(0.5, abs=0.1)
     assert found.largest == pytest.approx(8, rel=0.02)
+    assert found.implied == pytest.approx(0.25)
     for mu, power in (((0.4, 0.64), 0.0), ((0.3, 0.64), 1.0)):  # no errors, and hopeless ones
         cases = [case._replace(mu=np.array(mu)) for case in made]
         found = other_data.growth_with_misfit(cases, base, "made up")

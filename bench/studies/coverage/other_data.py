@@ -123,9 +123,10 @@ def growth_with_misfit(
         return None
     misfits = [error_bars.resolution(case.residuals, table) for case in measured]
     largest = max(1.0, max(misfits) / table.misfit)
+    implied = max(error_bars.implied(case.residuals, table) for case in measured)
 
     def of(power: float) -> MisfitGrowth:
-        return MisfitGrowth(power, largest, len(measured), provenance)
+        return MisfitGrowth(power, largest, implied, len(measured), provenance)
 
     def short(power: float) -> float:
         own = dataclasses.replace(table, growth=of(power))
