@@ -6,19 +6,63 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, Surface
+from granpinn.data.local_planes import smoothed
 from granpinn.data.walls import crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
+NO_ROW = -1
+
 
 def outline(flow: Flow) -> Surface:
-    """The upper edge of the grains, half way between the highest grain point and the one above it.
+    """The upper edge of the grains, with one point for every time and place along the ground."""
+    return outline_above(highest_rows(flow), flow)
 
-    It has one point for every time and place along the ground, with an error up to the spacing. A
-    point that stands for a cell of a solver (the file states `grid_spacing_of_solver`) holds grains
-    only if all of the cell does, so that the edge is half a cell higher on average. Grains at the
-    upper edge of the grid are left out, because nothing is known above them; and so are grains with
-    a wall less than two cells above them.
+
+def highest_rows(flow: Flow) -> Index:
+    """The highest row of grains at every time and place along the ground [T, X]; -1: none.
+
+    Grains at the upper edge of the grid are left out, because nothing is known above them; and so
+    are grains with a wall less than two cells above them.
     """
+    grains, up, along, upright = _oriented(flow)
+    rows: Index = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
+    rows[~grains.any(axis=1) | (rows == up.size - 1)] = NO_ROW
+    frame, place = np.nonzero(rows != NO_ROW)
+    k = rows[frame, place]
+    ends = up[k], 2 * up[k + 1] - up[k]
+    covered = _below_wall(flow, frame, along[place], ends, upright)
+    rows[frame[covered], place[covered]] = NO_ROW
+    return rows
+
+
+def outline_above(rows: Index, flow: Flow) -> Surface:
+    """The upper edge of the grains above their highest rows, as of `highest_rows`.
+
+    It lies half way between the highest grain point and the one above it, to half a spacing. Local
+    planes make it more exact (local_planes.py). Without them, the pressure would be too low: an
+    edge below the surface holds p = 0 among grains, an edge above it does not raise p. For the same
+    reason places without a plane are left out, such as the steep sides of a column.
+
+    A point that stands for a cell of a solver (the file states `grid_spacing_of_solver`) holds
+    grains only if all of the cell does, up to its upper corner: on average the edge is half a cell
+    higher, and on a slope another half of what it rises over a cell.
+    """
+    _, up, along, upright = _oriented(flow)
+    gap = np.diff(up)[rows]  # negative where the ground is at large coordinates
+    half_way = np.where(rows != NO_ROW, up[rows] + gap / 2, np.nan)
+    heights, rise = smoothed(half_way, np.abs(gap))
+    if along.size > 1:
+        rise /= np.gradient(along)
+    cell = flow.stated("grid_spacing_of_solver") or 0.0
+    heights += np.sign(gap) * np.minimum(cell, np.abs(gap)) / 2 * (1 + np.abs(rise))
+    frame, place = np.nonzero(np.isfinite(heights))
+    top, position = heights[frame, place], along[place]
+    x, y = (position, top) if upright else (top, position)
+    return Surface(flow.t[frame], x, y)
+
+
+def _oriented(flow: Flow) -> tuple[Bool, Float64, Float64, bool]:
+    """Grains [T, up, along], both coordinates, and whether y is the one that points up."""
     coordinate, downwards = vertical_coordinate(flow.gravity)
     upright = bool(coordinate)
     grains, up, along = flow.material, flow.y, flow.x
@@ -26,17 +70,7 @@ def outline(flow: Flow) -> Surface:
         grains, up, along = grains.swapaxes(1, 2), flow.x, flow.y
     if downwards:
         grains, up = grains[:, ::-1], up[::-1]
-    highest = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
-    frame, place = np.nonzero(grains.any(axis=1) & (highest < up.size - 1))
-    k = highest[frame, place]
-    free = ~_below_wall(flow, frame, along[place], (up[k], 2 * up[k + 1] - up[k]), upright)
-    frame, place, k = frame[free], place[free], k[free]
-    cell = flow.stated("grid_spacing_of_solver") or 0.0
-    gap = up[k + 1] - up[k]  # negative where the ground is at large coordinates
-    above = (gap + np.sign(gap) * np.minimum(cell, np.abs(gap))) / 2
-    top, position = up[k] + above, along[place]
-    x, y = (position, top) if upright else (top, position)
-    return Surface(flow.t[frame], x, y)
+    return grains, up, along, upright
 
 
 def _below_wall(

@@ -25,7 +25,7 @@ from granpinn.data.collocation import lowest_row, points_between, without_row
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface
 from granpinn.data.large import chosen, of_frames, slabs, some_frames
 from granpinn.data.noise import inverse_variance, redraw
-from granpinn.data.outline import outline
+from granpinn.data.outline import highest_rows, outline_above
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import (
     TrainingSet,
@@ -108,9 +108,8 @@ def _surface(flow: Flow, level: str) -> Surface:
     """The points of the free surface of a level."""
     if level != "V0":
         return surface_of(flow, level)
-    lines = [outline(with_partial_cells(some_frames(flow, k))) for k in slabs(flow)]
-    t, x, y = (np.concatenate([getattr(line, name) for line in lines]) for name in "txy")
-    return usable(Surface(t, x, y), flow, level)
+    rows = [highest_rows(with_partial_cells(some_frames(flow, k))) for k in slabs(flow)]
+    return usable(outline_above(np.concatenate(rows), flow), flow, level)
 
 
 class _Streamed:
