@@ -11,8 +11,9 @@ velocity error m is larger than in the study (m_0), or n is smaller than in the 
 shortest trainings (n_0). m is the misfit beyond the known noise, capped by the misfit that the
 equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
 state. The growth g of the errors with it, 1 below m_0, was measured on films of simulated collapses
-(bench/studies/coverage); beyond their misfit it is in proportion. D_n is carried over to the
-inertial numbers that the data hold. N is the measured effect of noise, most of which is a bias that
+(bench/studies/coverage); beyond their misfit it is in proportion. Where the residuals imply all of
+the misfit, errors at the lower end of the range of I are in proportion to it (misfit_growth.py).
+D_n is carried over to the inertial numbers that the data hold. N is the measured effect of noise, most of which is a bias that
 all members share (held.py). A is the effect of assumptions, such as the offset of the surface line
 (of_assumptions.py); their priors are given and do not change the degrees of freedom.
 
@@ -46,9 +47,10 @@ from granpinn.arrays import Float64
 from granpinn.results import Residuals
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
-from granpinn.uncertainty.calibration import Calibration, MisfitGrowth
+from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.center import center, deviations
 from granpinn.uncertainty.held import Held, by_noise, carried
+from granpinn.uncertainty.misfit_growth import MisfitGrowth
 from granpinn.uncertainty.of_assumptions import covariance
 from granpinn.uncertainty.of_law import beyond_noise, excess, velocity_error
 

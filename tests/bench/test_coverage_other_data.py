@@ -11,7 +11,7 @@ from bench.studies.coverage import judge, materials, other_data
 from bench.studies.coverage.judge import Case
 from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, held
-from granpinn.uncertainty.calibration import MisfitGrowth
+from granpinn.uncertainty.misfit_growth import MisfitGrowth
 from tests.examples import residuals_with
 
 

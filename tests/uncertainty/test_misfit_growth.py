@@ -9,7 +9,7 @@ import pytest
 
 from granpinn.results.records import Members
 from granpinn.uncertainty import calibration, error_bars, held
-from granpinn.uncertainty.calibration import MisfitGrowth
+from granpinn.uncertainty.misfit_growth import MisfitGrowth
 from tests.examples import residuals_with
 
 GROWTH = MisfitGrowth(0.5, 9.0, 0.3, 20, "a test")

@@ -265,13 +265,6 @@ def with_shorter(table: Calibration, paths: Sequence[Path]) -> Calibration:
     return dataclasses.replace(table, shorter=tuple(sorted(found, key=lambda s: s.steps)))
 
 
-def rows_and_dates(paths: Sequence[Path]) -> tuple[list[dict[str, Any]], list[dict[str, Any]], str]:
-    """The raw results of runs, all of their rows, and their dates in words."""
-    contents = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
-    rows = [row for content in contents for row in content["rows"]]
-    return contents, rows, ", ".join(sorted({content["date"] for content in contents}))
-
-
 def text_of(table: Calibration) -> str:
     """The table as JSON, short lists in one line."""
     text = json.dumps(dataclasses.asdict(table), indent=1)

@@ -37,8 +37,9 @@ from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
 from granpinn.config import Config
 from granpinn.uncertainty import calibration, error_bars, held, of_law
-from granpinn.uncertainty.calibration import Calibration, MisfitGrowth
+from granpinn.uncertainty.calibration import Calibration
 from granpinn.uncertainty.held import Held, NoiseError, ReachError
+from granpinn.uncertainty.misfit_growth import MisfitGrowth
 
 Array = npt.NDArray[np.float64]
 Pair = tuple[float, float]

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
-from bench.studies.coverage.calibrate import rows_and_dates, text_of
+from bench.studies import raw
+from bench.studies.coverage.calibrate import text_of
 from granpinn.arrays import Float64
 from granpinn.physics.laws import cohesive
 from granpinn.uncertainty import calibration
@@ -122,7 +123,7 @@ def main() -> int:
     own = parser.parse_args()
     if bool(own.runs) == bool(own.shorter):
         parser.error("give the runs that make the entry, or --shorter with a run that tests it")
-    contents, rows, dates = rows_and_dates(own.runs or [own.shorter])
+    contents, rows, dates = raw.rows_and_dates(own.runs or [own.shorter])
     steps = min(content["steps"] for content in contents)
     table = calibration.load()
     before = table.free_curve

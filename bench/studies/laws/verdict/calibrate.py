@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from bench.studies.coverage.calibrate import rows_and_dates, text_of
+from bench.studies import raw
+from bench.studies.coverage.calibrate import text_of
 from bench.studies.laws.verdict.flows import CLEAN
 from bench.studies.laws.verdict.table import is_named, table
 from granpinn.results.parts import SPLITS
@@ -83,11 +84,11 @@ def main() -> int:
     )
     parser.add_argument("--judge", nargs="+", type=Path, default=[], help="runs to count again")
     own = parser.parse_args()
-    contents, rows, dates = rows_and_dates(own.runs)
+    contents, rows, dates = raw.rows_and_dates(own.runs)
     steps = min(content["steps"] for content in contents)
     found = error_of(rows, own.noise, steps, f"bench.studies.laws.verdict.run of {dates}")
     print(json.dumps(dataclasses.asdict(found), indent=1))
-    print(table([judged(row, found) for row in rows_and_dates(own.judge)[1]]))
+    print(table([judged(row, found) for row in raw.rows_and_dates(own.judge)[1]]))
     if own.write is not None:
         entries = calibration.load(own.write)
         own.write.write_text(text_of(dataclasses.replace(entries, halves=found)) + "\n")
