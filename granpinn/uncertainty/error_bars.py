@@ -13,9 +13,10 @@ equation residuals imply (`resolution`): the rest of the misfit is noise that th
 state. The growth g of the errors with it, 1 below m_0, was measured on films of simulated collapses
 (bench/studies/coverage); beyond their misfit it is in proportion. Where the residuals imply all of
 the misfit, errors at the lower end of the range of I are in proportion to it (misfit_growth.py).
-D_n is carried over to the inertial numbers that the data hold. N is the measured effect of noise, most of which is a bias that
-all members share (held.py). A is the effect of assumptions, such as the offset of the surface line
-(of_assumptions.py); their priors are given and do not change the degrees of freedom.
+D_n is carried over to the inertial numbers that the data hold. N is the measured effect of noise,
+most of which is a bias that all members share (held.py). A is the effect of assumptions, such as
+the offset of the surface line (of_assumptions.py); their priors are given and do not change the
+degrees of freedom.
 
 **Scatter without noise.** V = f(K) S: S pools the members' covariance with the table's, as a
 covariance with an inverse Wishart prior; f(K) is the variance of a median over that of one value.
