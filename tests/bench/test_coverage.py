@@ -59,6 +59,16 @@ def test_flows_of_other_laws_are_caught(name: str, level: str, truths: int, caug
     assert found[True] == [True] * truths
 
 
+@pytest.mark.parametrize("level", ["V0", "V1"])
+def test_errors_of_mu_s_do_not_fall_as_mu_s_grows(level: str) -> None:
+    """Two errors cancel at large mu_s on the cells of the study, and not on finer ones."""
+    table = calibration.of_level(level)
+    assert table is not None
+    for length in table.lengths:
+        sizes = [D[0][0] for D in length.discrepancy]
+        assert np.all(np.diff(sizes) >= -1e-12 * sizes[0])
+
+
 def make_cases(count: int, generator: np.random.Generator, K: int = 3) -> list[Case]:
     """Identifications with a common offset, a spread over materials, and a scatter over seeds."""
     cases = []
