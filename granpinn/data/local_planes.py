@@ -25,7 +25,7 @@ def smoothed(heights: Float64, spacing: Float64) -> tuple[Float64, Float64]:
 
     The plane of a place is the least squares fit to the heights of a window around it. It must miss
     none of them by more than `LARGEST` spacings; where the map is rougher, by more than the median
-    of the places does. Steps have none.
+    of the places does. Steps have none. A map whose heights all lack neighbors stays as it is.
 
     Args:
         heights: one for every frame and column [T, X]; NaN: none.
@@ -34,7 +34,9 @@ def smoothed(heights: Float64, spacing: Float64) -> tuple[Float64, Float64]:
     planes = [_planes(heights, radius) for radius in RADII]
     misses = np.min([farthest / spacing for _, _, farthest in planes], axis=0)
     misses = misses[np.isfinite(misses)]
-    most = max(LARGEST, float(np.median(misses))) if misses.size else LARGEST
+    if not misses.size:
+        return heights.copy(), np.where(np.isfinite(heights), 0.0, np.nan)
+    most = max(LARGEST, float(np.median(misses)))
     found, slope = np.full_like(heights, np.nan), np.full_like(heights, np.nan)
     for height, rise, farthest in planes:
         near = np.isnan(found) & (farthest <= most * _ROUNDING * spacing)

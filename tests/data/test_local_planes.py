@@ -71,3 +71,11 @@ def test_places_without_a_height_have_none_and_do_not_count() -> None:
 def test_a_map_without_heights_stays_empty() -> None:
     found, _ = smoothed(np.full((3, 4), np.nan), np.full((3, 4), SPACING))
     assert np.isnan(found).all()
+
+
+def test_heights_without_neighbors_stay() -> None:
+    heights = np.full((12, 12), np.nan)
+    heights[1::4, 1::4] = np.arange(9.0).reshape(3, 3)
+    found, slope = smoothed(heights, np.full(heights.shape, SPACING))
+    np.testing.assert_array_equal(found, heights)
+    np.testing.assert_array_equal(slope[1::4, 1::4], 0)
