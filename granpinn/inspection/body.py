@@ -31,6 +31,7 @@ class Body:
         energy: mean of (u^2 + v^2)/2.
         area: of the cells with a vector.
         extent: of the body along x and y [T, 2].
+        spacing: the larger one of the rows and columns that were summed.
         sides: mean of (u, v) within the layer of each side [T, 2], NaN in a layer of few vectors.
     """
 
@@ -40,6 +41,7 @@ class Body:
     energy: Float64
     area: Float64
     extent: Float64
+    spacing: float
     sides: dict[str, Float64]
 
 
@@ -67,6 +69,7 @@ def body_of(flow: Flow) -> Body:
         energy=np.array(energy),
         area=np.array(area),
         extent=np.array(extent),
+        spacing=max(float(np.median(np.diff(axis))) for axis in (x, y)),
         sides={name: np.array([side[name] for side in sides]) for name in INWARD},
     )
 

@@ -14,9 +14,10 @@ from granpinn.results.slip import IMPROBABLE, Slip
 MANY = 0.1  # of the frames; fewer are an advice of the verdict
 UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
 # A jump of the center of mass: over the way of the mean velocity, over the scatter of all other
-# intervals, and over the size of a cell. One lost frame adds one such way; half of it is nearer to
-# one than to none.
-JUMP, SCATTER, CELL = 0.5, 10.0, 0.5
+# intervals, and over the spacing. One lost frame adds one such way; half of it is nearer to one
+# than to none. A level top that sinks below a row of the grid moves the center by half a spacing,
+# and so does an upright side: together by 0.71.
+JUMP, SCATTER, SPACING = 0.5, 10.0, 0.75
 FEWEST_FRAMES = 4
 SOME = 8  # every so-many-th row
 
@@ -57,8 +58,8 @@ def missing(flow: Flow, body: Body) -> list[Slip]:
     way = (body.velocity[1:] + body.velocity[:-1]) / 2 * step
     rest = np.hypot(*(np.diff(body.place, axis=0) - way).T)
     k = int(np.argmax(rest))
-    cell = min(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
-    least = max(JUMP * _size(way[k]), SCATTER * float(np.median(rest)), CELL * cell)
+    scatter = SCATTER * float(np.median(rest))
+    least = max(JUMP * _size(way[k]), scatter, SPACING * body.spacing)
     if not rest[k] > least:
         return []
     moved, expected = _size(np.diff(body.place, axis=0)[k]), _size(way[k])

@@ -172,6 +172,20 @@ def test_repeated_and_missing_frames() -> None:
     assert found.text.startswith("between frames 10 and 11 (t = 0.09) the center of mass moves")
 
 
+def test_a_level_top_that_sinks_below_a_row_is_no_slip() -> None:
+    """On a grid of which every other row counts: the center of mass falls by half of two rows."""
+    x, y, t = np.arange(150) + 0.5, np.arange(160) + 0.5, np.arange(12.0)
+    top = 119.6 - 0.1 * t[:, None, None]
+    c = np.broadcast_to(y[:, None] + 0.5 <= top, (12, 160, 150)).astype(np.float32)
+    flow = make_flow(t=t, y=y, x=x, c=c, p=None, surface=None)
+    v = np.where(c == 1, -0.1 * y[:, None] / top, np.nan).astype(np.float32)
+    flow = replace(flow, u=0 * v, v=v)
+    body = body_of(flow)
+    assert body.spacing == 2
+    assert np.diff(body.place[:, 1]).min() == pytest.approx(-1)
+    assert missing(flow, body) == []
+
+
 def test_grains_that_leave_the_view_are_no_slip() -> None:
     """A few vectors on a fine grid, in the first frame alone."""
     axis, c = np.linspace(0, 1, 400), np.zeros((3, 400, 400), np.float32)
