@@ -24,7 +24,10 @@ def highest_rows(flow: Flow) -> Index:
     Grains at the upper edge of the grid are left out, because nothing is known above them; and so
     are grains with a wall less than two cells above them.
     """
-    grains, up, along, upright = _oriented(flow)
+    up, along, upright = _upwards(flow)
+    grains = flow.material if upright else flow.material.swapaxes(1, 2)
+    if up[0] > up[-1]:
+        grains = grains[:, ::-1]
     rows: Index = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
     rows[~grains.any(axis=1) | (rows == up.size - 1)] = NO_ROW
     frame, place = np.nonzero(rows != NO_ROW)
@@ -38,7 +41,7 @@ def highest_rows(flow: Flow) -> Index:
 def outline_above(rows: Index, flow: Flow) -> Surface:
     """The upper edge of the grains above their highest rows, as of `highest_rows`.
 
-    It lies half way between the highest grain point and the one above it, to half a spacing. Local
+    The vectors of the flow are not read. The edge lies half way between the highest grain point and the one above it, to half a spacing. Local
     planes make it more exact (local_planes.py). Without them, the pressure would be too low: an
     edge below the surface holds p = 0 among grains, an edge above it does not raise p. For the same
     reason places without a plane are left out, such as the steep sides of a column.
@@ -47,7 +50,7 @@ def outline_above(rows: Index, flow: Flow) -> Surface:
     grains only if all of the cell does, up to its upper corner: on average the edge is half a cell
     higher, and on a slope another half of what it rises over a cell.
     """
-    _, up, along, upright = _oriented(flow)
+    up, along, upright = _upwards(flow)
     gap = np.diff(up)[rows]  # negative where the ground is at large coordinates
     half_way = np.where(rows != NO_ROW, up[rows] + gap / 2, np.nan)
     heights, rise = smoothed(half_way, np.abs(gap))
@@ -61,16 +64,11 @@ def outline_above(rows: Index, flow: Flow) -> Surface:
     return Surface(flow.t[frame], x, y)
 
 
-def _oriented(flow: Flow) -> tuple[Bool, Float64, Float64, bool]:
-    """Grains [T, up, along], both coordinates, and whether y is the one that points up."""
+def _upwards(flow: Flow) -> tuple[Float64, Float64, bool]:
+    """The coordinates against gravity, from the ground up, and along it; whether the first is y."""
     coordinate, downwards = vertical_coordinate(flow.gravity)
-    upright = bool(coordinate)
-    grains, up, along = flow.material, flow.y, flow.x
-    if not upright:
-        grains, up, along = grains.swapaxes(1, 2), flow.x, flow.y
-    if downwards:
-        grains, up = grains[:, ::-1], up[::-1]
-    return grains, up, along, upright
+    up, along = (flow.y, flow.x) if coordinate else (flow.x, flow.y)
+    return up[::-1] if downwards else up, along, bool(coordinate)
 
 
 def _below_wall(

@@ -10,7 +10,7 @@ import torch
 
 from granpinn import data
 from granpinn.data import Flow, FlowFileError, training_set
-from granpinn.data.outline import NO_ROW, highest_rows, outline
+from granpinn.data.outline import NO_ROW, highest_rows, outline, outline_above
 from granpinn.data.points import RESOLUTION
 from granpinn.data.scaling import scales_of
 from granpinn.physics.scales import Scales
@@ -132,6 +132,15 @@ def test_grains_end_half_a_cell_of_the_solver_higher() -> None:
     assert abs(off.mean()) < 0.05 * spacing
     assert np.mean(cell.y - none.y) == pytest.approx(0.5 * (1 + slope), rel=0.05)
     np.testing.assert_allclose(most.y - none.y, spacing * (cell.y - none.y))
+
+
+def test_the_outline_above_known_rows_reads_no_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large flows give their rows part by part, and are never in memory as a whole."""
+    rows, expected = highest_rows(FLOW), outline(FLOW)
+    monkeypatch.delattr(Flow, "material")
+    found = outline_above(rows, replace(FLOW, u=None, v=None, c=None))  # type: ignore[arg-type]
+    for name in ("t", "x", "y"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
 def test_without_an_outline_v0_has_no_surface() -> None:
