@@ -41,10 +41,11 @@ def highest_rows(flow: Flow) -> Index:
 def outline_above(rows: Index, flow: Flow) -> Surface:
     """The upper edge of the grains above their highest rows, as of `highest_rows`.
 
-    The vectors of the flow are not read. The edge lies half way between the highest grain point and the one above it, to half a spacing. Local
-    planes make it more exact (local_planes.py). Without them, the pressure would be too low: an
-    edge below the surface holds p = 0 among grains, an edge above it does not raise p. For the same
-    reason places without a plane are left out, such as the steep sides of a column.
+    The vectors of the flow are not read. The edge lies half way between the highest grain point and
+    the one above it, to half a spacing. Local planes make it more exact (local_planes.py). Without
+    them, the pressure would be too low: an edge below the surface holds p = 0 among grains, an edge
+    above it does not raise p. For the same reason places without a plane are left out, such as the
+    steep sides of a column.
 
     A point that stands for a cell of a solver (the file states `grid_spacing_of_solver`) holds
     grains only if all of the cell does, up to its upper corner: on average the edge is half a cell
