@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Index
 
 RADII = (2, 1)  # of the windows, in frames and columns; the larger one first
 LEAST = 0.5  # of the places of a window that must have a height
@@ -55,9 +55,15 @@ def _planes(heights: Float64, radius: int) -> tuple[Float64, Float64, Float64]:
     farthest = np.zeros(heights.shape)
     for place, rise in _neighbors(heights, radius):
         np.fmax(farthest, np.abs(rise - plane @ place), out=farthest)
-    whole = sum(np.isfinite(other) for _, other in _neighbors(np.zeros_like(heights), radius))
+    whole = np.multiply.outer(*(_within(size, radius) for size in heights.shape))
     farthest[moments[..., 0, 0] < np.maximum(1, LEAST * whole)] = np.inf
     return heights + plane[..., 0], plane[..., 2], farthest
+
+
+def _within(size: int, radius: int) -> Index:
+    """The number of places within a radius of each of `size` places in a line [size]."""
+    i = np.arange(size)
+    return np.asarray(np.minimum(i + radius, size - 1) - np.maximum(i - radius, 0) + 1)
 
 
 def _neighbors(heights: Float64, radius: int) -> Iterator[tuple[Float64, Float64]]:
