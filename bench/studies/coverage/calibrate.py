@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from bench.studies import raw
 from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
 from granpinn.config import Config
@@ -220,8 +221,8 @@ def main() -> int:
         help="write the table of all studies; without a name: the shipped calibration",
     )
     own = parser.parse_args()
-    studies = [json.loads(path.read_text()) for path in own.studies]
-    cases = cases_of([row for study in studies for row in study["rows"]])
+    studies, rows, _ = raw.rows_and_dates(own.studies)
+    cases = cases_of(rows)
     law = [case for case in cases if case.law == LAW]
     try:
         level = _level(studies)
@@ -229,8 +230,7 @@ def main() -> int:
         note = _provenance(studies, len(law))
         table = fit(law, base, note)
         if own.test:
-            rows = [row for path in own.test for row in json.loads(path.read_text())["rows"]]
-            tested = [(case, table) for case in cases_of(rows)]
+            tested = [(case, table) for case in cases_of(raw.rows_and_dates(own.test)[1])]
         else:
             halves = [fit(law[k::2], base, note) for k in (1, 0)]
             tested = [(case, halves[i % 2]) for i, case in enumerate(law)]
