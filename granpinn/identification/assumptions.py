@@ -13,7 +13,6 @@ from granpinn.data.flow import WALL_GAP
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import surface_of
 from granpinn.data.surface_offset import moved, with_moved_surface
-from granpinn.data.surface_sd import surface_sd
 from granpinn.identification.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
@@ -26,7 +25,8 @@ TIME_SHARE = 0.25  # of the time of a training with a time limit, for the traini
 
 def surface(case: Case) -> Assumption | None:
     """The offset of the surface line along its outward normal; at level V0 of the outline."""
-    level, sd = case.config.level, surface_sd(case.flow, case.config.level)
+    level = case.config.level
+    sd = case.of_flow.surface_sd(level)
     if sd == 0:
         return None
     given = surface_of(case.seen, level)

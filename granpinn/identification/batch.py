@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from granpinn import results
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow
+from granpinn.data import Flow, large
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
@@ -26,7 +26,8 @@ from granpinn.identification.finish import (
     with_parts,
     with_simulated_pressure,
 )
-from granpinn.identification.single import histories, kept, prepare, start
+from granpinn.identification.of_flow import OfFlow
+from granpinn.identification.single import histories, kept, made_ahead, prepare, start
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -114,7 +115,11 @@ def identify_many(
         places += [None] * (len(every) - len(places))
         listener = progress if group.rank == 0 else None
         run = start(every, config, folder, listener, begin, places)
-        run.train()
+        with threads(1) as beside:
+            ahead = made_ahead(cases, beside) if run.trainer.params.is_cuda else []
+            run.train()
+            for later in ahead:  # what has not begun is made by all cores, in its place
+                later.cancel()
         ensembles = [every[e * K : (e + 1) * K] for e in range(len(cases))]
         behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
 
@@ -172,17 +177,21 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
 def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     """The cases; a repeated flow is read once, and without noise its cases share the data."""
     keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
-    read: dict[object, tuple[Flow, tuple[str, ...]]] = {}
-    clean: dict[object, Case] = {}
-    for key, flow, config in zip(keys, flows, configs, strict=True):
-        if key not in read:
-            read[key] = sound(flow)
-        if key not in clean and not config.noise:
-            clean[key] = posed(*read[key], config)
+    device = configs[0].device if configs else "cpu"
+    distinct = dict(zip(keys, flows, strict=True))
+    read = dict(zip(distinct, _side_by_side(sound, distinct.values(), device), strict=True))
+    of_flow = {key: OfFlow(large.spread(flow)) for key, (flow, _) in read.items()}
+    plain = {key: config for key, config in zip(keys, configs, strict=True) if not config.noise}
 
-    def case(key: object, config: Config) -> Case:
+    def alone(key: int | str, config: Config) -> Case:
+        return posed(*read[key], config, of_flow[key])
+
+    posed_once = _side_by_side(lambda pair: alone(*pair), plain.items(), device)
+    clean = dict(zip(plain, posed_once, strict=True))
+
+    def case(key: int | str, config: Config) -> Case:
         if config.noise:
-            return posed(*read[key], config)
+            return alone(key, config)
         first = clean[key]
         fixed = fixed_values(config, first.facts)
         law = LAWS[config.law]
@@ -190,5 +199,4 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         return dataclasses.replace(first, config=config, member=member)
 
     pairs = zip(keys, configs, strict=True)
-    device = configs[0].device if configs else "cpu"
     return _side_by_side(lambda pair: case(*pair), pairs, device)

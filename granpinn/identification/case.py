@@ -32,6 +32,7 @@ from granpinn.data.symmetry import with_layer
 from granpinn.data.variants import training_sets
 from granpinn.estimates.facts import Facts
 from granpinn.identification.balance import Balance
+from granpinn.identification.of_flow import OfFlow
 from granpinn.inspection.inertia import inertial_numbers
 from granpinn.inspection.slips import refuse_slips
 from granpinn.kernels import builds
@@ -59,6 +60,7 @@ class Case:
         stated: the frames of `seen` as in the file.
         whole: a large flow with all its frames, from which the training points come; else None.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        of_flow: what is made of `flow` alone; all members of one flow share it.
         facts: what the vectors of `seen` show; members of one flow share it.
         balance: the momentum balance of `seen`; members of one flow share it.
         redrawn: whether a second draw of the known noise was added to its data.
@@ -73,6 +75,7 @@ class Case:
     stated: Flow
     whole: Flow | None
     known_sd: float
+    of_flow: OfFlow
     facts: Facts
     balance: Balance
     redrawn: bool = False
@@ -134,8 +137,14 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
     return flow, tuple(slip.text for slip in refuse_slips(flow))
 
 
-def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
-    """The problem of a sound flow with its likely slips."""
+def posed(
+    flow: Flow, slips: tuple[str, ...], config: Config, of_flow: OfFlow | None = None
+) -> Case:
+    """The problem of a sound flow with its likely slips.
+
+    Args:
+        of_flow: of another case of this flow.
+    """
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
     whole = bare if large.is_large(flow) else None
@@ -154,7 +163,8 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
             f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
             "mixed form"
         )
-    shown = large.spread(flow)
+    of_flow = of_flow or OfFlow(large.spread(flow))
+    shown = of_flow.flow
     member = Member(built, data, config.seed, law, fixed_values(config, facts), shown)
     if whole is None:
         stated = flow
@@ -168,6 +178,7 @@ def posed(flow: Flow, slips: tuple[str, ...], config: Config) -> Case:
         stated=stated,
         whole=whole,
         known_sd=known_sd(seen),
+        of_flow=of_flow,
         facts=facts.without_arrays(),
         balance=Balance(seen, config.side_walls),
     )

@@ -183,4 +183,4 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
 def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
     """Errors of a result against the reference in its flow file, by its fields."""
     at_particles = prediction.velocity_at_particles(case.flow, model)
-    return scoring.score(case.flow, maps, parameters, at_particles)
+    return scoring.score(case.flow, maps, parameters, case.of_flow.strain_rate, at_particles)

@@ -226,7 +226,7 @@ def simulated(
         # A batch does not keep the fields of all its members.
         maps = concluded.maps or prediction.predict(case.flow, model)
         maps = simulated_fields.with_simulated_pressure(maps, pressures)
-        return Simulated(simulated_fields.compared(case.flow, maps, record), maps)
+        return Simulated(simulated_fields.compared(case, maps, record), maps)
 
     return attempt(SIMULATED_PRESSURE, made)
 

@@ -11,6 +11,7 @@ Flowing and stagnant points (results/zones.py) have errors of their own.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -74,13 +75,18 @@ def difference(f: Floats, step: Floats | float, axis: int) -> Floats:
 
 
 def score(
-    flow: Flow, fields: Fields, parameters: Parameters, at_particles: Floats | None = None
+    flow: Flow,
+    fields: Fields,
+    parameters: Parameters,
+    measured: Callable[[], Floats],
+    at_particles: Floats | None = None,
 ) -> Scores:
     """All errors of one identification against the reference values of the flow file.
 
     Args:
         flow: the file's own data, without added noise.
         fields: the prediction on its grid.
+        measured: gives `strain_rate_of` the flow.
         at_particles: predicted (u, v) at its scattered vectors [2, n]; None on a grid.
     """
     counted, values = after_start(fields), fields.values
@@ -100,7 +106,7 @@ def score(
     zones = None
     if "p_reference" in values:
         known = np.isfinite(values["p_reference"]) & counted
-        split = zones_of(flow, fields)
+        split = zones_of(flow, fields, measured)
         masks = {"": known, "_flowing": known & split.flowing, "_stagnant": known & split.stagnant}
         for zone, mask in masks.items():
             reference = values["p_reference"]
@@ -115,9 +121,16 @@ def score(
     return Scores(ErrorPercent(**errors), zones, InertialNumber(q05, median, q95))
 
 
-def zones_of(flow: Flow, fields: Fields) -> Split:
-    """The zones; a point with an unknown strain rate is in neither."""
-    source, d2 = _zone_strain_rate(flow, fields)
+def zones_of(flow: Flow, fields: Fields, measured: Callable[[], Floats]) -> Split:
+    """The zones; a point with an unknown strain rate is in neither.
+
+    Args:
+        measured: gives `strain_rate_of` the flow.
+    """
+    sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
+    noisy = any(np.any(np.asarray(sigma) > 0) for sigma in sigmas)
+    source = "predicted velocity" if noisy else "velocity in the flow file"
+    d2 = fields.values["D2"] if noisy else measured()
     flows = flowing(fields, d2)
     return Split(source, flows, np.isfinite(d2) & ~flows)
 
@@ -134,14 +147,10 @@ def _velocities(flow: Flow, fields: Fields, at_particles: Floats | None) -> tupl
     return np.stack([values["u"], values["v"]])[:, moving], known[:, moving]
 
 
-def _zone_strain_rate(flow: Flow, fields: Fields) -> tuple[str, Floats]:
-    """Where the zones come from, and D2 [K]."""
-    sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
-    if any(np.any(np.asarray(sigma) > 0) for sigma in sigmas):
-        return "predicted velocity", fields.values["D2"]
+def strain_rate_of(flow: Flow) -> Floats:
+    """D2 of the velocity in a flow file at all points inside the grains, as in `Fields` [K]."""
     frames = []
-    for k in range(fields.t.size):
-        u, v = fields.frame("u_reference", k), fields.frame("v_reference", k)
-        inside = np.equal(fields.c[k], 1.0)
-        frames.append(strain_rate(u, v, fields.y, fields.x)[inside])
-    return "velocity in the flow file", np.concatenate(frames)
+    for u, v, inside in zip(flow.u, flow.v, flow.material, strict=True):
+        u, v = (np.where(inside, f, np.nan).astype(np.float32) for f in (u, v))
+        frames.append(strain_rate(u, v, flow.y, flow.x)[inside])
+    return np.concatenate(frames)

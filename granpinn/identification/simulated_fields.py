@@ -71,9 +71,9 @@ def pressures(
     )
 
 
-def compared(flow: Flow, fields: Fields, record: SimulatedPressure) -> SimulatedPressure:
+def compared(case: Case, fields: Fields, record: SimulatedPressure) -> SimulatedPressure:
     """The record with the difference of predicted and simulated pressure."""
-    flowing, stagnant = difference(flow, fields)
+    flowing, stagnant = difference(case, fields)
     return replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
 
 
@@ -100,14 +100,14 @@ def with_simulated_pressure(fields: Fields, pressures: dict[int, Float64]) -> Fi
     return replace(fields, values=fields.values | {"p_simulated": values})
 
 
-def difference(flow: Flow, fields: Fields) -> tuple[float | None, float | None]:
+def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     """rms difference of predicted and simulated pressure over the rms of the simulated one, in %.
 
     One value for the flowing points and one for the stagnant points; None for an empty zone.
     """
     p, simulated = fields.values["p"], fields.values["p_simulated"]
     known = np.isfinite(simulated)
-    split = scoring.zones_of(flow, fields)
+    split = scoring.zones_of(case.flow, fields, case.of_flow.strain_rate)
     flowing, stagnant = (
         relative_l2(p[known & zone], simulated[known & zone])
         for zone in (split.flowing, split.stagnant)

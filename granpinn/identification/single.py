@@ -6,8 +6,9 @@ import dataclasses
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from pathlib import Path
+from typing import Any
 
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
@@ -96,7 +97,7 @@ def identify(
     run = start([*cases, *others], config, folder, progress, begin, parts, together)
     with threads(1) as beside:
         if run.trainer.params.is_cuda and together.rank == 0:
-            balance_ahead(cases[0], beside)
+            made_ahead(cases[:1], beside)
         run.train()
         if all(k in run.trainer.diverged for k in range(len(cases))):
             raise NonFiniteError(run.trainer.diverged[0])
@@ -118,15 +119,19 @@ def identify(
             return kept(with_simulated_pressure(concluded, simulation.result()), run)
 
 
-def balance_ahead(case: Case, beside: Executor) -> None:
-    """Make the momentum balance of a case while a GPU trains, since the CPU has nothing to do.
+def made_ahead(cases: Sequence[Case], beside: Executor) -> list[Future[Any]]:
+    """Make what needs no network while a GPU trains, since the CPU has nothing to do.
 
-    It needs no network, only the inertial scale of the law, which is seldom identified. A balance
-    that fails is made again in its place (judgement.py), and fails there.
+    The momentum balance needs only the inertial scale of the law, which is seldom identified. What
+    fails is made again in its place, and fails there.
     """
-    scale = known_scale(case.member.law, case.member.fixed)
-    if scale is not None:
-        beside.submit(case.balance.at, scale)
+    made: list[Future[Any]] = []
+    for case in cases:
+        scale = known_scale(case.member.law, case.member.fixed)
+        if scale is not None:
+            made.append(beside.submit(case.balance.at, scale))
+        made.append(beside.submit(case.of_flow.surface_sd, case.config.level))
+    return made
 
 
 def kept(concluded: Concluded, run: TrainingLoop) -> Identification:

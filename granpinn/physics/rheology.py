@@ -1,9 +1,18 @@
-r"""The inertial number, equation (1) of the paper: $I = d\,\dot\gamma / \sqrt{|p| / \rho_g}$."""
+r"""The inertial number, and the derivatives of a friction law by its parameters.
+
+Equation (1) of the paper is $I = d\,\dot\gamma / \sqrt{|p| / \rho_g}$.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 import torch
 from torch import Tensor
+
+from granpinn.arrays import Float64
+from granpinn.physics.laws import Law
 
 
 def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> Tensor:
@@ -16,3 +25,11 @@ def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> T
         p_floor: positive pressure below which I no longer grows, so that I is finite at p = 0.
     """
     return d * gamma_dot / torch.sqrt(torch.clamp(torch.abs(p), min=p_floor))
+
+
+def by_parameters(law: Law, I: Float64, theta: Sequence[float] | Float64) -> Float64:  # noqa: E741
+    """d mu / d theta of a law at inertial numbers I [n], for all N parameters: [n, N]."""
+    rows = torch.tensor(theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
+    mu = law.friction(torch.as_tensor(I), *rows.unbind(1))
+    (found,) = torch.autograd.grad(mu.sum(), rows)  # mu_k depends on row k alone
+    return np.asarray(found.numpy())

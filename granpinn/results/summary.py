@@ -7,13 +7,13 @@ up over the range of I of its curve, beside its parameters.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from granpinn.arrays import Float64, Floats
 from granpinn.physics.laws import mu_of_i
+from granpinn.physics.rheology import by_parameters
 from granpinn.results.parameters import Covariance
 from granpinn.results.result import Result
 
@@ -109,11 +109,8 @@ def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  #
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
     """
     law = result.friction_law
-    theta = torch.tensor(result.theta, dtype=torch.float64)
-    at = torch.as_tensor(np.asarray(I, np.float64))
-    jacobian: Any = torch.autograd.functional.jacobian
-    rows = jacobian(lambda values: law.friction(at, *values), theta)
-    J = rows[:, [law.names.index(name) for name in covariance.names]].numpy()
+    rows = by_parameters(law, np.asarray(I, np.float64), result.theta)
+    J = rows[:, [law.names.index(name) for name in covariance.names]]
     variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 

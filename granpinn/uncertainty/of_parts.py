@@ -33,12 +33,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from scipy import special
 
 from granpinn.arrays import Float64
 from granpinn.config import Config
 from granpinn.physics.laws import LAWS, Law, mu_of_i
+from granpinn.physics.rheology import by_parameters
 from granpinn.results import Result
 from granpinn.results.parts import SPLITS, Part, Parts, Split
 from granpinn.results.records import Verdict
@@ -211,23 +211,10 @@ def _spread(
     ratio = mu[1] / mu[0]
     psi = np.zeros((len(boxes), len(I)))
     for half, sign in ((0, -1.0), (1, 1.0)):
-        slope = _slopes(law, I, theta[half])[:, free]
+        slope = by_parameters(law, I, theta[half])[:, free]
         psi += sign * ratio * (boxes[:, half] @ slope.T) / mu[half]
     squares = (psi**2).sum(0)
     return squares, np.maximum(squares**2 / np.maximum((psi**4).sum(0), 1e-300), 1.0)
-
-
-def _slopes(law: Law, I: Float64, theta: Float64) -> Float64:  # noqa: E741
-    """d mu / d theta at every I [n, N]."""
-    at = torch.as_tensor(I)
-    values = torch.as_tensor(theta)
-
-    def curve(t: torch.Tensor) -> torch.Tensor:
-        mu: torch.Tensor = law.friction(at, *t)
-        return mu.expand(at.shape)
-
-    rows: torch.Tensor = torch.autograd.functional.jacobian(curve, values)  # type: ignore[no-untyped-call]
-    return np.asarray(rows.numpy())
 
 
 def judged(

@@ -14,7 +14,8 @@ from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.identification import balance, judgement
 from granpinn.identification.balance import Balance
-from granpinn.identification.single import balance_ahead
+from granpinn.identification.of_flow import OfFlow
+from granpinn.identification.single import made_ahead
 from granpinn.inspection.baseline import baseline
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import NotDone, Parameter, Parameters, Result
@@ -36,9 +37,12 @@ def result_with(factor: float) -> Result:
 
 
 def case_of(of_flow: Balance, fixed: dict[str, float]) -> Any:
-    """What the balance needs of a case: itself, the law and its fixed parameters."""
+    """What `made_ahead` needs of a case."""
     return SimpleNamespace(
-        balance=of_flow, member=SimpleNamespace(law=mu_of_i.LAW, fixed=fixed), flow=of_flow.flow
+        balance=of_flow,
+        of_flow=OfFlow(of_flow.flow),
+        config=SimpleNamespace(level="V1"),
+        member=SimpleNamespace(law=mu_of_i.LAW, fixed=fixed),
     )
 
 
@@ -117,7 +121,7 @@ def test_a_balance_ahead_is_made_once_with_the_same_record(
     monkeypatch.setattr(balance, "baseline", counted)
     case = case_of(Balance(chute()), {"I0": 0.3})
     with threads(1) as beside:
-        balance_ahead(case, beside)
+        made_ahead([case], beside)
         found = balance.beside(case.balance, result_with(1.0))
     assert len(made) == 1
     assert made[0] is not threading.main_thread()
@@ -127,7 +131,7 @@ def test_a_balance_ahead_is_made_once_with_the_same_record(
 def test_a_balance_at_an_identified_scale_waits_for_it() -> None:
     case = case_of(Balance(chute()), {})
     with threads(1) as beside:
-        balance_ahead(case, beside)
+        made_ahead([case], beside)
     assert case.balance._made == {}
 
 
@@ -140,7 +144,7 @@ def test_a_balance_ahead_that_fails_ends_as_one_in_its_place(
     monkeypatch.setattr(balance, "baseline", fail)
     case = case_of(Balance(chute()), {"I0": 0.3})
     with threads(1) as beside:
-        balance_ahead(case, beside)
+        made_ahead([case], beside)
     result = judgement._with_baseline(result_with(1.0), case)
     assert result.not_done == (NotDone(BASELINE, "RuntimeError: singular"),)
 

@@ -11,11 +11,13 @@ import pytest
 from granpinn.data import Flow, Truth
 from granpinn.data.norms import relative_l2
 from granpinn.identification.scoring import (
+    Scores,
     scalar_error,
     score,
     strain_rate,
+    strain_rate_of,
 )
-from granpinn.results import Parameter, Parameters
+from granpinn.results import Fields, Parameter, Parameters
 from granpinn.results.zones import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
@@ -30,6 +32,10 @@ def two_zones(**changes: object) -> Flow:
     u = np.broadcast_to(shear, c.shape).astype(np.float32)
     p = np.broadcast_to((2 - flow.y)[None, :, None] * 1e4, c.shape).astype(np.float32)
     return replace(flow, c=c, u=u, v=np.zeros_like(u), p=p, **changes)
+
+
+def scores_of(flow: Flow, fields: Fields, parameters: Parameters = PARAMETERS) -> Scores:
+    return score(flow, fields, parameters, lambda: strain_rate_of(flow))
 
 
 # ---- parts ---------------------------------------------------------------------------------------
@@ -120,7 +126,7 @@ def test_the_start_does_not_count() -> None:
 
 def test_a_perfect_prediction_has_no_error() -> None:
     flow = make_flow()
-    scores = score(flow, make_fields(flow), PARAMETERS)
+    scores = scores_of(flow, make_fields(flow))
     errors = scores.error_percent
     assert (errors.mu_s, errors.mu_2) == pytest.approx((2.5, 4.6875))
     assert errors.velocity == errors.pressure == errors.pressure_flowing == 0
@@ -136,7 +142,7 @@ def test_errors_are_split_into_flowing_and_stagnant() -> None:
     factor = np.where(flows, 1.1, 1.4)
     assert flow.p is not None
     fields = make_fields(flow, p=flow.p[inside] * factor, u=1.05 * flow.u[inside])
-    scores = score(flow, fields, PARAMETERS)
+    scores = scores_of(flow, fields)
 
     errors, zones = scores.error_percent, scores.zones
     assert errors.velocity == pytest.approx(5, rel=1e-5)
@@ -157,7 +163,7 @@ def test_the_zones_of_a_noisy_file_come_from_the_prediction(name: str, array: bo
     sigma = np.full((4, 8, 10), 0.01, np.float32) if array else 0.01
     flow = two_zones(**{name: sigma})
     n = flow.c.size
-    zones = score(flow, make_fields(flow, D2=np.arange(n) >= 30), PARAMETERS).zones
+    zones = scores_of(flow, make_fields(flow, D2=np.arange(n) >= 30)).zones
     assert zones is not None
     assert zones.source == "predicted velocity"
     assert (zones.n_flowing, zones.n_stagnant) == (n - 30, 30)
@@ -165,7 +171,7 @@ def test_the_zones_of_a_noisy_file_come_from_the_prediction(name: str, array: bo
 
 def test_a_declared_noise_of_zero_is_no_noise() -> None:
     flow = two_zones(sigma_u=0.0, sigma_v=0.0)
-    zones = score(flow, make_fields(flow, D2=0.0), PARAMETERS).zones
+    zones = scores_of(flow, make_fields(flow, D2=0.0)).zones
     assert zones is not None
     assert zones.source == "velocity in the flow file"
     assert zones.n_flowing == 160
@@ -176,7 +182,7 @@ def test_points_whose_strain_rate_is_unknown_are_in_neither_zone() -> None:
     u = flow.u.copy()
     u[1, 6] = np.nan  # a row without vectors: only the pressure is known there
     flow = replace(flow, u=u)
-    scores = score(flow, make_fields(flow, p=0.0), PARAMETERS)
+    scores = scores_of(flow, make_fields(flow, p=0.0))
     assert scores.zones is not None
     # Row 7 is the last one: without row 6 it has no neighbour along y, so both are unknown.
     assert (scores.zones.n_flowing, scores.zones.n_stagnant) == (140, 160)
@@ -193,7 +199,7 @@ def test_the_first_frame_of_a_file_that_starts_at_zero_is_left_out() -> None:
     fields = make_fields(
         flow, u=flow.u.ravel() + 100 * wrong, p=flow.p.ravel() + 1e9 * wrong, I=1e3 * wrong
     )
-    scores = score(flow, fields, PARAMETERS)
+    scores = scores_of(flow, fields)
     assert scores.error_percent.velocity == scores.error_percent.pressure == 0
     assert scores.inertial_number.q95 == 0
     assert scores.zones is not None
@@ -204,13 +210,13 @@ def test_quantiles_of_the_inertial_number() -> None:
     flow = two_zones()
     n = flow.c.size
     values = np.random.default_rng(1).permutation(n) / (n - 1)
-    found = score(flow, make_fields(flow, I=values), PARAMETERS).inertial_number
+    found = scores_of(flow, make_fields(flow, I=values)).inertial_number
     assert (found.q05, found.median, found.q95) == pytest.approx((0.05, 0.5, 0.95), rel=1e-6)
 
 
 def test_what_the_file_does_not_know_is_not_scored() -> None:
     flow = make_flow(p=None, truth=None)
-    scores = score(flow, make_fields(flow, p=1.0), PARAMETERS)
+    scores = scores_of(flow, make_fields(flow, p=1.0))
     errors = scores.error_percent
     assert scores.zones is None
     assert errors.velocity == 0
@@ -222,6 +228,6 @@ def test_a_fixed_parameter_has_no_error() -> None:
     fixed = Parameters(
         mu_s=Parameter(0.5, fixed=True), mu_2=Parameter(0.6, False), I0=Parameter(0.3, True)
     )
-    errors = score(flow, make_fields(flow), fixed).error_percent
+    errors = scores_of(flow, make_fields(flow), fixed).error_percent
     assert errors.get("mu_s") is None
     assert errors.mu_2 is None

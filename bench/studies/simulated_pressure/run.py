@@ -78,7 +78,7 @@ def errors(flow: Flow, fields: Fields) -> dict[str, Any]:
     """Of the predicted and the simulated pressure over the same points: all, flowing, stagnant."""
     p, simulated, known = (fields.values[n] for n in ("p", "p_simulated", "p_reference"))
     ok = np.isfinite(simulated) & np.isfinite(known)
-    split = scoring.zones_of(flow, fields)
+    split = scoring.zones_of(flow, fields, lambda: scoring.strain_rate_of(flow))
     zones = {"all": ok, "flowing": ok & split.flowing, "stagnant": ok & split.stagnant}
 
     def of(a: Any, b: Any) -> dict[str, float | None]:
