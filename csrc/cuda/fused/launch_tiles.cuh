@@ -36,8 +36,8 @@ cudaError_t launch_variant(const DeviceLoss<float>& a, const LaunchPlan& plan,
         a, plan, scratch, chunk, stream);
   };
   if constexpr (tensor_cores)
-    return run(MmaEngine<H, C, t.points, t.split, t.stages, fine, more_rows>{},
-               MmaEngine<H, 1, t.surface_points, t.split, t.stages, fine, surface_rows>{});
+    return run(MmaEngine<H, C, t.points, t.split, t.stages, fine, more_rows, t.kept>{},
+               MmaEngine<H, 1, t.surface_points, t.split, t.stages, fine, surface_rows, t.kept>{});
   else
     return run(SimtEngine<H, C, t.points, t.parts, t.stage, t.stages>{},
                SimtEngine<H, 1, t.surface_points, t.parts, t.stage, t.stages>{});

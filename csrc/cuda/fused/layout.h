@@ -34,6 +34,7 @@ struct TileShape {
   int parts;                   // of a product's inputs, in float32, one for each warp
   int stage, stages;           // floats of a stage of weights, stages in a warp's ring
   int blocks;                  // that share a multiprocessor, by registers
+  bool kept;                   // whether the cache (L2) keeps the panels for the weights kernel
 };
 
 // Large tiles load fewer weights per point; small ones give every multiprocessor some work.
@@ -52,6 +53,9 @@ constexpr bool fine_weights(Form form, bool tensor_cores) {
   return tensor_cores && form != Form::strong;
 }
 
+// Panels of medium tiles take about half of the cache. Those of large tiles do not fit into it, and
+// those of small ones always do: both are marked as the first to leave it.
+//
 // A thread has 128 registers; 255 in the small tiles of float32; 168 in the mixed form's medium
 // tiles: three of them share a multiprocessor, with a longer ring. With more stages for its large
 // tiles, wide layers would lose their second block.
@@ -74,6 +78,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   t.stage = t.parts > 1 ? 1024 : 512;
   t.stages = t.split > 1 ? 4 : t.parts > 1 ? 3 : 2;
   t.blocks = (t.parts > 1 ? 256 : 512) / (H * t.split);
+  t.kept = !large && !small;
   if (!small && tensor_cores && form == Form::mixed && H == 128) {
     t.stages = large ? 3 : 6;
     if (!large) t.blocks = 3;

@@ -47,9 +47,9 @@
 
 namespace granpinn::cuda::fused {
 
-// Points: 4, or a multiple of 8. Split: warps of a slab. Stages: of a warp's ring.
+// Points: 4, or a multiple of 8. Split: warps of a slab. Stages: of a warp's ring. Kept: layout.h.
 template <int Width, int Channels, int Points, int Split, int Stages, bool FineWeights,
-          bool MoreRows>
+          bool MoreRows, bool Kept>
 struct MmaEngine : Lanes<Width, Split> {
   using L = Lanes<Width, Split>;
   using L::H, L::neurons;
@@ -151,11 +151,18 @@ struct MmaEngine : Lanes<Width, Split> {
       if constexpr (MoreRows) rest[j] = halves[2 * j + 1];
     }
   }
+  template <class T>
+  static __device__ void write(T* to, T value) {
+    if constexpr (Kept)
+      *to = value;
+    else
+      __stcs(to, value);
+  }
   static __device__ void store(__half* row, const Stored& v) {
     if constexpr (neurons == 4)
-      *reinterpret_cast<uint2*>(row + L::column()) = make_uint2(v[0], v[1]);
+      write(reinterpret_cast<uint2*>(row + L::column()), make_uint2(v[0], v[1]));
     else
-      *reinterpret_cast<unsigned*>(row + L::column()) = v[0];
+      write(reinterpret_cast<unsigned*>(row + L::column()), v[0]);
   }
 
   // z as above, times the scales of operands and weights.
