@@ -1,10 +1,11 @@
 """Where the seconds of `python -m granpinn.train` go, from the start of the process to its exit.
 
     python -m bench.command_profile --json bench/results/command_gpu.json -- --device cuda
+    python -m bench.command_profile --module granpinn.tables --flow FLOW.h5 ... -- --seeds 5
 
 Runs the command twice: once as a user does, which gives the times of the answer and of the exit,
 and once with the sampler (sampler.py), which says where they go. The flow is the demonstration
-unless `--flow` names another. The words after `--` go to the command.
+unless `--flow` names others. The words after `--` go to the command.
 
 Defends: what a user waits for is the training, not what stands before and after it.
 """
@@ -88,11 +89,12 @@ def hot(samples: dict[str, Any]) -> list[dict[str, Any]]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--json", type=Path, help="file for the results")
-    parser.add_argument("--flow", type=Path, default=demo_path(), help="a flow file")
+    parser.add_argument("--module", default="granpinn.train", help="the command")
+    parser.add_argument("--flow", type=Path, nargs="+", default=[demo_path()], help="flow files")
     parser.add_argument("words", nargs="*", help="settings of the command, after --")
     own = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        command = ["granpinn.train", str(own.flow), *own.words]
+        command = [own.module, *map(str, own.flow), *own.words]
         plain = timed([sys.executable, "-u", "-m", *command, "--out", f"{folder}/plain"])
         path = Path(folder) / "samples.json"
         words = [sys.executable, "-u", "-m", "bench.sampler", str(path), *command]
@@ -104,7 +106,8 @@ def main() -> int:
     raw.write(
         own.json,
         {
-            "flow": own.flow.name,
+            "module": own.module,
+            "flow": [path.name for path in own.flow],
             "words": own.words,
             "seconds": plain,
             "sampled": watched,

@@ -36,6 +36,10 @@ from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]
 
+# Threads that hold Python wait for each other, 5 ms at a time: 30 members took 31 s after their
+# training with 16 threads, 20 s with 4 and 22 s with 2 (bench/studies/performance/note.md).
+SIDE_BY_SIDE = 4
+
 
 def identify_many(
     flows: Sequence[FlowLike],
@@ -131,12 +135,17 @@ def identify_many(
 
         written = _side_by_side(concluded, range(len(cases)), config.device)
         written = with_assumptions(written, run)
-        # One pool for all members: every core simulates pressures as long as frames are left.
-        with threads(max(1, _cores() // group.size)) as pool:
+        # One pool for all members: every core simulates pressures as long as frames are left. With
+        # a GPU it does so from the start, since the law on parts needs the GPU and Python.
+        with threads(max(1, _cores() // group.size)) as pool, threads(SIDE_BY_SIDE) as beside:
 
             def finished(member: Concluded) -> Result:
+                simulation = None
+                if run.trainer.params.is_cuda:
+                    simulation = beside.submit(simulated, member, run, pool)
                 member = with_parts(with_law(member, run), run)
-                made = with_simulated_pressure(member, simulated(member, run, pool))
+                pressure = simulation.result() if simulation else simulated(member, run, pool)
+                made = with_simulated_pressure(member, pressure)
                 return kept(made._replace(maps=None), run)
 
             found = _side_by_side(finished, written, config.device)
@@ -156,7 +165,7 @@ T = TypeVar("T")
 
 def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
     """`work` on every item: with a GPU in parallel; on a CPU in turn, as torch uses all cores."""
-    with threads(_cores() if choose_device(device).type == "cuda" else 1) as pool:
+    with threads(SIDE_BY_SIDE if choose_device(device).type == "cuda" else 1) as pool:
         begun = [pool.submit(work, item) for item in items]
         wait(begun)  # the error of one item leaves the others
         return [item.result() for item in begun]

@@ -163,18 +163,22 @@ class System:
         sums = [[self.A.new_zeros(b.total, m) for b in boxes] for _ in kept]
         every = [torch.cat([x[:, None], Q], 1) for x, Q in solutions]
 
-        def add(n: int, points: Tensor, added: Tensor) -> None:
-            for total, of in zip(sums[n], boxes, strict=True):
-                total.index_add_(0, of.number(points), added)
+        def numbers(points: Tensor) -> list[Tensor]:
+            return [of.number(points) for of in boxes]
 
+        def add(n: int, places: list[Tensor], added: Tensor) -> None:
+            for total, place in zip(sums[n], places, strict=True):
+                total.index_add_(0, place, added)
+
+        everywhere = numbers(self.points)
         with torch.enable_grad():
             for row in self.sums.rows(self.at):
-                where = self.points[row.points]
+                places = [number[row.points] for number in everywhere]
                 for n, (k, X) in enumerate(zip(kept, every, strict=True)):
                     moved = self._along(row, k, X)
                     r = row.residual + moved[:, 0]
-                    add(n, where, moved[:, 1:] * r[:, None])
-        self._add_vectors(every, add)
+                    add(n, places, moved[:, 1:] * r[:, None])
+        self._add_vectors(every, numbers, add)
         return [
             tuple(total[total.abs().sum(1) > 0].view(-1, 2, self.L) for total in own)
             for own in sums
@@ -183,16 +187,18 @@ class System:
     def _add_vectors(
         self,
         every: list[Tensor],
-        add: Callable[[int, Tensor, Tensor], None],
+        numbers: Callable[[Tensor], list[Tensor]],
+        add: Callable[[int, list[Tensor], Tensor], None],
     ) -> None:
-        """The part of the measured velocity in `influence`."""
+        """The part of the measured velocity in `influence`; its `numbers` and `add`."""
         points = self.sums.data.measured[0]
         for rows, h, residual, w in self.sums.vectors(self.at):
+            places = numbers(points[rows])
             for n, X in enumerate(every):
                 by_C = X[: SHARED * self.F].view(SHARED, self.F, -1)
                 moved = torch.einsum("nf,cfm->ncm", h, by_C)
                 r = w * (residual + moved[..., 0])
-                add(n, points[rows], (r[..., None] * moved[..., 1:]).sum(1))
+                add(n, places, (r[..., None] * moved[..., 1:]).sum(1))
 
     def _along(self, row: Row, k: int, X: Tensor) -> Tensor:
         """The change of a row along directions X [K_k, m] of the unknowns of a split: [n, m]."""

@@ -91,7 +91,8 @@ def test_the_phases_and_functions_of_a_run(
     monkeypatch.setattr(sys, "argv", words)
     assert command_profile.main() == 0
     found = json.loads(out.read_text())
-    assert (found["flow"], found["words"]) == (flow_file.name, WORDS)
+    assert (found["module"], found["words"]) == ("granpinn.train", WORDS)
+    assert found["flow"] == [flow_file.name]
     names = [row["function"] for row in found["rows"]]
     assert "granpinn/identification/single.py identify" in names
     totals = [row["main_s"] + row["others_s"] for row in found["rows"]]
