@@ -140,11 +140,7 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
 def posed(
     flow: Flow, slips: tuple[str, ...], config: Config, of_flow: OfFlow | None = None
 ) -> Case:
-    """The problem of a sound flow with its likely slips.
-
-    Args:
-        of_flow: of another case of this flow.
-    """
+    """The problem of a sound flow with its likely slips; `of_flow`: of another case of the flow."""
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
     whole = bare if large.is_large(flow) else None
