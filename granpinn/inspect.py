@@ -27,7 +27,7 @@ from granpinn.config import ConfigError, SideWalls
 from granpinn.config.fields import flag_of, settings_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
-from granpinn.importers.formats import is_flow_file
+from granpinn.data.reader import is_flow_file
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from granpinn.command.parser import program
 from granpinn.data import Flow
-from granpinn.importers import DataFileError
-from granpinn.importers.formats import detect, is_flow_file
+from granpinn.data.reader import is_flow_file
+from granpinn.errors import BadInput
 
 CONVERT = (
     '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
@@ -22,7 +22,7 @@ def training_of(flow: Flow, path: Path) -> str:
     return f"{program('train')} {path} --out run{level}"
 
 
-def refusal(paths: Sequence[Path], then: str) -> DataFileError:
+def refusal(paths: Sequence[Path], then: str) -> BadInput:
     """The error for the files of an instrument, with the command that converts them.
 
     Args:
@@ -31,6 +31,10 @@ def refusal(paths: Sequence[Path], then: str) -> DataFileError:
     Raises:
         DataFileError: the files are of no known format.
     """
+    # The importers are slow to import, and flow files do not need them.
+    from granpinn.importers import DataFileError
+    from granpinn.importers.formats import detect
+
     first = paths[0]
     name = detect(first)
     sources = str(first) if len(paths) == 1 else f"{first} ... {paths[-1]}"
@@ -46,6 +50,6 @@ def require_flow_file(path: Path) -> None:
         return
     try:
         error = refusal([path], "train on")
-    except DataFileError:  # of no known format
+    except BadInput:  # of no known format
         return
     raise error

@@ -23,7 +23,7 @@ from granpinn.data.format import (
     TRUE_LAW,
     TRUTH,
 )
-from granpinn.data.hdf5 import SafeFile
+from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
 from granpinn.data.regular import UnsafeFileError, content_of, too_large
@@ -45,6 +45,15 @@ _FLOAT64 = (
     ),
     *(f"wall_{name}" for name in ("t", "y", "x", "u", "v")),
 )
+
+
+def is_flow_file(path: Path) -> bool:
+    """Whether a file is a flow file, from its attribute."""
+    try:
+        with open_hdf5(path, DEFAULT_MAX_BYTES) as file:
+            return file.attributes.text("format_name") == FORMAT_NAME
+    except UnsafeFileError:  # no HDF5, or another kind of it
+        return False
 
 
 def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:

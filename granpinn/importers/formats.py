@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from granpinn.data.format import FORMAT_NAME
-from granpinn.data.hdf5 import open_hdf5
-from granpinn.data.reader import DEFAULT_MAX_BYTES
+from granpinn.data.reader import is_flow_file
 from granpinn.data.regular import UnsafeFileError, first_bytes
 from granpinn.importers import (
     arrays,
@@ -84,15 +82,6 @@ def detect(path: Path) -> str:
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
         "the vectors as plain arrays (.npz) or a table"
     )
-
-
-def is_flow_file(path: Path) -> bool:
-    """Whether a file is a flow file, from its attribute."""
-    try:
-        with open_hdf5(path, DEFAULT_MAX_BYTES) as file:
-            return file.attributes.text("format_name") == FORMAT_NAME
-    except UnsafeFileError:  # no HDF5, or another kind of it
-        return False
 
 
 def _headerless_pivlab(head: bytes) -> bool:

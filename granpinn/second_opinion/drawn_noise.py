@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # loads scipy.optimize at its first use
 from scipy.ndimage import convolve1d
-from scipy.optimize import brentq
 
 from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow
@@ -110,7 +110,7 @@ def kernel_of(vectors_per_independent: float) -> Float64:
     def excess(width: float) -> float:
         return float(gaussian(width).sum()) ** 2 - wanted
 
-    return gaussian(brentq(excess, 1e-2, WIDEST))
+    return gaussian(scipy.optimize.brentq(excess, 1e-2, WIDEST))
 
 
 def _draw(random: np.random.Generator, field: Floats, kernel: Float64) -> Float64:

@@ -29,7 +29,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # loads scipy.optimize at its first use
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import LAWS, Law, LawParameter, cohesive, free, mu_of_i
@@ -129,7 +129,7 @@ class Fitter:
 
         own = np.log([self.law.parameter(name).bounds for name in self.names])
         bounds = np.minimum(usual - REACH, own[:, 0]), np.maximum(usual + REACH, own[:, 1])
-        found = least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
+        found = scipy.optimize.least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
         normal = found.jac.T @ found.jac
         # a direction that no data determine is as uncertain as the reach of the search
         covariance = np.linalg.inv(normal + REACH**-2 * np.eye(len(normal)))

@@ -17,7 +17,7 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy  # loads scipy.optimize at its first use
 from scipy.special import ndtr
 
 from granpinn.arrays import Float64
@@ -69,7 +69,9 @@ def _mixture(mean: Float64, sd: Float64, logarithmic: bool = False) -> Parameter
     def quantile(q: float) -> float:
         reach = WIDE * float(sd.max())
         ends = float(mean.min()) - reach, float(mean.max()) + reach
-        return float(brentq(lambda x: float(ndtr((x - mean) / sd).mean()) - q, *ends))
+        return float(
+            scipy.optimize.brentq(lambda x: float(ndtr((x - mean) / sd).mean()) - q, *ends)
+        )
 
     middle, low, high = (quantile(q) for q in (0.5, TAIL, 1 - TAIL))
     std = math.sqrt(float((sd**2).mean() + mean.var()))
