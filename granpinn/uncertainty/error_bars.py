@@ -12,7 +12,7 @@ shortest trainings (n_0). m is the misfit beyond the known noise, capped by the 
 equation residuals imply (`resolution`): the rest of the misfit is noise that the file does not
 state. The growth g of the errors with it, 1 below m_0, was measured on films of simulated collapses
 (bench/studies/coverage); beyond their misfit it is in proportion. Where the residuals imply all of
-the misfit, errors at the lower end of the range of I are in proportion to it (misfit_growth.py).
+the misfit, errors grow faster with it (misfit_growth.py).
 D_n is carried over to the inertial numbers that the data hold. N is the measured effect of noise,
 most of which is a bias that all members share (held.py). A is the effect of assumptions, such as
 the offset of the surface line (of_assumptions.py); their priors are given and do not change the
@@ -106,8 +106,8 @@ def further(
     mu = middle(members)
     D = discrepancy(mu[0], residuals, steps, calibration)
     if held is not None and calibration.reach is not None:
-        lower = _of_structure(residuals, calibration)
-        D = carried(D, mu, held.x, calibration.reach, lower)
+        structure = _of_structure(residuals, calibration)
+        D = carried(D, mu, held.x, calibration.reach, structure)
     parts = [(D, calibration.discrepancy_weight)]
     noise = calibration.noise
     if held is not None and held.noise > 0 and noise is not None:
@@ -223,10 +223,10 @@ def _ratio(residuals: Residuals, calibration: Calibration) -> float:
     return max(1.0, resolution(residuals, calibration) / calibration.misfit)
 
 
-def _of_structure(residuals: Residuals, calibration: Calibration) -> float:
-    """Factor on the errors at the lower end of the range of I, for structure that a fit misses."""
+def _of_structure(residuals: Residuals, calibration: Calibration) -> Pair:
+    """Factors on the errors at the ends of the range of I, for structure that a fit misses."""
     if calibration.growth is None:
-        return 1.0
+        return 1.0, 1.0
     shown = implied(residuals, calibration)
     return calibration.growth.of_structure(_ratio(residuals, calibration), shown)
 
