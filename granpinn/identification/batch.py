@@ -190,7 +190,10 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     distinct = dict(zip(keys, flows, strict=True))
     read = dict(zip(distinct, _side_by_side(sound, distinct.values(), device), strict=True))
     of_flow = {key: OfFlow(large.spread(flow)) for key, (flow, _) in read.items()}
-    plain = {key: config for key, config in zip(keys, configs, strict=True) if not config.noise}
+    plain: dict[int | str, Config] = {}
+    for key, config in zip(keys, configs, strict=True):
+        if not config.noise:
+            plain.setdefault(key, config)
 
     def alone(key: int | str, config: Config) -> Case:
         return posed(*read[key], config, of_flow[key])

@@ -26,9 +26,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from granpinn.arrays import Float64
 from granpinn.physics.law_values import CompleteLaw
+from granpinn.physics.rheology import by_parameters
 
 KAPPA = 0.097
 LARGEST_RATE = 15.0  # sqrt(|g| / H0)
@@ -83,13 +85,15 @@ def sensitivities(I: Float64, law: AssumedLaw, p: Float64 | None = None) -> Floa
     Args:
         p: pressure in the unit of a cohesion [K]; laws without cohesion do not need it.
     """
-    theta = torch.tensor(law.theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
-    mu = law.friction_law.friction(torch.as_tensor(I), *theta.unbind(1))
-    if law.friction_law.cohesion is not None:
-        stress = law.friction_law.cohesion_of(theta.T) + mu * torch.as_tensor(p)
-        mu = mu.detach() * stress.log()
-    (derivatives,) = torch.autograd.grad(mu.sum(), theta)  # mu_k depends on row k alone
-    return np.asarray(derivatives.numpy())
+    if law.friction_law.cohesion is None:
+        return by_parameters(law.friction_law, I, law.theta)
+
+    def logarithm(mu: Tensor, theta: Tensor) -> Tensor:
+        stress = law.friction_law.cohesion_of(theta) + mu * torch.as_tensor(p)
+        found: Tensor = mu.detach() * stress.log()
+        return found
+
+    return by_parameters(law.friction_law, I, law.theta, logarithm)
 
 
 def expected_precision(

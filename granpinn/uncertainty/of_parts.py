@@ -161,7 +161,9 @@ def _split(
     mu = np.stack([np.broadcast_to(law.friction(I, *t), I.shape) for t in theta])
     if not np.isfinite(mu).all() or (mu <= 0).any():
         return Split(halves.name, both)
-    of_boxes = [_spread(boxes.cpu().numpy(), I, mu, theta, law) for boxes in halves.influence]
+    free = [k for k, p in enumerate(law.parameters) if not p.fixed]
+    slopes = [by_parameters(law, I, t)[:, free] for t in theta]
+    of_boxes = [_spread(boxes.cpu().numpy(), mu, slopes) for boxes in halves.influence]
     known = [Variance(np.max([v for v, _ in of_boxes], axis=0), of_boxes[0][1])]
     best = int(np.argmin(known[0].value))
     at = _place(law, theta.mean(0), I, ranges)
@@ -193,26 +195,18 @@ def _place(law: Law, theta: Float64, I: Float64, ranges: Float64) -> Place:  # n
     return Place(I, mu, xi, float(slow[0]), I0)
 
 
-def _spread(
-    boxes: Float64,
-    I: Float64,  # noqa: E741
-    mu: Float64,
-    theta: Float64,
-    law: Law,
-) -> tuple[Float64, Float64]:
+def _spread(boxes: Float64, mu: Float64, slopes: Sequence[Float64]) -> tuple[Float64, Float64]:
     """Variance of delta at every I [n], and its degrees of freedom [n].
 
     Args:
         boxes: influence of every box on the free parameters of both halves [B, 2, L].
-        I: [n]; mu: of both halves there [2, n].
-        theta: parameters of both halves [2, N].
+        mu: of both halves at every I [2, n].
+        slopes: derivatives of mu by the free parameters, of both halves [n, L].
     """
-    free = [k for k, p in enumerate(law.parameters) if not p.fixed]
     ratio = mu[1] / mu[0]
-    psi = np.zeros((len(boxes), len(I)))
+    psi = np.zeros((len(boxes), mu.shape[1]))
     for half, sign in ((0, -1.0), (1, 1.0)):
-        slope = by_parameters(law, I, theta[half])[:, free]
-        psi += sign * ratio * (boxes[:, half] @ slope.T) / mu[half]
+        psi += sign * ratio * (boxes[:, half] @ slopes[half].T) / mu[half]
     squares = (psi**2).sum(0)
     return squares, np.maximum(squares**2 / np.maximum((psi**4).sum(0), 1e-300), 1.0)
 

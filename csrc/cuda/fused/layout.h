@@ -78,7 +78,7 @@ constexpr TileShape tile_shape(Form form, bool tensor_cores, Size size, int H) {
   t.stage = t.parts > 1 ? 1024 : 512;
   t.stages = t.split > 1 ? 4 : t.parts > 1 ? 3 : 2;
   t.blocks = (t.parts > 1 ? 256 : 512) / (H * t.split);
-  t.kept = !large && !small;
+  t.kept = size == Size::medium;
   if (!small && tensor_cores && form == Form::mixed && H == 128) {
     t.stages = large ? 3 : 6;
     if (!large) t.blocks = 3;
