@@ -9,7 +9,7 @@ values of the velocity. The mean of the N vectors behind each value has the erro
 $\sigma\sqrt{n/N}$, where N counts independent vectors and $\sigma$ is the noise of one of them.
 A smaller tolerance lets the network follow the noise; a much larger one lets the friction law
 distort the velocity. n was chosen on flows of grains and on collapses with added noise
-(bench/studies/grains/note.md). It belongs to a velocity that depends on x, y and t. A velocity that
+(bench/studies/noise/note.md). It belongs to a velocity that depends on x, y and t. A velocity that
 depends on k of them has $n^{k/3}$ values.
 
 The forces between grains fluctuate around those of the law, from place to place. A flow that is the
@@ -29,7 +29,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LAW, TERMS
 
-RESOLVED = 3000.0  # n, in x, y and t
+RESOLVED = 1000.0  # n, in x, y and t
 MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried
 
 

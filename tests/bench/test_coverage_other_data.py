@@ -61,6 +61,15 @@ def test_errors_on_other_data_are_recovered() -> None:
     scores = [judge.score(case, table) for case in flows(200, 0.1)]
     assert 0.84 < np.mean([s.covered for s in scores]) < 0.97
 
+    known = dataclasses.replace(table.noise, size=(1e-3, 1e-3), power=(0.9, 0.9))
+    again = other_data.fit(at_usual, flows(150, 0.0), noisy, [], base, "here", known)
+    assert again.noise is not None
+    assert again.noise.power == known.power
+    assert min(again.noise.size) > 5 * known.size[0]
+    assert again.noise.provenance == "made up; sizes: here"
+    kept = other_data.fit(at_usual, flows(150, 0.0), [], [], base, "here", known)
+    assert kept.noise == known
+
 
 def test_the_growth_with_the_misfit_is_recovered() -> None:
     """Films whose errors grow with the root of the part of their misfit that is not noise.

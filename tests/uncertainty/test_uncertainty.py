@@ -286,12 +286,14 @@ def test_a_table_that_breaks_a_rule_is_refused(
 
 
 def test_known_noise_is_no_error_of_the_fit() -> None:
-    """A misfit of the size of the noise leaves the part of the noise that the fit follows."""
+    """A misfit of the size of the noise leaves what noise adds to the misfit of clean flows."""
     at_noise = Residuals(CLEAN, velocity=0.2, noise=0.2)
-    assert of_law.velocity_error(at_noise, TABLE) == pytest.approx(0.2 * TABLE.noise_part)
+    usual = math.hypot(TABLE.misfit, 0.2 * TABLE.noise_part)
+    assert of_law.velocity_error(at_noise, TABLE) == pytest.approx(usual)
 
 
 def test_little_noise_does_not_make_the_velocity_better_than_without() -> None:
     """Below the noise the misfit is not seen, and residuals are judged by that of clean flows."""
     little = Residuals(CLEAN, velocity=0.01, noise=0.01)
-    assert of_law.velocity_error(little, TABLE) == TABLE.misfit
+    found = of_law.velocity_error(little, TABLE)
+    assert TABLE.misfit <= found < 1.05 * TABLE.misfit

@@ -11,8 +11,9 @@ maximum likelihood to the relative errors of mu at the ends of the range of I, e
 Then the sizes are raised until the 90 % intervals hold 90 % of these flows. The limits of the
 residuals are raised to those of the flows of every shape. `--measured` gives films, which a PIV
 program measured: errors grow with the least power of their misfit with which 90 % of them hold. The
-coverage of `--test` is that of flows the fit has not seen. A level without `--noisy` or
-`--measured` takes these entries of the usual level.
+coverage of `--test` is that of flows the fit has not seen. A level without `--measured` takes this
+entry of the usual level. Of the effect of noise, a level that is not the usual one takes the powers
+of the usual level; `--noisy` raises only its sizes.
 
 Defends: intervals of collapses of any shape, with and without noise, hold 85 to 95 % of the truths.
 """
@@ -63,8 +64,13 @@ def fit(
     measured: Sequence[Case],
     base: Calibration,
     provenance: str,
+    noise: NoiseError | None = None,
 ) -> Calibration:
-    """The table with the entries on other I, noise and misfit; all cases obey mu(I)."""
+    """The table with the entries on other I, noise and misfit; all cases obey mu(I).
+
+    Args:
+        noise: its effect at another level, whose powers are taken; None: those of these flows.
+    """
     base = _with_limits(base, varied)
     ends = np.median([_held(case).x for case in usual], axis=0)
     x = float(ends[0]), float(ends[1])
@@ -81,7 +87,11 @@ def fit(
 
     grows = float(_least(unlikely, [1.0, 0.0])[0])
     size_of_reach = _raised((1.0, 1.0), lambda size: at(grows, size), varied)
-    table = _with_noise(at(grows, size_of_reach), noisy, provenance)
+    table = at(grows, size_of_reach)
+    if noise and noisy:
+        noise = dataclasses.replace(noise, provenance=f"{noise.provenance}; sizes: {provenance}")
+    entry = noise or _effect(noisy, table, provenance)
+    table = dataclasses.replace(table, noise=entry and _raised_noise(entry, table, noisy))
     growth = growth_with_misfit(measured, table, provenance)
     return dataclasses.replace(table, growth=growth or _usual_level().growth)
 
@@ -92,13 +102,13 @@ def _usual_level() -> Calibration:
     return table
 
 
-def _with_noise(table: Calibration, noisy: Sequence[Case], provenance: str) -> Calibration:
-    """The table with the effect of noise on these flows."""
+def _effect(noisy: Sequence[Case], table: Calibration, provenance: str) -> NoiseError | None:
+    """The effect of noise on these flows, beside errors that the table bounds; None without any."""
     if not noisy:
-        return dataclasses.replace(table, noise=_usual_level().noise)
+        return None
     size, power = np.transpose([_growth(noisy, table, end) for end in (0, 1)])
     f = np.array([_errors(case) for case in noisy])
-    entry = NoiseError(
+    return NoiseError(
         (float(size[0]), float(size[1])),
         (float(power[0]), float(power[1])),
         float(np.mean(f[:, 0] * f[:, 1]) / np.sqrt(np.prod(np.mean(f**2, axis=0)))),
@@ -107,10 +117,16 @@ def _with_noise(table: Calibration, noisy: Sequence[Case], provenance: str) -> C
         provenance,
     )
 
+
+def _raised_noise(entry: NoiseError, table: Calibration, noisy: Sequence[Case]) -> NoiseError:
+    """The entry with sizes with which the 90 % intervals of the table hold 90 % of these flows."""
+    if not noisy:
+        return entry
+
     def with_size(size: Pair) -> Calibration:
         return dataclasses.replace(table, noise=dataclasses.replace(entry, size=size))
 
-    return with_size(_raised(entry.size, with_size, noisy))
+    return dataclasses.replace(entry, size=_raised(entry.size, with_size, noisy))
 
 
 def growth_with_misfit(
@@ -224,7 +240,8 @@ def main() -> int:
         for paths in (own.usual, own.varied, own.noisy, own.measured)
     )
     try:
-        table = fit(usual, varied, noisy, measured, base, note)
+        of_noise = None if own.level == Config().level else _usual_level().noise
+        table = fit(usual, varied, noisy, measured, base, note, of_noise)
     except ValueError as error:
         parser.error(str(error))
     for path in (*own.usual, *own.varied, *own.noisy, *own.measured, *own.test):
