@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Bool, Float64
 from granpinn.estimates.fits import quadratic_basis
@@ -79,20 +80,22 @@ def smooth(
     return made
 
 
-def line_slopes(count: int, window: int, spacing: float) -> Float64:
-    """The matrix [count, count] that gives the slopes of the values of an even line without gaps.
+def line_slopes(values: Float64, window: int, spacing: float) -> Float64:
+    """Slopes of values on even lines without gaps, along the last axis; same shape.
 
     The fit is over `window` values, an odd number; a short line has an odd one below its length.
     Towards an end the slope is that of the last window, away from its middle.
     """
+    count = values.shape[-1]
     half = (min(window, count + count % 2 - 1)) // 2
-    _, slope, curvature = np.linalg.pinv(quadratic_basis([np.arange(-half, half + 1.0)]))
-    matrix = np.zeros((count, count))
-    for k in range(count):
-        middle = min(max(k, half), count - 1 - half)
-        fitted = slope + 2 * (k - middle) * curvature
-        matrix[k, middle - half : middle + half + 1] = fitted / spacing
-    return matrix
+    places = np.arange(-half, half + 1.0)
+    _, slope, curvature = np.linalg.pinv(quadratic_basis([places])) / spacing
+    found = correlate1d(values, slope, axis=-1)
+    towards_start = slope + 2 * places[:half, None] * curvature
+    towards_end = slope + 2 * places[half + 1 :, None] * curvature
+    found[..., :half] = values[..., : 2 * half + 1] @ towards_start.T
+    found[..., count - half :] = values[..., count - 2 * half - 1 :] @ towards_end.T
+    return np.asarray(found)
 
 
 def noise_of(half: tuple[int, int, int], spacing: tuple[float, float, float]) -> Float64:

@@ -208,7 +208,7 @@ class _Lines:
         integral = _integral(stress, self.below, dy)
         if integral.shape[2] == 1:
             return 0.0
-        return np.asarray(integral @ line_slopes(integral.shape[2], SIDEWAYS, dx).T)
+        return line_slopes(integral, SIDEWAYS, dx)
 
 
 def _law(x: Float64, ratio: Float64, n_xy: Float64) -> Float64:
