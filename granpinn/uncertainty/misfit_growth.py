@@ -5,10 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-# Power of the factor at the upper end. Of 0, 1/2 and 1, the one with which 90 % intervals of mu_2
-# hold 85 to 95 % of the collapses on 1,024 cells (bench/studies/coverage/note.md).
-UPPER = 0.5
-
 
 @dataclass(frozen=True)
 class MisfitGrowth:
@@ -17,12 +13,13 @@ class MisfitGrowth:
     The residuals of films imply a part of their misfit only: the rest is noise. Where the residuals
     imply all of it, the network misses structure of the flow, such as shear bands and the front of
     tall columns. The errors at the lower end of the range of I are then in proportion to the
-    misfit; those at the upper end grow by the root of that further factor.
+    misfit; those at the upper end grow by a power of that further factor.
 
     Attributes:
         power: of the misfit, to which the errors of films are proportional.
         largest: misfit of the films over that of the table; errors grow in proportion from there.
         implied: misfit that the residuals imply over the misfit, of films at most.
+        upper: power of the further factor at the upper end, measured on collapses on fine cells.
         flows: number of films.
         provenance: the trainings that gave the numbers.
     """
@@ -30,12 +27,13 @@ class MisfitGrowth:
     power: float
     largest: float
     implied: float
+    upper: float
     flows: int
     provenance: str
 
     def __post_init__(self) -> None:
-        if not 0 <= self.power <= 1 <= self.largest:
-            raise ValueError(f"power must be 0 to 1 and largest at least 1, got {self}")
+        if not (0 <= self.power <= 1 <= self.largest and 0 <= self.upper <= 1):
+            raise ValueError(f"power and upper must be 0 to 1, largest at least 1, got {self}")
         if not 0 < self.implied < 1:
             raise ValueError(f"implied must be above 0 and below 1, got {self.implied}")
 
@@ -52,4 +50,4 @@ class MisfitGrowth:
         """
         share = max(0.0, (implied - self.implied) / (1 - self.implied))
         lower = math.pow(min(ratio, self.largest), share * (1 - self.power))
-        return lower, lower**UPPER
+        return lower, lower**self.upper

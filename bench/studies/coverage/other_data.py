@@ -10,7 +10,9 @@ The table of the level must have been made from collapses of the usual shape (ca
 maximum likelihood to the relative errors of mu at the ends of the range of I, each end by itself.
 Then the sizes are raised until the 90 % intervals hold 90 % of these flows. The limits of the
 residuals are raised to those of the flows of every shape. `--measured` gives films, which a PIV
-program measured: errors grow with the least power of their misfit with which 90 % of them hold. The
+program measured: errors grow with the least power of their misfit with which 90 % of them hold.
+`--fine` gives flows on fine cells, whose structure a network misses: errors at the upper end grow
+with the least power of the further factor at the lower end with which 90 % of mu_2 hold. The
 coverage of `--test` is that of flows the fit has not seen. A level without `--measured` takes this
 entry of the usual level. Of the effect of noise, a level that is not the usual one takes the powers
 of the usual level; `--noisy` raises only its sizes.
@@ -52,6 +54,7 @@ FILES: dict[str, int | str] = {
     "varied": "+",
     "noisy": "*",
     "measured": "*",
+    "fine": "*",
     "test": "*",
 }  # and how many
 LOWER = 0.0  # power at the lower end: its errors do not grow as the range shrinks
@@ -65,10 +68,12 @@ def fit(
     base: Calibration,
     provenance: str,
     noise: NoiseError | None = None,
+    fine: Sequence[Case] = (),
 ) -> Calibration:
     """The table with the entries on other I, noise and misfit; all cases obey mu(I).
 
     Args:
+        fine: flows on fine cells.
         noise: its effect at another level, whose powers are taken; None: those of these flows.
     """
     base = _with_limits(base, varied)
@@ -93,7 +98,9 @@ def fit(
     entry = noise or _effect(noisy, table, provenance)
     table = dataclasses.replace(table, noise=entry and _raised_noise(entry, table, noisy))
     growth = growth_with_misfit(measured, table, provenance)
-    return dataclasses.replace(table, growth=growth or _usual_level().growth)
+    if growth is None:
+        return dataclasses.replace(table, growth=_usual_level().growth)
+    return with_upper(dataclasses.replace(table, growth=growth), fine)
 
 
 def _usual_level() -> Calibration:
@@ -143,15 +150,35 @@ def growth_with_misfit(
     implied = max(error_bars.implied(case.residuals, table) for case in measured)
 
     def of(power: float) -> MisfitGrowth:
-        return MisfitGrowth(power, largest, implied, len(measured), provenance)
+        return MisfitGrowth(power, largest, implied, 0.0, len(measured), provenance)
+
+    return of(_least_power(lambda power: dataclasses.replace(table, growth=of(power)), measured))
+
+
+def with_upper(table: Calibration, fine: Sequence[Case]) -> Calibration:
+    """The table with the least power at the upper end with which 90 % of these flows are held."""
+    if not fine or table.growth is None:
+        return table
+    growth = table.growth
+
+    def of(upper: float) -> Calibration:
+        return dataclasses.replace(table, growth=dataclasses.replace(growth, upper=upper))
+
+    return of(_least_power(of, fine, [1]))
+
+
+def _least_power(
+    table: Callable[[float], Calibration], cases: Sequence[Case], parameters: Sequence[int] = (0, 1)
+) -> float:
+    """The least power from 0 to 1 with which the 90 % intervals of these parameters hold 90 %."""
 
     def short(power: float) -> float:
-        own = dataclasses.replace(table, growth=of(power))
-        return float(max(upper_quantile(np.array([missed(c) / reach(c, own) for c in measured]))))
+        found = np.array([missed(case) / reach(case, table(power)) for case in cases])
+        return float(max(upper_quantile(found)[list(parameters)])) - 1
 
-    if short(0.0) <= 1 or short(1.0) >= 1:
-        return of(float(short(0.0) > 1))
-    return of(float(brentq(lambda power: short(power) - 1, 0.0, 1.0, xtol=1e-3)))
+    if short(0.0) <= 0 or short(1.0) >= 0:
+        return float(short(0.0) > 0)
+    return float(brentq(short, 0.0, 1.0, xtol=1e-3))
 
 
 def _with_limits(table: Calibration, cases: Sequence[Case]) -> Calibration:
@@ -233,23 +260,28 @@ def main() -> int:
     base = calibration.of_level(own.level)
     if base is None:
         parser.error(f"level {own.level} has no table: make it with coverage.calibrate")
-    dates = sorted({_read(path)["date"] for path in (*own.varied, *own.noisy, *own.measured)})
+    dates = sorted({_read(path)["date"] for path in _used(own)})
     note = f"bench.studies.coverage on simulated collapses of every shape: {', '.join(dates)}"
-    usual, varied, noisy, measured = (
+    usual, varied, noisy, measured, fine = (
         [case for path in paths for case in _cases(path)]
-        for paths in (own.usual, own.varied, own.noisy, own.measured)
+        for paths in (own.usual, own.varied, own.noisy, own.measured, own.fine)
     )
     try:
         of_noise = None if own.level == Config().level else _usual_level().noise
-        table = fit(usual, varied, noisy, measured, base, note, of_noise)
+        table = fit(usual, varied, noisy, measured, base, note, of_noise, fine)
     except ValueError as error:
         parser.error(str(error))
-    for path in (*own.usual, *own.varied, *own.noisy, *own.measured, *own.test):
+    for path in (*own.usual, *_used(own), *own.test):
         print(f"{path.name}:\n{report([(case, table) for case in _cases(path)])}")
     print(table.reach, table.noise, table.growth, sep="\n")
     if own.write:
         calibration.PATHS[own.level].write_text(text_of(table) + "\n")
     return 0
+
+
+def _used(own: argparse.Namespace) -> tuple[Path, ...]:
+    """The files that make the entries."""
+    return (*own.varied, *own.noisy, *own.measured, *own.fine)
 
 
 def _read(path: Path) -> dict[str, Any]:
