@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from threading import Lock
 from typing import cast
 
 import numpy as np
 
 from granpinn.config import Level, SideWalls
 from granpinn.data import Flow
+from granpinn.identification.once import Once
 from granpinn.inspection.baseline import I0, baseline
 from granpinn.inspection.confined import undetermined
 from granpinn.physics.laws import Law
@@ -27,24 +27,19 @@ CARRIED = (
 
 
 class Balance:
-    """The momentum balance of a flow, made once for each inertial scale, also between threads.
+    """The momentum balance of a flow.
 
     Args:
         flow: as the training saw it, with added noise.
         side_walls: their friction, as the training took it.
+
+    Attributes:
+        at: the baseline with a law of an inertial scale.
     """
 
     def __init__(self, flow: Flow, side_walls: SideWalls | None = None) -> None:
-        self.flow, self._side_walls = flow, side_walls
-        self._made: dict[float, Baseline] = {}
-        self._lock = Lock()
-
-    def at(self, scale: float) -> Baseline:
-        """The baseline with a law of the inertial scale."""
-        with self._lock:
-            if scale not in self._made:
-                self._made[scale] = baseline(self.flow, scale, self._side_walls)
-            return self._made[scale]
+        self.flow = flow
+        self.at: Once[float, Baseline] = Once(lambda scale: baseline(flow, scale, side_walls))
 
 
 def known_scale(law: Law, fixed: Mapping[str, float]) -> float | None:

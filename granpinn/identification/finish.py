@@ -6,8 +6,8 @@ values, and is pending in the file until it is made:
 1. `with_assumptions`: the effects of assumptions that the data do not contain, and with them the
    intervals. A law without uncertain assumptions has its intervals at once.
 2. `with_law`: what decides which values and intervals are shown (judgement.py).
-3. `fields_written`: fields.h5. A single run writes it after its answer; a batch writes it before
-   step 1, and then drops the fields to save memory.
+3. `fields_written`: fields.h5. A single run writes it after its answer, beside step 4; a batch
+   writes it before step 1, and then drops the fields to save memory.
 4. `with_parts`: the law on parts of the data, which needs the final intervals.
 5. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
 """
@@ -186,11 +186,25 @@ def fields_written(concluded: Concluded) -> Concluded:
     Raises:
         OutputError: the file cannot be written.
     """
+    return with_fields(concluded) if write_maps(concluded) else concluded
+
+
+def write_maps(concluded: Concluded) -> bool:
+    """Write fields.h5 unless it is there or not asked for; whether it was written.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     c = concluded
     if c.folder is None or c.maps is None or not awaited(c.result, FIELDS):
-        return c
+        return False
     write_fields(c.maps, c.folder / "fields.h5")
-    return _kept(c, having(c.result, FIELDS))
+    return True
+
+
+def with_fields(concluded: Concluded) -> Concluded:
+    """The result with fields.h5, which was written, in its folder."""
+    return _kept(concluded, having(concluded.result, FIELDS))
 
 
 def with_parts(concluded: Concluded, run: TrainingLoop) -> Concluded:

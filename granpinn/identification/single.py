@@ -20,13 +20,14 @@ from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
     Concluded,
     conclude,
-    fields_written,
     parts_of,
     simulated,
     with_assumptions,
+    with_fields,
     with_law,
     with_parts,
     with_simulated_pressure,
+    write_maps,
 )
 from granpinn.identification.identified import Identification, InFolder, InMemory
 from granpinn.identification.network import TrainedNetwork
@@ -95,7 +96,7 @@ def identify(
     if others:
         parts = [*(parts or [folder]), *[None] * len(others)]
     run = start([*cases, *others], config, folder, progress, begin, parts, together)
-    with threads(1) as beside:
+    with threads(2) as beside:
         if run.trainer.params.is_cuda and together.rank == 0:
             made_ahead(cases[:1], beside)
         run.train()
@@ -111,7 +112,10 @@ def identify(
             concluded = with_law(concluded, run)
             if answered is not None:
                 answered(concluded.result)
-            concluded = with_parts(fields_written(concluded), run)
+            writing = beside.submit(write_maps, concluded)
+            concluded = with_parts(concluded, run)
+            if writing.result():
+                concluded = with_fields(concluded)
             simulation = simulation or beside.submit(simulated, concluded, run, pool)
             if known is not None:
                 known(concluded.result)

@@ -128,11 +128,12 @@ def test_a_balance_ahead_is_made_once_with_the_same_record(
     assert found == balance.beside(Balance(chute()), result_with(1.0))
 
 
-def test_a_balance_at_an_identified_scale_waits_for_it() -> None:
-    case = case_of(Balance(chute()), {})
+def test_a_balance_at_an_identified_scale_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[object] = []
+    monkeypatch.setattr(balance, "baseline", lambda *asked: made.append(asked))
     with threads(1) as beside:
-        made_ahead([case], beside)
-    assert case.balance._made == {}
+        made_ahead([case_of(Balance(chute()), {})], beside)
+    assert not made
 
 
 def test_a_balance_ahead_that_fails_ends_as_one_in_its_place(
