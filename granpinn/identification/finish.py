@@ -186,10 +186,10 @@ def fields_written(concluded: Concluded) -> Concluded:
     Raises:
         OutputError: the file cannot be written.
     """
-    return with_fields(concluded) if write_maps(concluded) else concluded
+    return with_fields(concluded) if write_fields_file(concluded) else concluded
 
 
-def write_maps(concluded: Concluded) -> bool:
+def write_fields_file(concluded: Concluded) -> bool:
     """Write fields.h5 unless it is there or not asked for; whether it was written.
 
     Raises:

@@ -27,7 +27,7 @@ from granpinn.identification.finish import (
     with_law,
     with_parts,
     with_simulated_pressure,
-    write_maps,
+    write_fields_file,
 )
 from granpinn.identification.identified import Identification, InFolder, InMemory
 from granpinn.identification.network import TrainedNetwork
@@ -112,7 +112,7 @@ def identify(
             concluded = with_law(concluded, run)
             if answered is not None:
                 answered(concluded.result)
-            writing = beside.submit(write_maps, concluded)
+            writing = beside.submit(write_fields_file, concluded)
             concluded = with_parts(concluded, run)
             if writing.result():
                 concluded = with_fields(concluded)

@@ -14,10 +14,12 @@ NOISE_ERROR = 1.02  # mean square of noise in the data over the known one, at mo
 def velocity_error(residuals: Residuals, calibration: Calibration) -> float:
     """Relative error of the fitted velocity: misfit beyond the noise, and the effect of noise.
 
-    Where noise hides the misfit, the error is at least what flows of the law have with this noise.
+    Where noise hides the misfit, it counts as at least that of the table's flows.
     """
-    found = math.hypot(beyond_noise(residuals), calibration.noise_part * residuals.noise)
-    return max(found, _usual_error(residuals, calibration)) if residuals.noise > 0 else found
+    beyond = beyond_noise(residuals)
+    if residuals.noise > 0:
+        beyond = max(beyond, calibration.misfit)
+    return math.hypot(beyond, calibration.noise_part * residuals.noise)
 
 
 def beyond_noise(residuals: Residuals) -> float:
@@ -27,12 +29,8 @@ def beyond_noise(residuals: Residuals) -> float:
 
 def explained_error(residuals: Residuals, calibration: Calibration) -> float:
     """The error of the velocity that fits of flows of the law have with this noise, at most."""
-    return min(velocity_error(residuals, calibration), _usual_error(residuals, calibration))
-
-
-def _usual_error(residuals: Residuals, calibration: Calibration) -> float:
-    """The error of the velocity of flows of the law: that of the table's flows, and of noise."""
-    return math.hypot(calibration.misfit, calibration.noise_part * residuals.noise)
+    usual = math.hypot(calibration.misfit, calibration.noise_part * residuals.noise)
+    return min(velocity_error(residuals, calibration), usual)
 
 
 def residual_ratios(
