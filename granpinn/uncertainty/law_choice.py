@@ -42,6 +42,7 @@ from granpinn.uncertainty.free_curve import N, Quadratic, basis
 CLEAR = 4.0  # difference of chi^2: two standard deviations
 I0_SPREAD = 0.4  # of ln I0
 KNOWN = 0.5  # of the spread of its prior: a parameter that the data tell less is not determined
+LEAST = 0.02  # of the largest friction: where the search begins at least
 REACH = 3.0  # of ln theta, around the start
 SINGULAR = 1e-12  # of the largest variance: no direction is known better
 RULED_OUT = 3.0  # standard deviations of a cohesion that is not 0
@@ -138,10 +139,11 @@ class Fitter:
     def _usual(self, name: str, m: Float64) -> float:
         """The start of a parameter: of a coefficient of friction, from the free curve."""
         p = self.law.parameter(name)
+        least = LEAST * np.abs(m).max()  # a curve of few data may fall below 0
         if p.name == self.law.names[0]:
-            return float(m.min())
+            return float(max(m.min(), least))
         if p.variable == "log_above":
-            return float(max(np.ptp(m), 0.02 * m.mean()))
+            return float(max(np.ptp(m), least))
         return self.fixed.get(name, p.start)
 
 

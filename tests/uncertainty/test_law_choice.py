@@ -91,6 +91,14 @@ def test_a_curve_of_no_named_law_stays_free() -> None:
     assert sentence(records, chosen).startswith("free curve explains these data; excluded: ")
 
 
+def test_a_curve_that_falls_below_zero_has_its_laws() -> None:
+    """Short trainings and few data give such curves."""
+    records, chosen, found = compared(np.linspace(-0.1, 0.5, I.size))
+    assert chosen == "free"
+    assert all(np.isfinite(fit.mu).all() for fit in found)
+    assert {record.law for record in records} >= {"coulomb", "mu_of_i", "power"}
+
+
 def test_laws_that_differ_by_less_than_the_band_are_not_told_apart() -> None:
     mu = friction("mu_of_i", 0.38, 0.45, 0.3)
     assert compared(mu, half=0.005)[1] == "mu_of_i"
