@@ -87,12 +87,11 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
     )
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)
-    smallest = max(flow.grain_diameter, flow.stated("grid_spacing_of_solver") or 0.0)
     return Problem(
         spec,
         physics,
         [sigma**-2 for sigma in sigmas],
-        smallest / scales.length,
+        (flow.stated("grid_spacing_of_solver") or flow.grain_diameter) / scales.length,
         VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
     )
