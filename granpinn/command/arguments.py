@@ -21,7 +21,7 @@ from granpinn.physics.laws import LAWS
 
 # `python -m granpinn.train` without arguments: the collapse that comes with the package, in fewer
 # steps than by default, but not fewer than the error bars were calibrated for.
-DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "10000")
+DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "6000")
 # The settings in --help, which has --config and --help-all too; --help-all has the others.
 USUAL = (
     *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),

@@ -158,10 +158,10 @@ class Optimizer:
     method: Literal["adam", "muon"] = setting(
         "muon", "adam everywhere, or Muon on the hidden matrices and adam elsewhere"
     )
-    learning_rate: float = setting(2e-3, "learning rate of adam", low=0, high=1e3)
-    muon_learning_rate: float = setting(2e-2, "learning rate of Muon", low=0, high=1e3)
+    learning_rate: float = setting(4e-3, "learning rate of adam", low=0, high=1e3)
+    muon_learning_rate: float = setting(4e-2, "learning rate of Muon", low=0, high=1e3)
     scalars_learning_rate: float = setting(
-        5e-3, "learning rate of the parameters of the friction law", low=0, high=1e3
+        1e-2, "learning rate of the parameters of the friction law", low=0, high=1e3
     )
     decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
     final_fraction: float = setting(
@@ -171,7 +171,7 @@ class Optimizer:
         0.017, "part of each stage in which learning rates rise from 0", low=0, high=0.5
     )
     prefit: float = setting(
-        0.25, "part of the run, at its start, that fits the velocity alone", low=0, high=1
+        0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=1
     )
     prefit_final_fraction: float = setting(
         0.1, "the same as final_fraction for the pre-fit", low=0, high=1

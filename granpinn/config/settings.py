@@ -115,7 +115,7 @@ class Config:
         free=True,
     )
     steps: int | None = setting(
-        25000, "optimisation steps; none: --epochs or --max-time decide", low=1
+        15000, "optimisation steps; none: --epochs or --max-time decide", low=1
     )
     epochs: int | None = setting(None, "passes over the points, where --steps is none", low=1)
     log_every: int = setting(100, "steps between the rows of history.csv", low=1)

@@ -205,7 +205,12 @@ class _Streamed:
         if self.inverse_variances:
             every = np.concatenate(self.inverse_variances)
             weights[:, 0] = self._tensor(every / every.mean())
-        strip = self._strip(between, len(points))
+        strip, weight = self._strip(between, len(points))
+        equation_weights = torch.ones(len(between) + len(strip), dtype=self.dtype)
+        equation_weights[len(between) :] = weight
+        together = torch.cat([weights[:, 1], equation_weights]).double().mean()
+        weights[:, 1] /= together  # the mean over all points is 1
+        equation_weights /= together
         line = place_of(self.surface, self.flow, self.scales)
         pressure = pressure_on(self.surface, self.scales, self.level)
         made = TrainingSet(
@@ -218,7 +223,7 @@ class _Streamed:
             upper=torch.stack(upper).amax(0),
             between=between,
             strip=strip,
-            equation_weights=torch.ones(len(between) + len(strip), dtype=self.dtype),
+            equation_weights=equation_weights,
             wall_points=points[:0],
             wall_velocity=velocity[:0],
         )
@@ -226,16 +231,18 @@ class _Streamed:
         of_equations = [made.points, between, strip] if self.flow.source else [between[:0]]
         return replace(made, source=source_at(torch.cat(of_equations), self.flow, self.scales))
 
-    def _strip(self, between: torch.Tensor, vectors: int) -> torch.Tensor:
-        """Points in the strips of the chosen frames, as many as in all strips for each vector."""
+    def _strip(self, between: torch.Tensor, vectors: int) -> tuple[torch.Tensor, float]:
+        """Points in the strips of the chosen frames, as many as in all strips for each vector, and
+        the weight of each.
+        """
         if not self.strips or len(between) == 0:
-            return between[:0]
+            return between[:0], 1.0
         surface, nearest, area = (
             np.concatenate([strip[k] for strip in self.strips]) for k in range(3)
         )
         whole = Strip(surface, nearest, self.part * self.every * area, between)
         drawn = draw([whole], len(between), vectors)
-        return between[:0] if drawn is None else whole.points(drawn)
+        return (between[:0], 1.0) if drawn is None else (whole.points(drawn), drawn.weight)
 
     def _with_walls(self, made: TrainingSet) -> TrainingSet:
         """The set with the walls at the chosen frames, and their known pressures."""

@@ -25,18 +25,29 @@ from granpinn.physics.axes import Axes
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# Points per area over those between the vectors. No vector holds the velocity in the strip: with as
-# many points as elsewhere the network changes it there (bench/studies/grains/note.md).
+# Weight per area over that between the vectors. No vector holds the velocity in the strip: with as
+# much weight as elsewhere the network changes it there (bench/studies/grains/note.md).
 DENSITY = 0.25
+# Few of its points make most of the scatter of a batch, as the pressure falls to zero there. So it
+# has so many times more points, each with so much less weight, but no more than this part of all
+# others (bench/studies/collocation/note.md).
+FINER, LARGEST_PART = 24, 0.5
 THICKEST = 2.5  # spacings; a wider strip is a gap in the data
 _KEY = 4 << 64  # of Philox; the same points for every seed
 
 
 class Drawn(NamedTuple):
-    """Points of a strip by their point of the surface [count] and the part of the way to it."""
+    """Points of a strip.
+
+    Attributes:
+        place: of each point, its point of the surface [count].
+        part: of the way from the vectors to it [count, 1].
+        weight: of the equations at each of them.
+    """
 
     place: Index
     part: Float64
+    weight: float
 
 
 class Strip(NamedTuple):
@@ -89,12 +100,13 @@ def draw(strips: Sequence[Strip], between: int, vectors: int) -> Drawn | None:
         between, vectors: numbers of points between the vectors, and of vectors.
     """
     area = np.mean([strip.area for strip in strips], axis=0)
-    count = round(DENSITY * between / vectors * float(area.sum()))
+    weight = DENSITY * between / vectors * float(area.sum())
+    count = round(min(FINER * weight, LARGEST_PART * (between + vectors)))
     if count == 0:
         return None
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     place = rng.choice(len(area), size=count, p=area / area.sum())
-    return Drawn(place, rng.random((count, 1)))
+    return Drawn(place, rng.random((count, 1)), weight / count)
 
 
 def _below(

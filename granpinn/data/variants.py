@@ -97,8 +97,9 @@ def _with_strips(sets: Sequence[TrainingSet], flow: Flow, scales: Scales) -> lis
     mean = np.mean([strip.area for strip in strips], axis=0).clip(1e-12)
     made = []
     for own_set, strip in zip(sets, strips, strict=True):
-        share = torch.as_tensor((strip.area / mean)[drawn.place]).to(own_set.equation_weights)
-        weights = torch.cat([own_set.equation_weights, share])
+        share = drawn.weight * (strip.area / mean)[drawn.place]
+        of_strip = torch.as_tensor(share).to(own_set.equation_weights)
+        weights = torch.cat([own_set.equation_weights, of_strip])
         made.append(replace(own_set, strip=strip.points(drawn), equation_weights=weights))
     return made
 

@@ -35,13 +35,16 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     inside[inside >= first] += strip
     surface = _every_kth(len(data.surface_points))
     sums = [0.0] * len(NAMES)
+    weights = data.point_weights[inside.to(data.points.device)].double().mean(0).tolist()
     for start in range(0, max(len(inside), len(surface)), CHUNK):
         i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
         terms = objective.terms(e, params, theta, data, i, j, objective.spec.form)
         for k, (name, term) in enumerate(zip(NAMES, terms.tolist(), strict=True)):
             sums[k] += term * len(j if name == "surface" else i)
-    counts = [max(1, len(surface) if name == "surface" else len(inside)) for name in NAMES]
-    means = [total / n for total, n in zip(sums, counts, strict=True)]
+    velocity, equations = (len(inside) * weight for weight in weights)
+    counts = dict.fromkeys(NAMES, equations)
+    counts |= {"velocity": velocity, "surface": max(1, len(surface))}
+    means = [total / counts[name] for total, name in zip(sums, NAMES, strict=True)]
     if not all(map(math.isfinite, means)):
         return None
     return Loss(len(inside), _named(means), _named(trainer.final_weights(e)))

@@ -147,7 +147,7 @@ def test_no_argument_at_all_is_the_demonstration() -> None:
     config = parse([])
     assert config.flow == str(demo_path())
     assert demo_path().stat().st_size < 3e6
-    assert (config.out, config.steps) == ("granpinn-demo", 10000)
+    assert (config.out, config.steps) == ("granpinn-demo", 6000)
     assert parse([config.flow, "--out", "run"]).steps == Config().steps
 
 

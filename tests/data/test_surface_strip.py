@@ -12,7 +12,7 @@ from granpinn.data import Flow, TrainingSet, training_set, with_collocation
 from granpinn.data.flow import Surface
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
-from granpinn.data.surface_strip import DENSITY, THICKEST
+from granpinn.data.surface_strip import DENSITY, FINER, LARGEST_PART, THICKEST
 from granpinn.data.symmetry import axes_of
 from granpinn.data.variants import training_sets
 from tests.data.walled import line
@@ -52,18 +52,34 @@ def test_they_fill_the_strip_evenly(frames: int) -> None:
     )
     columns = flow.valid.any(axis=(0, 1)).sum()
     per_cell = DENSITY * len(before.between) / len(before.points)
-    assert len(found) == pytest.approx(per_cell * frames * columns * GAP, rel=0.15)
+    expected = per_cell * frames * columns * GAP
+    most = LARGEST_PART * (len(before.points) + len(before.between))
+    assert len(found) == pytest.approx(min(FINER * expected, most), rel=0.15)
     assert len(np.unique(found[:, 2])) == frames
+    made = trained(flow)
+    of_between, of_strip = made.equation_weights.split([len(made.between), len(made.strip)])
+    assert (of_strip.sum() / of_between[0]).item() == pytest.approx(expected, rel=0.15)
+
+
+def test_a_strip_makes_at_most_a_third_of_a_batch() -> None:
+    """Few rows of vectors under the strip."""
+    flow = make_chute(frames=3, columns=120, rows=4)
+    made = trained(flow)
+    assert 0 < len(made.strip) <= LARGEST_PART * (len(made.points) + len(made.between))
 
 
 def test_the_rest_of_the_training_stays() -> None:
+    """The weights of the equations have another mean over the data, the same at all of them."""
     flow = layer()
     before = collocated(flow)
     after = trained(flow)
     assert len(after.equation_weights) == len(after.between) + len(after.strip)
     made = after.arrays()
     for name, values in before.arrays().items():
-        if name not in ("strip", "equation_weights"):
+        if name == "point_weights":
+            assert torch.equal(made[name][:, 0], values[:, 0])
+            assert len(made[name][:, 1].unique()) == 1
+        elif name not in ("strip", "equation_weights"):
             assert torch.equal(made[name], values)
 
 
@@ -77,8 +93,10 @@ def test_the_pool_holds_them_between_the_others_and_the_walls() -> None:
     assert all(len(part) > 0 for part in parts)
     assert torch.equal(pool.points, torch.cat(parts))
     N, B, S, W = map(len, parts)
-    holds = [[1, 1], [0, 1], [0, 1], [1, 0]]
-    of_part = torch.tensor([[1 / N, 1 / (N + B + S)]]) * (N + B + S + W)
+    of_strip = (data.equation_weights[-1] / data.equation_weights[0]).item()
+    assert of_strip < 1
+    holds = [[1, 1], [0, 1], [0, of_strip], [1, 0]]
+    of_part = torch.tensor([[1 / N, 1 / (N + B + S * of_strip)]]) * (N + B + S + W)
     for part, own in zip(pool.point_weights.split([N, B, S, W]), holds, strict=True):
         torch.testing.assert_close(part, of_part.expand(len(part), 2) * torch.tensor(own))
     assert pool.pooled() is pool
@@ -117,12 +135,16 @@ def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
     lid = replace(flow, walls=line((flow.x[0] - 1, height), (middle, height)))
     scales = scales_of(flow)
 
-    def places(flow: Flow) -> np.ndarray:
-        found = trained(flow).strip.double()
+    def strip(flow: Flow) -> tuple[np.ndarray, np.ndarray]:
+        """x of its points, and their weights relative to those of the points between."""
+        made = trained(flow)
+        found = made.strip.double()
         x, y = axes_of(flow).undo(found[:, 0], found[:, 1])
-        return scales.points_to_physical(np.stack([x, y, found[:, 2]], 1))[:, 0]
+        place = scales.points_to_physical(np.stack([x, y, found[:, 2]], 1))[:, 0]
+        weights = (made.equation_weights / made.equation_weights[0]).numpy()
+        return place, weights[len(made.between) :]
 
-    free, beside = places(flow), places(lid)
+    (free, weights), (beside, of_beside) = strip(flow), strip(lid)
     assert beside.min() > middle - 1.5 * (flow.x[1] - flow.x[0])
-    assert len(beside) == pytest.approx((free > middle).sum(), rel=0.2)
-    assert (free < middle).sum() > len(beside) / 2
+    assert of_beside.sum() == pytest.approx(weights[free > middle].sum(), rel=0.2)
+    assert weights[free < middle].sum() > of_beside.sum() / 2

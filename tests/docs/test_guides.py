@@ -22,11 +22,11 @@ BLOCK = re.compile(r"^<!-- run -->\n```python\n(.*?)^```$", re.MULTILINE | re.DO
 
 def test_the_law_of_the_page_is_identified(tmp_path: Path) -> None:
     (text,) = BLOCK.findall((GUIDES / "own-law.md").read_text())
-    assert text.count("steps=10000") == 1
+    assert text.count("steps=6000") == 1
     write_flow(make_flow(), tmp_path / "flow.h5")
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     done = subprocess.run(
-        [sys.executable, "-c", text.replace("steps=10000", FEWER)],
+        [sys.executable, "-c", text.replace("steps=6000", FEWER)],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

@@ -14,7 +14,7 @@ import pytest
 
 PAGE = Path(__file__).parents[2] / "docs" / "start" / "five-minutes.md"
 BLOCK = re.compile(r"^<!-- (run|output) -->\n```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-STEPS = re.compile(r"steps[ =]10000")
+STEPS = re.compile(r"steps[ =]6000")
 SMALL = {
     "bash": "steps 40 --network.widths 16,16 --simulated_pressure.frames 3",
     "python": "steps=40, network__widths=(16, 16), simulated_pressure__frames=3",
