@@ -223,10 +223,10 @@ def _ratio(residuals: Residuals, calibration: Calibration) -> float:
     return max(1.0, resolution(residuals, calibration) / calibration.misfit)
 
 
-def _of_structure(residuals: Residuals, calibration: Calibration) -> Pair:
-    """Factors on the errors at the ends of the range of I, for structure that a fit misses."""
+def _of_structure(residuals: Residuals, calibration: Calibration) -> float:
+    """Factor on the errors at the lower end of the range of I, for structure that a fit misses."""
     if calibration.growth is None:
-        return 1.0, 1.0
+        return 1.0
     shown = implied(residuals, calibration)
     return calibration.growth.of_structure(_ratio(residuals, calibration), shown)
 

@@ -108,16 +108,14 @@ def relative(x: Pair, mu: Pair) -> Float64:
     return np.asarray(J * (mu[0] / (J @ np.array(mu)))[:, None])
 
 
-def carried(
-    D: Float64, mu: Pair, x: Pair, reach: ReachError, structure: Pair = (1.0, 1.0)
-) -> Float64:
+def carried(D: Float64, mu: Pair, x: Pair, reach: ReachError, structure: float = 1.0) -> Float64:
     """The second moment D [2, 2] of z in flows of the table, for a flow with other ends x.
 
     Args:
-        structure: further factors on the errors at both ends (misfit_growth.py).
+        structure: further factor on the errors at the lower end (misfit_growth.py).
     """
     growth = np.array(reach.size) * max(1.0, reach.x[1] / x[1]) ** np.array(reach.power)
-    growth *= structure
+    growth[0] *= structure
     M = np.linalg.solve(relative(x, mu), growth[:, None] * relative(reach.x, mu))
     return np.asarray(M @ D @ M.T)
 

@@ -96,7 +96,7 @@ def test_the_growth_with_the_misfit_is_recovered() -> None:
         residuals = residuals_with(4 * shown, **own)
         limits = {n: dataclasses.replace(r, limit=1e9) for n, r in base.residuals.items()}
         base = dataclasses.replace(base, residuals=limits)
-        s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 0.3, 0.0, 1, "made up"))
+        s = error_bars.unresolved(residuals, base, MisfitGrowth(0.5, 10.0, 0.3, 1, "made up"))
         z = generator.multivariate_normal([0, 0], s**2 * np.array(base.discrepancy[0]))
         members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
         true = np.array([0.4, 0.64]) - 0.4 * z
@@ -111,36 +111,6 @@ def test_the_growth_with_the_misfit_is_recovered() -> None:
         found = other_data.growth_with_misfit(cases, base, "made up")
         assert found is not None
         assert found.power == power
-
-
-@pytest.mark.parametrize("power", [0.0, 0.6])
-def test_the_growth_at_the_upper_end_is_recovered(power: float) -> None:
-    """Flows on fine cells, whose residuals imply all of 2 to 8 times the misfit of the table."""
-    generator = np.random.default_rng(7)
-    shipped = calibration.load()
-    table = dataclasses.replace(
-        shipped,
-        widening=(1.0, 1.0),
-        scatter=((1e-12, 0.0), (0.0, 1e-12)),
-        scatter_weight=1e6,
-        discrepancy_weight=1e6,
-        growth=MisfitGrowth(0.3, 10.0, 0.3, power, 1, "made up"),
-        residuals={n: dataclasses.replace(r, limit=1e9) for n, r in shipped.residuals.items()},
-    )
-    assert table.reach is not None
-    at = held.Held(table.reach.x)
-    members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,)}, (False,))
-    made = []
-    for _ in range(400):
-        shown = float(generator.uniform(2, 8)) * table.misfit
-        own = {n: 10**r.intercept * shown**r.slope for n, r in table.residuals.items()}
-        residuals = residuals_with(shown, **own)
-        ((C, _),) = error_bars.further(members, residuals, table.steps, table, at)
-        true = np.array([0.4, 0.64]) - 0.4 * generator.multivariate_normal([0, 0], C)
-        made.append(Case(materials.LAW, true, members, residuals, table.steps, at))
-    found = other_data.with_upper(table, made).growth
-    assert found is not None
-    assert found.upper == pytest.approx(power, abs=0.2)
 
 
 def test_a_varied_study_draws_the_flows_too() -> None:

@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bench.studies import raw
+from bench.studies.coverage.discrepancy import at_least, matrix, with_discrepancy
 from bench.studies.coverage.judge import Case, cases_of, report
 from bench.studies.coverage.materials import LAW
 from granpinn.config import Config
@@ -37,7 +38,6 @@ from granpinn.uncertainty.center import values_of
 
 Array = npt.NDArray[np.float64]
 
-KNOTS = (0.2, 0.4, 0.5, 0.6)  # mu_s; above 0.5 the errors grow fast (ill-posedness)
 CONFIDENCE = 0.9
 BEYOND = 1.1  # materials outside of the study by more than this factor are called so
 ALARM = 1.2  # times the largest residual of a study: others will have larger ones
@@ -72,7 +72,7 @@ def fit(cases: Sequence[Case], base: Calibration, provenance: str) -> Calibratio
         steps=min(case.steps for case in cases),
     )
     table = _with_ranges(table, cases)
-    table = _with_discrepancy(table, cases)
+    table = with_discrepancy(table, cases)
     reaches = np.array([reach(case, table) for case in cases])
     errors_of = np.array([missed(case) for case in cases])
     return dataclasses.replace(table, widening=_pair(upper_quantile(errors_of / reaches)))
@@ -86,14 +86,13 @@ def shorter(cases: Sequence[Case], table: Calibration, provenance: str) -> Short
     makes up for one of these simulations, and other data need not have that one.
     """
     (steps,) = {case.steps for case in cases}
-    alone = _with_discrepancy(dataclasses.replace(table, steps=steps, shorter=()), cases)
+    alone = with_discrepancy(dataclasses.replace(table, steps=steps, shorter=()), cases)
     reaches = np.array([reach(case, alone) for case in cases])
     factor = upper_quantile(np.array([missed(case) for case in cases]) / reaches)
     matrices = []
     for D, usual in zip(alone.discrepancy, table.discrepancy, strict=True):
-        least = np.sqrt(np.diag(usual) / np.maximum(np.diag(D), 1e-300))
-        raised = np.maximum(np.maximum(1.0, factor), least)
-        matrices.append(_matrix(np.array(D) * np.outer(raised, raised)))
+        raised = np.maximum(1.0, factor)
+        matrices.append(at_least(np.array(D) * np.outer(raised, raised), usual))
     return ShortTraining(steps, tuple(matrices), len(cases), provenance)
 
 
@@ -105,7 +104,7 @@ def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:
         mu = values_of(case.members)[kept]
         z = (mu - mu.mean(axis=0)) / center_of(case.members)[0]
         total, freedom = total + z.T @ z, freedom + max(0, len(z) - 1)
-    return _matrix(total / freedom) if freedom >= 2 else base.scatter
+    return matrix(total / freedom) if freedom >= 2 else base.scatter
 
 
 def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
@@ -129,48 +128,6 @@ def _with_ranges(table: Calibration, cases: Sequence[Case]) -> Calibration:
     return dataclasses.replace(table, residuals=found, **limits)  # type: ignore[arg-type]
 
 
-def _with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
-    """Second moments of z beyond the scatter, over s^2, averaged around each knot.
-
-    No case has fewer steps than the table, so s is that of its residuals.
-    """
-    beyond, mu_s = [], []
-    for case in cases:
-        center = np.array(center_of(case.members))
-        z = (center - case.mu) / center[0]
-        scale = error_bars.unresolved(case.residuals, table, table.growth)
-        scatter, _ = error_bars.scatter(case.members, table)
-        beyond.append((np.outer(z, z) - scatter) / scale**2)
-        mu_s.append(center[0])
-    matrices, counts = [], []
-    for k in range(len(KNOTS)):
-        hat = np.interp(mu_s, KNOTS, np.eye(len(KNOTS))[k])
-        if hat.sum() == 0:  # no truth near this knot
-            hat = np.ones(len(cases))
-        matrices.append(_matrix(np.tensordot(hat, np.array(beyond), 1) / hat.sum()))
-        counts.append(hat.sum() ** 2 / np.sum(hat**2))
-    return dataclasses.replace(
-        table,
-        mu_s=KNOTS,
-        discrepancy=_not_falling(matrices),
-        discrepancy_weight=float(min(counts)),
-    )
-
-
-def _not_falling(matrices: Sequence[calibration.Matrix]) -> tuple[calibration.Matrix, ...]:
-    """The discrepancies at the knots, with errors of mu_s that do not fall as mu_s grows.
-
-    On 256 cells two errors of opposite sign cancel at mu_s above 0.5. On finer cells the negative
-    one grows, that of shear bands.
-    """
-    least, found = 0.0, []
-    for D in matrices:
-        least = max(least, D[0][0])
-        factor = np.array([math.sqrt(least / max(D[0][0], 1e-300)), 1.0])
-        found.append(_matrix(np.array(D) * np.outer(factor, factor)))
-    return tuple(found)
-
-
 def reach(case: Case, table: Calibration) -> Array:
     """Half of the 90 % intervals, in log mu."""
     found = error_bars.estimate(case.members, case.residuals, case.steps, table, held=case.held)
@@ -188,13 +145,6 @@ def upper_quantile(values: Array) -> Array:
     """Of each column, the value that the next one stays below with 90 % probability."""
     place = min(len(values), math.ceil((len(values) + 1) * CONFIDENCE)) - 1
     return np.asarray(np.sort(values, axis=0)[place])
-
-
-def _matrix(values: Array) -> calibration.Matrix:
-    """The nearest symmetric matrix without negative eigenvalues."""
-    size, directions = np.linalg.eigh((values + values.T) / 2)
-    a = directions * np.maximum(size, 0.0) @ directions.T
-    return (float(a[0, 0]), float(a[0, 1])), (float(a[0, 1]), float(a[1, 1]))
 
 
 def _pair(values: Array) -> tuple[float, float]:

@@ -11,11 +11,9 @@ maximum likelihood to the relative errors of mu at the ends of the range of I, e
 Then the sizes are raised until the 90 % intervals hold 90 % of these flows. The limits of the
 residuals are raised to those of the flows of every shape. `--measured` gives films, which a PIV
 program measured: errors grow with the least power of their misfit with which 90 % of them hold.
-`--fine` gives flows on fine cells, whose structure a network misses: errors at the upper end grow
-with the least power of the further factor at the lower end with which 90 % of mu_2 hold. The
-coverage of `--test` is that of flows the fit has not seen. A level without `--measured` takes this
-entry of the usual level. Of the effect of noise, a level that is not the usual one takes the powers
-of the usual level; `--noisy` raises only its sizes.
+The coverage of `--test` is that of flows the fit has not seen. A level without `--measured` takes
+this entry of the usual level. Of the effect of noise, a level that is not the usual one takes the
+powers of the usual level; `--noisy` raises only its sizes.
 
 Defends: intervals of collapses of any shape, with and without noise, hold 85 to 95 % of the truths.
 """
@@ -54,7 +52,6 @@ FILES: dict[str, int | str] = {
     "varied": "+",
     "noisy": "*",
     "measured": "*",
-    "fine": "*",
     "test": "*",
 }  # and how many
 LOWER = 0.0  # power at the lower end: its errors do not grow as the range shrinks
@@ -68,12 +65,10 @@ def fit(
     base: Calibration,
     provenance: str,
     noise: NoiseError | None = None,
-    fine: Sequence[Case] = (),
 ) -> Calibration:
     """The table with the entries on other I, noise and misfit; all cases obey mu(I).
 
     Args:
-        fine: flows on fine cells.
         noise: its effect at another level, whose powers are taken; None: those of these flows.
     """
     base = _with_limits(base, varied)
@@ -100,7 +95,7 @@ def fit(
     growth = growth_with_misfit(measured, table, provenance)
     if growth is None:
         return dataclasses.replace(table, growth=_usual_level().growth)
-    return with_upper(dataclasses.replace(table, growth=growth), fine)
+    return dataclasses.replace(table, growth=growth)
 
 
 def _usual_level() -> Calibration:
@@ -150,31 +145,17 @@ def growth_with_misfit(
     implied = max(error_bars.implied(case.residuals, table) for case in measured)
 
     def of(power: float) -> MisfitGrowth:
-        return MisfitGrowth(power, largest, implied, 0.0, len(measured), provenance)
+        return MisfitGrowth(power, largest, implied, len(measured), provenance)
 
     return of(_least_power(lambda power: dataclasses.replace(table, growth=of(power)), measured))
 
 
-def with_upper(table: Calibration, fine: Sequence[Case]) -> Calibration:
-    """The table with the least power at the upper end with which 90 % of these flows are held."""
-    if not fine or table.growth is None:
-        return table
-    growth = table.growth
-
-    def of(upper: float) -> Calibration:
-        return dataclasses.replace(table, growth=dataclasses.replace(growth, upper=upper))
-
-    return of(_least_power(of, fine, [1]))
-
-
-def _least_power(
-    table: Callable[[float], Calibration], cases: Sequence[Case], parameters: Sequence[int] = (0, 1)
-) -> float:
-    """The least power from 0 to 1 with which the 90 % intervals of these parameters hold 90 %."""
+def _least_power(table: Callable[[float], Calibration], cases: Sequence[Case]) -> float:
+    """The least power from 0 to 1 with which the 90 % intervals hold 90 % of these flows."""
 
     def short(power: float) -> float:
         found = np.array([missed(case) / reach(case, table(power)) for case in cases])
-        return float(max(upper_quantile(found)[list(parameters)])) - 1
+        return float(max(upper_quantile(found))) - 1
 
     if short(0.0) <= 0 or short(1.0) >= 0:
         return float(short(0.0) > 0)
@@ -262,13 +243,13 @@ def main() -> int:
         parser.error(f"level {own.level} has no table: make it with coverage.calibrate")
     dates = sorted({_read(path)["date"] for path in _used(own)})
     note = f"bench.studies.coverage on simulated collapses of every shape: {', '.join(dates)}"
-    usual, varied, noisy, measured, fine = (
+    usual, varied, noisy, measured = (
         [case for path in paths for case in _cases(path)]
-        for paths in (own.usual, own.varied, own.noisy, own.measured, own.fine)
+        for paths in (own.usual, own.varied, own.noisy, own.measured)
     )
     try:
         of_noise = None if own.level == Config().level else _usual_level().noise
-        table = fit(usual, varied, noisy, measured, base, note, of_noise, fine)
+        table = fit(usual, varied, noisy, measured, base, note, of_noise)
     except ValueError as error:
         parser.error(str(error))
     for path in (*own.usual, *_used(own), *own.test):
@@ -281,7 +262,7 @@ def main() -> int:
 
 def _used(own: argparse.Namespace) -> tuple[Path, ...]:
     """The files that make the entries."""
-    return (*own.varied, *own.noisy, *own.measured, *own.fine)
+    return (*own.varied, *own.noisy, *own.measured)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -2,10 +2,12 @@
 
     python -m bench.studies.laws.choice.run --numbers 100 106 --noise 0 --json first.json
     python -m bench.studies.laws.choice.calibrate first.json ... --write calibration.json
+    python -m bench.studies.laws.choice.calibrate --widths second.json --write calibration.json
     python -m bench.studies.laws.choice.calibrate --shorter fewer.json --write calibration.json
 
-The second one tests new flows with fewer steps: where their curves are no worse than the entry
-says, it holds from that number of steps on.
+The third one takes the widths of the bands from new flows, whose bands were drawn with the entry:
+those of the first runs hold the factors of the entry before. The fourth one tests new flows with
+fewer steps: where their curves are no worse than the entry says, it holds from that number on.
 
 Flows with cohesion give no error of a curve, and flows without it give the cohesion that is found
 where there is none. The widths of the bands are quantiles over the flows, with the standard
@@ -83,6 +85,29 @@ def for_fewer_steps(
     return dataclasses.replace(entry, steps=steps, provenance=entry.provenance + added)
 
 
+def with_widths(
+    rows: Sequence[dict[str, Any]], entry: FreeCurveError, dates: str
+) -> FreeCurveError:
+    """The entry with the widths that follow from new flows, whose bands were drawn with it."""
+    plain = _without_cohesion(rows)
+    modes = np.array(entry.modes)
+    wide, widest = np.quantile([_farthest(r, entry, modes) for r in plain], (0.9, 0.99)).tolist()
+    added = f"; widths of {len(plain)} other flows of {dates}"
+    return dataclasses.replace(
+        entry, widening=wide, farthest=widest, provenance=entry.provenance + added
+    )
+
+
+def held(rows: Sequence[dict[str, Any]], entry: FreeCurveError) -> str:
+    """How many of these curves lie in their bands, with the widths of the other half of flows."""
+    plain, modes = _without_cohesion(rows), np.array(entry.modes)
+    inside = 0
+    for own in (0, 1):
+        widths = with_widths([r for r in plain if r["number"] % 2 != own], entry, "").widening
+        inside += sum(_farthest(r, entry, modes) <= widths for r in plain if r["number"] % 2 == own)
+    return f"{inside} of {len(plain)} curves in their bands"
+
+
 def _without_cohesion(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [row for row in rows if row["law"] != COHESIVE and row.get("low")]
 
@@ -119,17 +144,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--shorter", type=Path, help="a run with fewer steps, to test the entry")
+    parser.add_argument("--widths", type=Path, help="a run with the entry, for its widths alone")
     parser.add_argument("--write", type=Path, help="the table that gets the entry")
     own = parser.parse_args()
-    if bool(own.runs) == bool(own.shorter):
-        parser.error("give the runs that make the entry, or --shorter with a run that tests it")
-    contents, rows, dates = raw.rows_and_dates(own.runs or [own.shorter])
+    if [bool(own.runs), bool(own.shorter), bool(own.widths)].count(True) != 1:
+        parser.error("give the runs that make the entry, or --shorter or --widths with another run")
+    contents, rows, dates = raw.rows_and_dates(own.runs or [own.shorter or own.widths])
     steps = min(content["steps"] for content in contents)
     table = calibration.load()
     before = table.free_curve
     if before is None:
         parser.error(f"{calibration.PATH.name} has no entry free_curve, which made the bands")
-    if own.shorter:
+    if own.widths:
+        found = with_widths(rows, before, dates)
+        print(held(rows, before))
+    elif own.shorter:
         found = for_fewer_steps(rows, before, steps, dates)
     else:
         found = error_of(rows, before, steps, f"bench.studies.laws.choice.run of {dates}")
