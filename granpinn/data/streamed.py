@@ -40,7 +40,7 @@ from granpinn.data.points import (
 from granpinn.data.row_block import Rows
 from granpinn.data.source import source_at
 from granpinn.data.surface_line import SAME_TIME
-from granpinn.data.surface_strip import Strip, draw, strip_of
+from granpinn.data.surface_strip import Strip, draw, strip_of, with_even_weights
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import contradictions, walls_of, with_walls
 from granpinn.physics.axes import vertical_coordinate
@@ -208,9 +208,6 @@ class _Streamed:
         strip, weight = self._strip(between, len(points))
         equation_weights = torch.ones(len(between) + len(strip), dtype=self.dtype)
         equation_weights[len(between) :] = weight
-        together = torch.cat([weights[:, 1], equation_weights]).double().mean()
-        weights[:, 1] /= together  # the mean over all points is 1
-        equation_weights /= together
         line = place_of(self.surface, self.flow, self.scales)
         pressure = pressure_on(self.surface, self.scales, self.level)
         made = TrainingSet(
@@ -227,7 +224,7 @@ class _Streamed:
             wall_points=points[:0],
             wall_velocity=velocity[:0],
         )
-        made = self._with_walls(made)
+        made = self._with_walls(with_even_weights(made))
         of_equations = [made.points, between, strip] if self.flow.source else [between[:0]]
         return replace(made, source=source_at(torch.cat(of_equations), self.flow, self.scales))
 

@@ -8,6 +8,7 @@ zero at the line but rises too little below it: the weight of the strip is missi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -107,6 +108,17 @@ def draw(strips: Sequence[Strip], between: int, vectors: int) -> Drawn | None:
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     place = rng.choice(len(area), size=count, p=area / area.sum())
     return Drawn(place, rng.random((count, 1)), weight / count)
+
+
+def with_even_weights(made: TrainingSet) -> TrainingSet:
+    """The set with weights of the equations whose mean over all their points is 1."""
+    velocity, physics = made.point_weights.unbind(1)
+    mean = float(torch.cat([physics, made.equation_weights]).double().mean())
+    return replace(
+        made,
+        point_weights=torch.stack([velocity, physics / mean], 1),
+        equation_weights=made.equation_weights / mean,
+    )
 
 
 def _below(

@@ -23,7 +23,7 @@ from granpinn.data.collocation import (
 from granpinn.data.flow import Flow, Surface
 from granpinn.data.points import TrainingSet, place_of, training_set
 from granpinn.data.source import source_at
-from granpinn.data.surface_strip import draw, strip_of
+from granpinn.data.surface_strip import draw, strip_of, with_even_weights
 from granpinn.data.wall_points import with_walls
 from granpinn.physics.scales import Scales
 
@@ -61,7 +61,7 @@ def training_sets(
         sets = _with_strips(sets, union, scales)
     on_walls = with_walls(data, flow, scales)
     count = len(data.surface_points)
-    complete = [_with_walls_of(on_walls, _even(made), count) for made in sets]
+    complete = [_with_walls_of(on_walls, with_even_weights(made), count) for made in sets]
     return [_with_source(made, flow, scales) for made in complete]
 
 
@@ -102,17 +102,6 @@ def _with_strips(sets: Sequence[TrainingSet], flow: Flow, scales: Scales) -> lis
         weights = torch.cat([own_set.equation_weights, of_strip])
         made.append(replace(own_set, strip=strip.points(drawn), equation_weights=weights))
     return made
-
-
-def _even(made: TrainingSet) -> TrainingSet:
-    """The set with weights of the equations whose mean over all their points is 1."""
-    velocity, physics = made.point_weights.unbind(1)
-    mean = float(torch.cat([physics, made.equation_weights]).double().mean())
-    return replace(
-        made,
-        point_weights=torch.stack([velocity, physics / mean], 1),
-        equation_weights=made.equation_weights / mean,
-    )
 
 
 def _with_source(made: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:

@@ -88,12 +88,12 @@ def shorter(cases: Sequence[Case], table: Calibration, provenance: str) -> Short
     (steps,) = {case.steps for case in cases}
     alone = with_discrepancy(dataclasses.replace(table, steps=steps, shorter=()), cases)
     reaches = np.array([reach(case, alone) for case in cases])
-    factor = upper_quantile(np.array([missed(case) for case in cases]) / reaches)
-    matrices = []
-    for D, usual in zip(alone.discrepancy, table.discrepancy, strict=True):
-        raised = np.maximum(1.0, factor)
-        matrices.append(at_least(np.array(D) * np.outer(raised, raised), usual))
-    return ShortTraining(steps, tuple(matrices), len(cases), provenance)
+    missing = upper_quantile(np.array([missed(case) for case in cases]) / reaches)
+    factor = np.maximum(1.0, missing)
+    raised = np.outer(factor, factor)
+    pairs = zip(alone.discrepancy, table.discrepancy, strict=True)
+    matrices = tuple(at_least(np.array(D) * raised, usual) for D, usual in pairs)
+    return ShortTraining(steps, matrices, len(cases), provenance)
 
 
 def _scatter(cases: Sequence[Case], base: Calibration) -> calibration.Matrix:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -51,9 +50,9 @@ def with_discrepancy(table: Calibration, cases: Sequence[Case]) -> Calibration:
 def at_least(D: Array, usual: calibration.Matrix) -> calibration.Matrix:
     """D with variances of at least those of `usual`; with its correlation where D has none."""
     least = np.diag(usual)
-    if min(np.diag(D)) <= 1e-3 * min(least):
+    if (np.diag(D) <= 1e-3 * least).any():
         D = np.array(usual)
-    factor = np.sqrt(np.maximum(1.0, least / np.diag(D)))
+    factor = np.sqrt(np.maximum(1.0, least / np.maximum(np.diag(D), 1e-300)))
     return matrix(D * np.outer(factor, factor))
 
 
@@ -66,8 +65,7 @@ def _not_falling(matrices: Sequence[calibration.Matrix]) -> tuple[calibration.Ma
     least, found = 0.0, []
     for D in matrices:
         least = max(least, D[0][0])
-        factor = np.array([math.sqrt(least / max(D[0][0], 1e-300)), 1.0])
-        found.append(matrix(np.array(D) * np.outer(factor, factor)))
+        found.append(at_least(np.array(D), ((least, 0.0), (0.0, D[1][1]))))
     return tuple(found)
 
 

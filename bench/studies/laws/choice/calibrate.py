@@ -50,8 +50,7 @@ def error_of(
     plain = _without_cohesion(rows)
     cohesion = [_cohesion(row) / row["pressure"] for row in plain if row["comparison"]]
     modes = modes_of(plain)
-    ratios = [_farthest(row, before, modes) for row in plain]
-    wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
+    wide, widest = _widths(plain, before, modes)
     wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
     return FreeCurveError(
@@ -90,8 +89,7 @@ def with_widths(
 ) -> FreeCurveError:
     """The entry with the widths that follow from new flows, whose bands were drawn with it."""
     plain = _without_cohesion(rows)
-    modes = np.array(entry.modes)
-    wide, widest = np.quantile([_farthest(r, entry, modes) for r in plain], (0.9, 0.99)).tolist()
+    wide, widest = _widths(plain, entry, np.array(entry.modes))
     added = f"; widths of {len(plain)} other flows of {dates}"
     return dataclasses.replace(
         entry, widening=wide, farthest=widest, provenance=entry.provenance + added
@@ -106,6 +104,15 @@ def held(rows: Sequence[dict[str, Any]], entry: FreeCurveError) -> str:
         widths = with_widths([r for r in plain if r["number"] % 2 != own], entry, "").widening
         inside += sum(_farthest(r, entry, modes) <= widths for r in plain if r["number"] % 2 == own)
     return f"{inside} of {len(plain)} curves in their bands"
+
+
+def _widths(
+    rows: Sequence[dict[str, Any]], before: FreeCurveError, modes: Float64
+) -> tuple[float, float]:
+    """The largest errors of curves over their standard deviations: 90 % and 99 % are smaller."""
+    ratios = [_farthest(row, before, modes) for row in rows]
+    wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
+    return wide, widest
 
 
 def _without_cohesion(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
