@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from bench.studies import raw
-from bench.studies.coverage import calibrate, judge, materials
+from bench.studies.coverage import calibrate, discrepancy, judge, materials
 from bench.studies.coverage.judge import Case
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
@@ -56,6 +56,13 @@ def test_flows_of_other_laws_are_caught(name: str, level: str, truths: int, caug
         found[row["law"] == materials.LAW].append(verdict.follows)
     assert (len(found[False]), found[False].count(False)) == (6, caught)
     assert found[True] == [True] * truths
+
+
+def test_a_short_training_has_no_smaller_error_where_it_shows_none() -> None:
+    usual = ((4e-5, -1e-5), (-1e-5, 9e-4))
+    assert discrepancy.at_least(np.zeros((2, 2)), usual) == pytest.approx(np.array(usual))
+    raised = np.array(discrepancy.at_least(np.diag([1e-5, 1e-3]), usual))
+    np.testing.assert_allclose(raised, np.diag([4e-5, 1e-3]), atol=1e-12)
 
 
 @pytest.mark.parametrize("level", ["V0", "V1"])
