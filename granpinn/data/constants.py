@@ -11,6 +11,7 @@ from granpinn.data.flow import (
     LARGEST,
     LEAST,
     PERIOD_X,
+    SOLVER_CELL,
     STEADY,
     SURFACE_SD,
     WALL_GAP,
@@ -25,7 +26,7 @@ LONGEST_UNIT = 64  # characters
 STATED = frozenset(
     (
         *("box_width", "box_height", "domain_size", "column_width", "column_height"),
-        *("grid_spacing_of_solver", "air_density", "air_viscosity", "cohesion"),
+        *(SOLVER_CELL, "air_density", "air_viscosity", "cohesion"),
     )
 )
 

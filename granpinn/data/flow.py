@@ -20,6 +20,7 @@ from granpinn.physics.law_values import LawValues
 LEAST, LARGEST = 1e-30, 1e30
 # among the attributes
 STEADY, PERIOD_X, SURFACE_SD, WALL_GAP = "steady", "period_x", "surface_sd", "wall_gap"
+SOLVER_CELL = "grid_spacing_of_solver"
 
 
 # (x, y, t), each [n], to the force per mass (S_x, S_y), each [n]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Flow, Surface
+from granpinn.data.flow import SOLVER_CELL, Flow, Surface
 from granpinn.data.local_planes import smoothed
 from granpinn.data.walls import crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
@@ -57,7 +57,7 @@ def outline_above(rows: Index, flow: Flow) -> Surface:
     heights, rise = smoothed(half_way, np.abs(gap))
     if along.size > 1:
         rise /= np.gradient(along)
-    cell = flow.stated("grid_spacing_of_solver") or 0.0
+    cell = flow.stated(SOLVER_CELL) or 0.0
     heights += np.sign(gap) * np.minimum(cell, np.abs(gap)) / 2 * (1 + np.abs(rise))
     frame, place = np.nonzero(np.isfinite(heights))
     top, position = heights[frame, place], along[place]

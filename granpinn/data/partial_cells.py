@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Flow, Surface
+from granpinn.data.flow import SOLVER_CELL, Flow, Surface
 from granpinn.data.surface_line import folded, line_heights, points_of
 from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import vertical_coordinate
@@ -32,7 +32,7 @@ def with_partial_cells(flow: Flow) -> Flow:
     wall, as seen from the nearest full one, do not count. Scattered vectors and flows of a solver
     (the file states `grid_spacing_of_solver`) stay as they are.
     """
-    if flow.particles is not None or flow.stated("grid_spacing_of_solver") is not None:
+    if flow.particles is not None or flow.stated(SOLVER_CELL) is not None:
         return flow
     partial = (flow.c > 0) & (flow.c < 1) & np.isfinite(flow.u) & np.isfinite(flow.v)
     below = flow.c >= FILLED if flow.surface is None else _below(flow, flow.surface)

@@ -20,11 +20,10 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from granpinn.arrays import Float64, Floats, Index
-from granpinn.data.flow import SURFACE_SD, Flow, Surface
+from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, Surface
 from granpinn.data.surface_offset import outward_normals
 from granpinn.physics.axes import vertical_coordinate
 
-SOLVER = "grid_spacing_of_solver"
 HALF = 0.5  # of c at the surface, of a grain, of a spacing
 REACH, STEP = 2.0, 0.25  # of the profile of c across the line, in spacings
 
@@ -35,7 +34,7 @@ def surface_sd(flow: Flow, level: str) -> float:
     Args:
         flow: as in its file, before partly filled cells count as full.
     """
-    grain, cell = flow.grain_diameter, flow.stated(SOLVER)
+    grain, cell = flow.grain_diameter, flow.stated(SOLVER_CELL)
     between_rows = 0.0 if flow.particles is not None else HALF * spacing(flow)
     if level == "V0" or flow.surface is None:
         return 0.0 if cell is not None else max(HALF * grain, between_rows)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from granpinn.arrays import Floats
-from granpinn.data.surface_sd import SOLVER
+from granpinn.data.flow import SOLVER_CELL
 from granpinn.identification import balance, comparison
 from granpinn.identification.case import Case
 from granpinn.identification.law_curve import Shear, with_law_curve
@@ -127,7 +127,9 @@ def _with_model_error(result: Result, case: Case, number: Floats) -> Result:
 
 def _kind(result: Result, case: Case) -> str | None:
     carried = result.baseline is not None and result.baseline.carried
-    return of_kind.kind_of(result.data.symmetries, carried, case.flow.stated(SOLVER) is not None)
+    return of_kind.kind_of(
+        result.data.symmetries, carried, case.flow.stated(SOLVER_CELL) is not None
+    )
 
 
 def _with_baseline(result: Result, case: Case) -> Result:

@@ -15,7 +15,7 @@ import numpy as np
 
 from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data import Flow
-from granpinn.data.flow import WALL_GAP
+from granpinn.data.flow import SOLVER_CELL, WALL_GAP
 from granpinn.data.surface_line import line_heights
 from granpinn.data.symmetry import same_along_x
 from granpinn.physics.laws import Law
@@ -72,7 +72,7 @@ def chute_of(
         wall_friction: of side walls, if the flow states their distance; None: the usual one.
     """
     g_x, g_y = flow.gravity
-    solver, data = flow.stated("grid_spacing_of_solver"), float(np.median(np.diff(flow.y)))
+    solver, data = flow.stated(SOLVER_CELL), float(np.median(np.diff(flow.y)))
     own = depth / solver if solver else max(depth / data, FEWEST_ROWS)
     wanted = min(own, MOST_ROWS) if cells is None else cells
     # The simulator has one density, so the grain density in the inertial number is a factor of d.

@@ -20,7 +20,7 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.data.flow import WALL_GAP
+from granpinn.data.flow import SOLVER_CELL, WALL_GAP
 from granpinn.data.norms import rms
 from granpinn.data.symmetry import with_layer
 from granpinn.physics.laws import Law
@@ -148,7 +148,7 @@ def _box_width(flow: Flow, column: Column) -> float:
 
 def cells_of(flow: Flow, column: Column) -> int:
     """Cells across the box by the grid of the solver that made the data, else by the data grid."""
-    spacing = flow.stated("grid_spacing_of_solver") or spacings(flow)[0]
+    spacing = flow.stated(SOLVER_CELL) or spacings(flow)[0]
     wanted = min(_box_width(flow, column) / spacing, MOST_CELLS)  # before an infinity is rounded
     return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), FEWEST_CELLS)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import granpinn
 from granpinn.arrays import Float32, Float64, Floats
-from granpinn.data.flow import WALL_GAP, Flow, Surface, Truth
+from granpinn.data.flow import SOLVER_CELL, WALL_GAP, Flow, Surface, Truth
 from granpinn.simulation.engine import State
 from granpinn.simulation.scene import Scene
 
@@ -101,7 +101,7 @@ class Recorder:
             **({} if s.wall_gap is None else walls),
             "source": f"granpinn {granpinn.__version__} simulation",
             **s.shape_attributes(),
-            "grid_spacing_of_solver": s.spacing,
+            SOLVER_CELL: s.spacing,
             "stride": s.stride,
             "air_density": s.air_density,
             "air_viscosity": s.air_viscosity,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from granpinn.config import ConfigError
 from granpinn.data import Flow, FlowFileError, read_flow, write_flow
+from granpinn.data.flow import SOLVER_CELL
 from granpinn.output import make_folder
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.engine import StepReport
@@ -76,7 +77,7 @@ def _holds(path: Path, collapse: Collapse) -> bool:
     return (
         truth is not None
         and (truth.mu_s, truth.mu_2, truth.I0) == (c.mu_s, c.mu_2, c.I0)
-        and (facts.get("grid_spacing_of_solver"), facts.get("stride")) == (c.spacing, c.stride)
+        and (facts.get(SOLVER_CELL), facts.get("stride")) == (c.spacing, c.stride)
         and len(flow.t) == c.frames
         and flow.grain_diameter == c.d
     )

@@ -41,7 +41,7 @@ from granpinn.training.rows import Row
 from granpinn.training.sampling import LAST_LAYER, draw
 
 POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations, surface, velocity
-CHUNK = {"cpu": 2048, "cuda": 8192}  # points per evaluation: bounds the memory
+CHUNK = {"cpu": 2048, "cuda": 32768}  # points per evaluation: bounds the memory
 HALVINGS = 4  # of a step that does not lower the loss, or is too long
 LONGEST = 0.1  # step of a free parameter or curve, relative: a longer one is not a correction
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
-from granpinn.data.flow import WALL_GAP
+from granpinn.data.flow import SOLVER_CELL, WALL_GAP
 from granpinn.data.scaling import material_of, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
@@ -91,7 +91,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         spec,
         physics,
         [sigma**-2 for sigma in sigmas],
-        (flow.stated("grid_spacing_of_solver") or flow.grain_diameter) / scales.length,
+        (flow.stated(SOLVER_CELL) or flow.grain_diameter) / scales.length,
         VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
     )
