@@ -5,13 +5,14 @@
     python -m bench.studies.laws.choice.calibrate --widths second.json --write calibration.json
     python -m bench.studies.laws.choice.calibrate --shorter fewer.json --write calibration.json
 
-The third one takes the widths of the bands from new flows, whose bands were drawn with the entry:
-those of the first runs hold the factors of the entry before. The fourth one tests new flows with
-fewer steps: where their curves are no worse than the entry says, it holds from that number on.
+The third one takes the widths of the bands from new flows, of which the parts of the error know
+nothing. The fourth one tests new flows with fewer steps: where their curves are no worse than the
+entry says, it holds from that number on.
 
 Flows with cohesion give no error of a curve, and flows without it give the cohesion that is found
 where there is none. The widths of the bands are quantiles over the flows, with the standard
-deviations that the runs state, divided by the half-width of their bands.
+deviations that the runs state: the half-widths of their bands over the widening with which these
+were drawn, which every run records.
 """
 
 from __future__ import annotations
@@ -44,13 +45,14 @@ def error_of(
     """The entry.
 
     Args:
-        before: the entry with which the bands in the rows were made.
+        before: an entry with the noise of the study; each row has the `bands` that it was made
+            with.
         steps: of the trainings.
     """
     plain = _without_cohesion(rows)
     cohesion = [_cohesion(row) / row["pressure"] for row in plain if row["comparison"]]
     modes = modes_of(plain)
-    wide, widest = _widths(plain, before, modes)
+    wide, widest = _widths(plain, modes)
     wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
     return FreeCurveError(
@@ -87,9 +89,9 @@ def for_fewer_steps(
 def with_widths(
     rows: Sequence[dict[str, Any]], entry: FreeCurveError, dates: str
 ) -> FreeCurveError:
-    """The entry with the widths that follow from new flows, whose bands were drawn with it."""
+    """The entry with the widths that follow from new flows."""
     plain = _without_cohesion(rows)
-    wide, widest = _widths(plain, entry, np.array(entry.modes))
+    wide, widest = _widths(plain, np.array(entry.modes))
     added = f"; widths of {len(plain)} other flows of {dates}"
     return dataclasses.replace(
         entry, widening=wide, farthest=widest, provenance=entry.provenance + added
@@ -102,15 +104,13 @@ def held(rows: Sequence[dict[str, Any]], entry: FreeCurveError) -> str:
     inside = 0
     for own in (0, 1):
         widths = with_widths([r for r in plain if r["number"] % 2 != own], entry, "").widening
-        inside += sum(_farthest(r, entry, modes) <= widths for r in plain if r["number"] % 2 == own)
+        inside += sum(_farthest(r, modes) <= widths for r in plain if r["number"] % 2 == own)
     return f"{inside} of {len(plain)} curves in their bands"
 
 
-def _widths(
-    rows: Sequence[dict[str, Any]], before: FreeCurveError, modes: Float64
-) -> tuple[float, float]:
+def _widths(rows: Sequence[dict[str, Any]], modes: Float64) -> tuple[float, float]:
     """The largest errors of curves over their standard deviations: 90 % and 99 % are smaller."""
-    ratios = [_farthest(row, before, modes) for row in rows]
+    ratios = [_farthest(row, modes) for row in rows]
     wide, widest = np.quantile(ratios, (0.9, 0.99)).tolist()
     return wide, widest
 
@@ -132,12 +132,12 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _farthest(row: dict[str, Any], before: FreeCurveError, modes: Float64) -> float:
+def _farthest(row: dict[str, Any], modes: Float64) -> float:
     """The largest error of a curve over its standard deviation with other modes."""
     mu, true = np.array(row["mu"]), np.array(row["true"])
-    stated = np.subtract(row["high"], row["low"]) / 2 / before.widening
+    stated = np.subtract(row["high"], row["low"]) / 2 / row["bands"]["widening"]
     square = np.square(legendre.legvander(_xi(mu), MODES - 1))
-    change = square @ (np.square(modes) - np.square(before.modes))
+    change = square @ (np.square(modes) - np.square(row["bands"]["modes"]))
     variance = np.maximum(stated**2 + mu**2 * change, 1e-12)
     return float(np.max(np.abs(mu - true) / np.sqrt(variance)))
 
@@ -156,12 +156,15 @@ def main() -> int:
     own = parser.parse_args()
     if [bool(own.runs), bool(own.shorter), bool(own.widths)].count(True) != 1:
         parser.error("give the runs that make the entry, or --shorter or --widths with another run")
-    contents, rows, dates = raw.rows_and_dates(own.runs or [own.shorter or own.widths])
+    contents, _, dates = raw.rows_and_dates(own.runs or [own.shorter or own.widths])
+    if not all(content.get("bands") for content in contents):
+        parser.error("a run does not record with which entry its bands were drawn: run it again")
+    rows = [row | {"bands": content["bands"]} for content in contents for row in content["rows"]]
     steps = min(content["steps"] for content in contents)
     table = calibration.load()
     before = table.free_curve
     if before is None:
-        parser.error(f"{calibration.PATH.name} has no entry free_curve, which made the bands")
+        parser.error(f"{calibration.PATH.name} has no entry free_curve, which states the noise")
     if own.widths:
         found = with_widths(rows, before, dates)
         print(held(rows, before))

@@ -40,6 +40,8 @@ from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.decoding import encode
 from granpinn.training.progress import Lines
+from granpinn.uncertainty import calibration
+from granpinn.uncertainty.error_bars import slowness
 
 
 def made(task: tuple[str, int], folder: Path, cells: int, stride: int, frames: int) -> Path:
@@ -103,6 +105,15 @@ def seconds(path: Path, config: Config) -> dict[str, float]:
     return found
 
 
+def bands(steps: int) -> dict[str, Any] | None:
+    """What calibrate.py needs of the entry that makes the bands of trainings of so many steps."""
+    entry = calibration.load().free_curve
+    if entry is None:
+        return None
+    modes = slowness(steps, entry.steps) * np.array(entry.modes)
+    return {"modes": modes.tolist(), "widening": entry.widening}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--laws", nargs="+", choices=list(MATERIALS), default=list(MATERIALS))
@@ -120,9 +131,16 @@ def main() -> int:
     except ConfigError as error:
         parser.error(str(error))
     config = dataclasses.replace(config, law="free", compare_laws=True)
+    assert config.steps is not None
     tasks = list(product(own.laws, range(*own.numbers)))
-    head = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "settings": words}
-    found: dict[str, Any] = head | {"steps": config.steps, "seconds": {}, "rows": []}
+    head: dict[str, Any] = {
+        "cells": own.cells,
+        "stride": own.stride,
+        "frames": own.frames,
+        "settings": words,
+    }
+    found: dict[str, Any] = head | {"steps": config.steps, "bands": bands(config.steps)}
+    found |= {"seconds": {}, "rows": []}
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
