@@ -26,6 +26,7 @@ from bench.studies.simulator_validation.balance import (
     regression,
 )
 from granpinn.data import Flow, read_flow
+from granpinn.data.flow import SOLVER_CELL
 from granpinn.figures.simulation import strain_rate
 from granpinn.simulation import Collapse, Engine
 from granpinn.simulation.recorder import Recorder
@@ -121,7 +122,7 @@ def differences(own: Flow, surfaces: list[Array], reference: Flow) -> dict[str, 
 
     velocity = [(own.u, reference.u), (own.v, reference.v)]
     pressure = [(own.p, reference.p)]
-    cell = own.attributes["grid_spacing_of_solver"]
+    cell = own.attributes[SOLVER_CELL]
     front = front_distances(surfaces, reference, cell, FILM)
     with_film = front_distances(surfaces, reference, cell, 0)
     return {

@@ -40,13 +40,12 @@ COHESIVE = cohesive.LAW.name
 
 
 def error_of(
-    rows: Sequence[dict[str, Any]], before: FreeCurveError, steps: int, provenance: str
+    rows: Sequence[dict[str, Any]], noise: float, steps: int, provenance: str
 ) -> FreeCurveError:
     """The entry.
 
     Args:
-        before: an entry with the noise of the study; each row has the `bands` that it was made
-            with.
+        noise: largest noise of the vectors in the study, over the rms speed.
         steps: of the trainings.
     """
     plain = _without_cohesion(rows)
@@ -56,7 +55,7 @@ def error_of(
     wet = [_error_of_cohesion(r) for r in rows if r["law"] == COHESIVE and r["comparison"]]
     c, percent = _rms(cohesion), 100 * _rms(wet)
     return FreeCurveError(
-        tuple(modes.tolist()), wide, widest, c, percent, before.noise, steps, len(plain), provenance
+        tuple(modes.tolist()), wide, widest, c, percent, noise, steps, len(plain), provenance
     )
 
 
@@ -157,9 +156,11 @@ def main() -> int:
     if [bool(own.runs), bool(own.shorter), bool(own.widths)].count(True) != 1:
         parser.error("give the runs that make the entry, or --shorter or --widths with another run")
     contents, _, dates = raw.rows_and_dates(own.runs or [own.shorter or own.widths])
-    if not all(content.get("bands") for content in contents):
+    bands = [content.get("bands") for content in contents]
+    if not (own.shorter or all(bands)):
         parser.error("a run does not record with which entry its bands were drawn: run it again")
-    rows = [row | {"bands": content["bands"]} for content in contents for row in content["rows"]]
+    pairs = zip(contents, bands, strict=True)
+    rows = [row | {"bands": of_run} for content, of_run in pairs for row in content["rows"]]
     steps = min(content["steps"] for content in contents)
     table = calibration.load()
     before = table.free_curve
@@ -171,7 +172,7 @@ def main() -> int:
     elif own.shorter:
         found = for_fewer_steps(rows, before, steps, dates)
     else:
-        found = error_of(rows, before, steps, f"bench.studies.laws.choice.run of {dates}")
+        found = error_of(rows, before.noise, steps, f"bench.studies.laws.choice.run of {dates}")
     print(json.dumps(dataclasses.asdict(found), indent=1))
     if own.write is not None:
         table = calibration.load(own.write)

@@ -133,14 +133,16 @@ def main() -> int:
     config = dataclasses.replace(config, law="free", compare_laws=True)
     assert config.steps is not None
     tasks = list(product(own.laws, range(*own.numbers)))
-    head: dict[str, Any] = {
+    found: dict[str, Any] = {
         "cells": own.cells,
         "stride": own.stride,
         "frames": own.frames,
         "settings": words,
+        "steps": config.steps,
+        "bands": bands(config.steps),
+        "seconds": {},
+        "rows": [],
     }
-    found: dict[str, Any] = head | {"steps": config.steps, "bands": bands(config.steps)}
-    found |= {"seconds": {}, "rows": []}
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
