@@ -12,6 +12,7 @@ from granpinn.data.flow import (
     LEAST,
     PERIOD_X,
     SOLVER_CELL,
+    SOLVER_MEAN,
     STEADY,
     SURFACE_SD,
     WALL_GAP,
@@ -26,7 +27,7 @@ LONGEST_UNIT = 64  # characters
 STATED = frozenset(
     (
         *("box_width", "box_height", "domain_size", "column_width", "column_height"),
-        *(SOLVER_CELL, "air_density", "air_viscosity", "cohesion"),
+        *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
     )
 )
 

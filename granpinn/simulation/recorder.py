@@ -16,7 +16,7 @@ import numpy as np
 
 import granpinn
 from granpinn.arrays import Float32, Float64, Floats
-from granpinn.data.flow import SOLVER_CELL, WALL_GAP, Flow, Surface, Truth
+from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP, Flow, Surface, Truth
 from granpinn.simulation.engine import State
 from granpinn.simulation.scene import Scene
 
@@ -102,6 +102,7 @@ class Recorder:
             "source": f"granpinn {granpinn.__version__} simulation",
             **s.shape_attributes(),
             SOLVER_CELL: s.spacing,
+            SOLVER_MEAN: s.spacing,  # csrc/collapse: a mean 1-2-1 over three cells
             "stride": s.stride,
             "air_density": s.air_density,
             "air_viscosity": s.air_viscosity,

@@ -10,8 +10,9 @@ $$ \hat\gamma^2 = \dot\gamma^2 + \min(1, 4 C)_+ (\bar\gamma^2 - \dot\gamma^2), $
 
 with $\bar\gamma$ from the mean of D over four points at $\pm L/\sqrt{2}$ along x and y, and C of
 `Law.ill_posedness`. To second order this is the mean 1-2-1 over three cells of size L, as in the
-friction of the simulator (docs/explanation/simulator.md). L is the cell of the solver that made
-the data, where the flow states one, and the grain diameter otherwise (`mean_length`).
+friction of the simulator (docs/explanation/simulator.md). L is the length over which the solver
+that made the data takes its strain rate, and the grain diameter of real grains
+(`problem.mean_length_of`).
 
 **Errors of the pressure.** An error $\delta p$ causes an error $\dot\gamma\, \delta p / p$ of the
 strain rate in the law. In thin fast layers under the free surface this is the largest error; there

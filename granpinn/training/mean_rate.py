@@ -14,7 +14,7 @@ import dataclasses
 from torch import Tensor
 
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose
+from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
 
 CONTRADICTED = 2.0  # factor of the loss

@@ -29,7 +29,7 @@ from granpinn.physics.rheology import inertial_number
 from granpinn.training.boxes import Boxes
 from granpinn.training.equations import SMOOTHING
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose
+from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
 from granpinn.training.parts_system import System
 from granpinn.training.splits import quantiles, splits_of

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from granpinn.training.boxes import Boxes
 from granpinn.training.elimination import factor, gram
-from granpinn.training.last_layer import Sums, Unknowns
+from granpinn.training.last_layer_sums import Sums, Unknowns
 from granpinn.training.rows import Row
 from granpinn.training.splits import Halves
 

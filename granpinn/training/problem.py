@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
-from granpinn.data.flow import SOLVER_CELL, WALL_GAP
+from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP
 from granpinn.data.scaling import material_of, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
@@ -91,10 +91,23 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         spec,
         physics,
         [sigma**-2 for sigma in sigmas],
-        (flow.stated(SOLVER_CELL) or flow.grain_diameter) / scales.length,
+        mean_length_of(flow) / scales.length,
         VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
     )
+
+
+def mean_length_of(flow: Flow) -> float:
+    """Length L of the mean strain rate of shear bands (`equations.py`), in the unit of x.
+
+    It is the one that the flow states for the solver that made it. Of a solver of which only the
+    cell is stated, central differences over two cells are supposed; to second order their mean is
+    that of L = sqrt(2/3) cells. Other flows are grains, and L is their diameter.
+    """
+    cell = flow.stated(SOLVER_CELL)
+    if stated := flow.stated(SOLVER_MEAN):
+        return stated
+    return math.sqrt(2 / 3) * cell if cell else flow.grain_diameter
 
 
 def with_wall_friction(problem: Problem, flow: Flow, scales: Scales, friction: float) -> Problem:

@@ -12,7 +12,8 @@ from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import LAWS
 from granpinn.training import curve_prior
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import LONGEST, Sums, Unknowns, improve
+from granpinn.training.last_layer import LONGEST, improve
+from granpinn.training.last_layer_sums import Sums, Unknowns
 from granpinn.training.law_variables import relative_change
 
 from .test_last_layer import SPEC, draw, every_point, problem

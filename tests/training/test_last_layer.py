@@ -20,9 +20,11 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import equations
 from granpinn.training import last_layer as module
+from granpinn.training.elimination import solve
 from granpinn.training.equations import law_weights, residuals
 from granpinn.training.features import Features, coefficients, with_coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose, improve, last_layer
+from granpinn.training.last_layer import improve, iterate, last_layer
+from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
 from tests.runs import tiny
@@ -48,13 +50,13 @@ def draw(seed: int, points: int = 3000, surface: int = 200) -> TrainingSet:
     return TrainingSet(x, velocity, weights, surface_points, pressure, *bounds, *none)
 
 
-def every_point(data: TrainingSet, features: Features) -> module.Data:
+def every_point(data: TrainingSet, features: Features) -> Data:
     """All points once, in their order."""
     measured = (data.points, data.velocity, data.point_weights[:, 0])
-    moments, weights = module.velocity_moments(features, *measured), data.point_weights[:, 1]
+    moments, weights = velocity_moments(features, *measured), data.point_weights[:, 1]
     of_surface = (data.surface_points, data.surface_pressure)
     rest = (moments, measured, data.lower[1], data.source)
-    return module.Data(data.points, weights, *of_surface, *rest)
+    return Data(data.points, weights, *of_surface, *rest)
 
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
@@ -109,7 +111,7 @@ def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int) -> None:
     # So little of the rest that it only makes the other unknowns unknowns of the problem.
     sums = sums_of(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), data, params)
     start = Unknowns(coefficients(SPEC, params), THETA)
-    x = module.solve(*sums.normal_equations(start), 2, ridge=1e-13)
+    x = solve(*sums.normal_equations(start), 2, ridge=1e-13)
     assert x is not None
     torch.testing.assert_close(start.C[:2] + x[:16].view(2, 8), C[:2], rtol=1e-5, atol=1e-5)
 
@@ -146,7 +148,7 @@ def test_steps_end_at_an_exact_solution(seed: int) -> None:
     assert sums.loss(exact) < 1e-20  # gamma_dot is 1 + SMOOTHING / 2
     at, off = Unknowns(C * noise, THETA.new_tensor([0.41, 0.44, 0.3])), []
     for _ in range(8):
-        x = module.solve(*sums.normal_equations(at), 2)
+        x = solve(*sums.normal_equations(at), 2)
         assert x is not None
         theta = at.theta + torch.cat([x[-2:], x.new_zeros(1)])
         at = Unknowns(at.C + x[:-2].view_as(C), theta)
@@ -173,6 +175,35 @@ def test_a_step_lowers_the_loss_and_is_short(seed: int) -> None:
     assert sums.loss(found) < sums.loss(start) or found is start
     broken = Unknowns(start.C * math.nan, start.theta)
     assert improve(sums_of(problem(), data, params), broken) is broken
+
+
+def test_steps_are_repeated_until_the_law_has_settled(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every step from where the one before it ended, with weights of its own; a curve has one."""
+    params, data = initial_parameters(SPEC, seed), draw(seed)
+    sums, start = sums_of(problem(), data, params), Unknowns(coefficients(SPEC, params), THETA)
+    left = [0.9, 1.05, 1 + 0.9 * module.SETTLED, 0.5]
+    seen: list[tuple[float, bool]] = []
+
+    def step(sums: Sums, at: Unknowns) -> Unknowns:
+        seen.append((float(at.theta[0]), sums._law_weights is None))
+        sums.loss(at)
+        return Unknowns(at.C, at.theta * left[len(seen) - 1])
+
+    monkeypatch.setattr(module, "improve", step)
+    found = iterate(sums, start)
+    assert seen == [(pytest.approx(value), True) for value in (0.4, 0.36, 0.378)]
+    assert float(found.theta[0]) == pytest.approx(0.378 * left[2])
+    seen.clear()
+    left[:] = [0.9] * 20
+    iterate(sums, start)
+    assert len(seen) == module.ITERATIONS
+    seen.clear()
+    sums.law = LAWS["free"]
+    monkeypatch.setattr(module, "relative_change", lambda *_: 1.0)
+    iterate(sums, start)
+    assert len(seen) == 1
 
 
 def test_points_are_a_function_of_seed_and_step(seed: int) -> None:
@@ -273,10 +304,17 @@ def test_the_law_does_not_count_at_the_floor(seed: int) -> None:
     assert sums_of(posed, moved, params).loss(at) == pytest.approx(everywhere, rel=1e-12)
 
 
-def test_the_length_is_that_of_the_grain_or_of_the_cell(flow: Flow) -> None:
+def test_the_length_is_that_of_the_grain_or_of_the_solver(flow: Flow) -> None:
     d = flow.grain_diameter
-    for stated, length in ((None, d), (d / 3, d / 3), (3 * d, 3 * d)):
-        attributes = {} if stated is None else {"grid_spacing_of_solver": stated}
+    central = math.sqrt(2 / 3)
+    cell, mean = "grid_spacing_of_solver", "averaging_length_of_solver"
+    for attributes, length in (
+        ({}, d),
+        ({cell: d / 3}, central * d / 3),
+        ({cell: 3 * d}, 3 * central * d),
+        ({cell: 3 * d, mean: 2 * d}, 2 * d),
+        ({mean: 2 * d}, 2 * d),
+    ):
         changed = dataclasses.replace(flow, attributes=attributes, grain_density=2 * flow.density)
         case = pose(changed, tiny(steps=60))
         assert case.member.problem.mean_length == pytest.approx(length / case.scales.length)

@@ -12,7 +12,7 @@ from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import mean_rate
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose
+from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.mean_rate import FEWER, mean_length
 from granpinn.training.objective import Member
 from granpinn.training.trainer import Trainer

@@ -17,7 +17,7 @@ from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.training.boxes import Boxes
 from granpinn.training.equations import residuals
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer import Sums, Unknowns, choose
+from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
 from granpinn.training.parts import laws_on_parts
 from granpinn.training.parts_system import System
