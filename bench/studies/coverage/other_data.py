@@ -105,7 +105,7 @@ def _usual_level() -> Calibration:
 
 
 def _effect(noisy: Sequence[Case], table: Calibration, provenance: str) -> NoiseError | None:
-    """The effect of noise on these flows, beside errors that the table bounds; None without any."""
+    """The effect of noise on these flows, beside the errors of the table; None without any."""
     if not noisy:
         return None
     size, power = np.transpose([_growth(noisy, table, end) for end in (0, 1)])
@@ -183,17 +183,18 @@ def _raised(size: Pair, table: Callable[[Pair], Calibration], cases: Sequence[Ca
 
 
 def _growth(noisy: Sequence[Case], table: Calibration, end: int) -> tuple[float, float]:
-    """Size and power of the effect of noise at one end, beside errors that the table bounds."""
-    share = [_held(c).noise * math.sqrt(VECTORS / _held(c).vectors) for c in noisy]
-    moments = [_moment(case, table)[end, end] for case in noisy]
+    """Size and power of the effect of noise at one end, beside the errors of the intervals without
+    it.
+    """
+    share = np.array([_held(c).noise * math.sqrt(VECTORS / _held(c).vectors) for c in noisy])
+    clean = np.array([_moment(case, table)[end, end] for case in noisy])
     f = np.array([_errors(case)[end] for case in noisy])
 
     def unlikely(p: Array) -> float:
-        clean = np.array(moments) * math.exp(2 * min(0.0, p[2]))
-        added = math.exp(2 * p[0]) * np.array(share) ** (2 * p[1])
-        return float(np.sum(np.log(clean + added) + f**2 / (clean + added)))
+        variance = clean + math.exp(2 * p[0]) * share ** (2 * p[1])
+        return float(np.sum(np.log(variance) + f**2 / variance))
 
-    found = _least(unlikely, [math.log(0.05), 1.0, -0.5])
+    found = _least(unlikely, [math.log(0.05), 1.0])
     return math.exp(found[0]), float(found[1])
 
 
