@@ -183,7 +183,7 @@ class Optimizer:
     epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
     momentum: float = setting(0.95, "momentum of Muon", low=0, high=1)
     last_layer: bool = setting(
-        True, "end with a Gauss-Newton step in the last layer and the friction law (mixed form)"
+        True, "end with Gauss-Newton steps in the last layer and the friction law (mixed form)"
     )
 
 

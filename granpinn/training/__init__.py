@@ -6,7 +6,7 @@ update:     optimise (Adam, Muon)
 each step:  schedule (as functions of the step), control_table (its rows on the device), graphs
 state:      trainer (everything that a step changes, and the step)
 the run:    loop (first step to last), time_limit, guard (faults and signals), checkpoint
-the end:    last_layer, equations, features (one Gauss-Newton step)
+the end:    last_layer, last_layer_sums, equations, features (Gauss-Newton steps)
 to watch:   history, progress
 processes:  parallel
 """

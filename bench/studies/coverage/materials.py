@@ -106,11 +106,18 @@ def between(generator: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(generator.uniform(np.log(low), np.log(high))))
 
 
+def path_of(task: Task, folder: Path) -> Path:
+    """The file of a task in a folder of flows."""
+    return folder / f"{task.name}-{task.collapse.cells}-{task.collapse.frames}.h5"
+
+
 def make(task: Task, folder: Path) -> Path:
-    """Simulate a task unless an earlier study has left its file."""
-    path = folder / f"{task.name}-{task.collapse.cells}-{task.collapse.frames}.h5"
+    """Simulate a task unless an earlier study has left its file; only a whole one has its name."""
+    path = path_of(task, folder)
     if not path.exists():
-        simulate(task.collapse, out=path)
+        begun = path.with_suffix(".begun.h5")
+        simulate(task.collapse, out=begun)
+        begun.rename(path)
     return path
 
 

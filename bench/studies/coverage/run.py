@@ -25,12 +25,12 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.studies import raw
 from bench.studies.cores import on_all_cores
 from bench.studies.coverage.judge import cases_of, report
-from bench.studies.coverage.materials import Task, draw, make, read
+from bench.studies.coverage.materials import Task, draw, make, path_of, read
 from granpinn.config import Config, ConfigError
 from granpinn.identification import conclusion
 from granpinn.identification.case import Case, members, pose
@@ -93,7 +93,10 @@ def identified(
 def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:
     """Simulate and identify all tasks; rows, and the seconds that each part took."""
     begin = time.monotonic()
-    paths = on_all_cores(make, tasks, repeat(folder, len(tasks)))
+    missing = [task for task in tasks if not path_of(task, folder).exists()]
+    if missing:
+        on_all_cores(make, missing, repeat(folder, len(missing)))
+    paths = [path_of(task, folder) for task in tasks]
     simulated = time.monotonic()
     print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
     rows = []
@@ -105,7 +108,33 @@ def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> 
     return {"seconds": {k: round(v, 1) for k, v in seconds.items()}, "rows": rows}
 
 
-def main() -> int:
+class Options(NamedTuple):
+    """What the words of a command ask for.
+
+    Attributes:
+        own: the options of the study.
+        words: those of the identification, and the settings that they are.
+    """
+
+    own: argparse.Namespace
+    words: list[str]
+    config: Config
+
+    @property
+    def grid(self) -> dict[str, int]:
+        """Settings of every simulation."""
+        own = self.own
+        return {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}
+
+    @property
+    def tasks(self) -> list[Task]:
+        """The flows."""
+        own = self.own
+        return draw(own.truths, own.controls, own.draw, own.varied, own.noisy, **self.grid)
+
+
+def options(arguments: Sequence[str] | None = None) -> Options:
+    """The options in the words of a command line; None: those of this process."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--truths", type=int, default=100, help="number of materials")
     parser.add_argument("--controls", type=int, default=4, help="flows of each of the other laws")
@@ -119,25 +148,28 @@ def main() -> int:
     parser.add_argument("--at-once", type=int, default=10**6, help="flows in one batch")
     parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
     parser.add_argument("--json", type=Path, required=True, help="file for the results")
-    own, words = parser.parse_known_args()
+    own, words = parser.parse_known_args(arguments)
     try:
-        config = raw.config_of(words, {"members": own.members})
+        return Options(own, words, raw.config_of(words, {"members": own.members}))
     except ConfigError as error:
         parser.error(str(error))
-    grid = {"cells": own.cells, "stride": own.stride, "frames": own.frames, "threads": 1}
-    tasks = draw(own.truths, own.controls, own.draw, own.varied, own.noisy, **grid)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    asked = options(arguments)
+    own = asked.own
     with tempfile.TemporaryDirectory() as temporary:
         folder = own.flows or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        found = study(tasks, config, folder, own.at_once)
+        found = study(asked.tasks, asked.config, folder, own.at_once)
     head = {
         "draw": own.draw,
         "varied": own.varied,
         "noisy": own.noisy,
-        "simulation": grid,
+        "simulation": asked.grid,
         "members": own.members,
-        "settings": words,
-        "steps": config.steps,
+        "settings": asked.words,
+        "steps": asked.config.steps,
     }
     raw.write(own.json, head | found)
     table = calibration.load()

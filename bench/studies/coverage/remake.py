@@ -1,0 +1,146 @@
+"""All simulated populations of the coverage study, and the shipped tables from them.
+
+python -m bench.studies.coverage.remake --flows FLOWS --out RESULTS --device cuda
+python -m bench.studies.coverage.remake --out RESULTS --write
+
+The first command simulates the flows, each on one core, all cores but one, and trains every
+population on the device as soon as its flows are there. A population whose results are in `--out`
+is not made again, so a run that was stopped goes on. `--until 500` begins none after 500 s. The
+films, which need a PIV program, are made by films.py. The second command makes the error bars of
+both levels from the results. Settings that are not its own go to every identification.
+
+Defends: a change of the training comes with error bars of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from pathlib import Path
+
+from bench.studies.coverage import run
+from bench.studies.coverage.materials import make, path_of
+
+USUAL, VARIED = "--truths 90 --controls 2 --draw 0", "--truths 60 --controls 0 --varied"
+OTHERS = "--truths 48 --controls 0 --draw 7"
+# By the name of its results: the words of coverage.run, those with the same flows side by side.
+POPULATIONS = {
+    "varied": f"{VARIED} --draw 9",
+    "varied_0.02": f"{VARIED} --draw 9 --noise 0.02",
+    "varied_0.05": f"{VARIED} --draw 9 --noise 0.05",
+    "varied_0.2": f"{VARIED} --draw 9 --noise 0.2",
+    "varied_V0": f"{VARIED} --draw 9 --level V0",
+    "coverage": USUAL,
+    "coverage_V0": f"{USUAL} --level V0",
+    "noisy": f"{VARIED} --noisy --draw 11",
+    "steps_6000": f"{OTHERS} --steps 6000",
+    "steps_10000": f"{OTHERS} --steps 10000",
+    "usual_V0": f"{OTHERS} --level V0",
+    "noisy_13": f"{VARIED} --noisy --draw 13",
+    "noisy_V0_13": f"{VARIED} --noisy --draw 13 --level V0",
+    "varied_V0_test": f"{VARIED} --draw 12 --level V0",
+    "varied_V0_15": f"{VARIED} --draw 15 --level V0",
+    "noisy_40": f"{VARIED} --noisy --draw 40",
+    "noisy_V0_41": f"{VARIED} --noisy --draw 41 --level V0",
+    "noisy_members_8_22": "--truths 20 --controls 0 --varied --noisy --draw 22 --members 8",
+    "noisy_512": f"{VARIED} --noisy --draw 20 --cells 512",
+    "cells_512": f"{VARIED} --draw 10 --cells 512",
+}
+# The commands that make the tables, of the files in `--out`.
+TABLES = (
+    "calibrate coverage --shorter steps_6000 steps_10000",
+    "other_data --usual coverage --varied varied --noisy varied_0.02 varied_0.05 varied_0.2 noisy"
+    " noisy_13 --measured films --test noisy_members_8_22 noisy_512 films_19 cells_512 cells_1024"
+    " noisy_40",
+    "calibrate coverage_V0",
+    "other_data --level V0 --usual usual_V0 --varied varied_V0 varied_V0_test --noisy noisy_V0_13"
+    " --test varied_V0_15 noisy_V0_41",
+)
+
+
+def words_of(name: str, out: Path, flows: Path, settings: Sequence[str]) -> list[str]:
+    """The words of coverage.run for a population."""
+    own = POPULATIONS[name].split()
+    one = [] if "--members" in own else ["--members", "1"]
+    return [*own, *one, "--flows", str(flows), "--json", str(results_of(name, out)), *settings]
+
+
+def results_of(name: str, out: Path) -> Path:
+    return out / f"{name}.json"
+
+
+def remake(out: Path, flows: Path, settings: Sequence[str], until: float) -> list[str]:
+    """Make the populations without results; the names of those that are left after the time."""
+    begin, left = time.monotonic(), [n for n in POPULATIONS if not results_of(n, out).exists()]
+    flows.mkdir(parents=True, exist_ok=True)
+    context = multiprocessing.get_context("spawn")
+    cores = max(1, len(os.sched_getaffinity(0)) - 1)
+    with ProcessPoolExecutor(cores, mp_context=context, initializer=_give_way) as pool:
+        made: dict[Path, Future[Path]] = {}  # the flows that were not there
+
+        def simulated(name: str) -> Iterator[Future[Path]]:
+            for task in run.options(words_of(name, out, flows, settings)).tasks:
+                path = path_of(task, flows)
+                if path not in made and not path.exists():
+                    made[path] = pool.submit(make, task, flows)
+                if path in made:
+                    yield made[path]
+
+        waiting = {name: list(simulated(name)) for name in left}
+        for name, futures in waiting.items():
+            for future in futures:
+                future.result()
+            if time.monotonic() - begin > until:
+                pool.shutdown(cancel_futures=True)
+                break
+            run.main(words_of(name, out, flows, settings))
+            left.remove(name)
+            print(f"{name}: {time.monotonic() - begin:.0f} s since the start", flush=True)
+    return left
+
+
+def _give_way() -> None:
+    """The processes that simulate leave the processor to the one that trains."""
+    os.nice(10)
+
+
+def write_tables(out: Path) -> None:
+    """Make the shipped tables; CalledProcessError: a command failed."""
+    for command in TABLES:
+        module, *words = command.split()
+        files = [str(results_of(w, out)) if _is_file(w) else w for w in words]
+        name = f"bench.studies.coverage.{module}"
+        subprocess.run([sys.executable, "-m", name, *files, "--write"], check=True)
+
+
+def _is_file(word: str) -> bool:
+    return not (word.startswith("--") or word == "V0")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
+    parser.add_argument("--until", type=float, default=float("inf"), help="s, of the last start")
+    parser.add_argument("--write", action="store_true", help="write the shipped tables")
+    own, settings = parser.parse_known_args(arguments)
+    if not (own.flows or own.write):
+        parser.error("--flows must name a folder for the flow files, or give --write")
+    if own.flows:
+        left = remake(own.out, own.flows, settings, own.until)
+        if left:
+            print(f"not made: {', '.join(left)}; the same command goes on", file=sys.stderr)
+            return 1
+    if own.write:
+        write_tables(own.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
