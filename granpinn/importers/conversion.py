@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, WALL_GAP, Flow, Surface, Walls
+from granpinn.data.flow import STEADY, WALL_GAP, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
@@ -119,15 +119,9 @@ def _attributes(
         value = getattr(settings, name)
         if value is not None and value != getattr(Settings, name):
             found[name] = value
-    if material.wall_gap is not None:
-        found[WALL_GAP] = material.wall_gap
-    if material.period_x is not None:
-        found[PERIOD_X] = material.period_x
-    if material.surface_sd is not None:
-        found[SURFACE_SD] = material.surface_sd
     if settings.steady:
         found[STEADY] = 1
-    return found
+    return found | material.lengths
 
 
 def _described(fields: VectorFields) -> str:
@@ -169,8 +163,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
     ]
     if flow.walls is not None:
         lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
-    if material.wall_gap is not None:
-        ratio = scales.length / material.wall_gap
+    if gap := material.lengths.get(WALL_GAP):
+        ratio = scales.length / gap
         lines.append(
             f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
             f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from granpinn.config.fields import flag_of
+from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.importers import units
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError
@@ -14,9 +15,14 @@ _EXAMPLES = {
     "grain_diameter": ("length", "'0.8 mm'"),
     "grain_density": ("density", "'2500 kg/m^3'"),
     "density": ("density", "'1500 kg/m^3'"),
-    "wall_gap": ("length", "'20 mm'"),
-    "period_x": ("length", "'0.5 m'"),
-    "surface_sd": ("length", "'0.4 mm'"),
+}
+# Lengths that a flow file may state, by the names of its attributes.
+_LENGTHS = {
+    WALL_GAP: "'20 mm'",
+    PERIOD_X: "'0.5 m'",
+    SURFACE_SD: "'0.4 mm'",
+    SOLVER_CELL: "'0.1 mm'",
+    SOLVER_MEAN: "'0.1 mm'",
 }
 
 
@@ -27,17 +33,14 @@ class Material:
     Attributes:
         density: bulk density: the density of a grain times the solid fraction.
         grain_density: of a grain; None = as the bulk density (data without units).
-        wall_gap: distance between the side walls, or None.
-        period_x: length of the period along x, or None.
-        surface_sd: standard deviation of an offset of the surface line, or None.
+        lengths: those that are given of the walls, the surface line and the solver, by the names
+            of their attributes in a flow file.
     """
 
     grain_diameter: float
     density: float
     grain_density: float | None
-    wall_gap: float | None
-    period_x: float | None
-    surface_sd: float | None
+    lengths: dict[str, float]
 
 
 def missing_constants(settings: Settings) -> list[str]:
@@ -73,8 +76,8 @@ def material_of(settings: Settings) -> Material:
         grain = bulk / fraction
     if bulk is None:  # data without units: the bulk density is the unit
         bulk = 1.0
-    lengths = (_number(settings, name) for name in ("wall_gap", "period_x", "surface_sd"))
-    return Material(d, bulk, grain, *lengths)
+    lengths = {name: _number(settings, name) for name in _LENGTHS}
+    return Material(d, bulk, grain, {k: v for k, v in lengths.items() if v is not None})
 
 
 def _number(settings: Settings, name: str) -> float | None:
@@ -82,7 +85,7 @@ def _number(settings: Settings, name: str) -> float | None:
     text = getattr(settings, name)
     if text is None:
         return None
-    dimension, example = _EXAMPLES[name]
+    dimension, example = _EXAMPLES.get(name) or ("length", _LENGTHS[name])
     if settings.dimensionless:
         value = units.plain(text, flag_of(name))
     else:

@@ -134,6 +134,18 @@ class Settings:
         "grains",
         "distance between the side walls, '20 mm'; their friction is then in the equations",
     )
+    grid_spacing_of_solver: str | None = _setting(
+        None,
+        "grains",
+        "cell of the solver, if a simulation made the data, '0.1 mm': shear bands are then as wide "
+        "as its cells, and partly filled cells are kept",
+    )
+    averaging_length_of_solver: str | None = _setting(
+        None,
+        "grains",
+        "length of the mean strain rate in the friction law of the solver; default that of central "
+        "differences, 0.82 cells",
+    )
     note: str | None = _setting(None, "grains", "text to keep in the file")
 
     @property

@@ -7,8 +7,8 @@ $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 
 in all coefficients C [5, F] and the L free parameters of the law together, on many points at once
 (`last_layer_sums.py`). The descent before it leaves the scatter of its small batches; the steps
-remove it. They are repeated until the law has settled. A curve takes one step: its prior makes
-the step that of the best curve already.
+remove it. They are repeated until the law has settled. A curve takes one step: a further one
+follows the noise of the training.
 
 The equations of the training hold, with two changes in the friction law (`equations.py`): it has a
 mean strain rate where it is ill-posed, and a small weight where errors of the pressure are large.

@@ -106,7 +106,10 @@ def seconds(path: Path, config: Config) -> dict[str, float]:
 
 
 def bands(steps: int) -> dict[str, Any] | None:
-    """What calibrate.py needs of the entry that makes the bands of trainings of so many steps."""
+    """The parts of the error of a free curve after so many steps, and the factor of its band.
+
+    `calibrate --widths` takes the band of the results apart by them.
+    """
     entry = calibration.load().free_curve
     if entry is None:
         return None
