@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from granpinn.arrays import Floats
 from granpinn.data import Flow
 from granpinn.data.surface_sd import surface_sd
@@ -17,13 +20,10 @@ class OfFlow:
     Attributes:
         surface_sd: of a level, the standard deviation of the offset of the surface line
             (granpinn/data/surface_sd.py).
+        strain_rate: D2 of its velocity at the points of its fields [K].
     """
 
     def __init__(self, flow: Flow) -> None:
         self.flow = flow
         self.surface_sd: Once[str, float] = Once(lambda level: surface_sd(flow, level))
-        self._strain_rate: Once[None, Floats] = Once(lambda _: strain_rate_of(flow))
-
-    def strain_rate(self) -> Floats:
-        """D2 of its velocity at the points of its fields [K]."""
-        return self._strain_rate(None)
+        self.strain_rate: Callable[[], Floats] = partial(Once(strain_rate_of), flow)
