@@ -11,8 +11,17 @@ from typing import Any, TypeVar
 Result = TypeVar("Result")
 
 
+def processes(spare: int = 0, **settings: Any) -> ProcessPoolExecutor:
+    """One process for each core but `spare`, without the state of this process.
+
+    Args:
+        settings: of the ProcessPoolExecutor.
+    """
+    cores = max(1, len(os.sched_getaffinity(0)) - spare)
+    return ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"), **settings)
+
+
 def on_all_cores(job: Callable[..., Result], *columns: Iterable[Any]) -> list[Result]:
     """`map(job, *columns)` in one process for each core, without the state of this process."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=context) as pool:
+    with processes() as pool:
         return list(pool.map(job, *columns))

@@ -11,11 +11,6 @@ from granpinn.importers import units
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError
 
-_EXAMPLES = {
-    "grain_diameter": ("length", "'0.8 mm'"),
-    "grain_density": ("density", "'2500 kg/m^3'"),
-    "density": ("density", "'1500 kg/m^3'"),
-}
 # Lengths that a flow file may state, by the names of its attributes.
 _LENGTHS = {
     WALL_GAP: "'20 mm'",
@@ -23,6 +18,12 @@ _LENGTHS = {
     SURFACE_SD: "'0.4 mm'",
     SOLVER_CELL: "'0.1 mm'",
     SOLVER_MEAN: "'0.1 mm'",
+}
+_EXAMPLES = {
+    "grain_diameter": ("length", "'0.8 mm'"),
+    "grain_density": ("density", "'2500 kg/m^3'"),
+    "density": ("density", "'1500 kg/m^3'"),
+    **{name: ("length", example) for name, example in _LENGTHS.items()},
 }
 
 
@@ -85,7 +86,7 @@ def _number(settings: Settings, name: str) -> float | None:
     text = getattr(settings, name)
     if text is None:
         return None
-    dimension, example = _EXAMPLES.get(name) or ("length", _LENGTHS[name])
+    dimension, example = _EXAMPLES[name]
     if settings.dimensionless:
         value = units.plain(text, flag_of(name))
     else:

@@ -1,12 +1,12 @@
 r"""The end of a training: Gauss-Newton steps in the last layer and the friction law.
 
-The other layers are fixed. Their outputs h (the last one is 1, for the bias) are functions of
-(x, y, t), and the network is z = C h. A step minimizes the loss of the training,
+The other layers are fixed, and the network is z = C h (`last_layer_sums.py`). A step minimizes the
+loss of the training,
 
 $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 
-in all coefficients C [5, F] and the L free parameters of the law together, on many points at once
-(`last_layer_sums.py`). The descent before it leaves the scatter of its small batches; the steps
+in all coefficients C [5, F] and the L free parameters of the law together, on many points at once.
+The descent before it leaves the scatter of its small batches; the steps
 remove it. They are repeated until the law has settled. A curve takes one step: a further one
 follows the noise of the training.
 

@@ -104,9 +104,9 @@ def mean_length_of(flow: Flow) -> float:
     cell is stated, central differences over two cells are supposed; to second order their mean is
     that of L = sqrt(2/3) cells. Other flows are grains, and L is their diameter.
     """
-    cell = flow.stated(SOLVER_CELL)
     if stated := flow.stated(SOLVER_MEAN):
         return stated
+    cell = flow.stated(SOLVER_CELL)
     return math.sqrt(2 / 3) * cell if cell else flow.grain_diameter
 
 

@@ -8,11 +8,14 @@ played backwards.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bench.studies.cores import on_all_cores
 from granpinn.data import Flow, read_flow
 from granpinn.simulation import Collapse, simulate
 
@@ -119,6 +122,14 @@ def make(task: Task, folder: Path) -> Path:
         simulate(task.collapse, out=begun)
         begun.rename(path)
     return path
+
+
+def make_all(tasks: Sequence[Task], folder: Path) -> list[Path]:
+    """`make` each task, those that are missing on all cores."""
+    missing = [task for task in tasks if not path_of(task, folder).exists()]
+    if missing:
+        on_all_cores(make, missing, repeat(folder, len(missing)))
+    return [path_of(task, folder) for task in tasks]
 
 
 def read(task: Task, path: Path) -> Flow:

@@ -15,15 +15,15 @@ Defends: a change of the training comes with error bars of its own.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from pathlib import Path
 
+from bench.studies.cores import processes
 from bench.studies.coverage import run
 from bench.studies.coverage.materials import make, path_of
 
@@ -80,9 +80,7 @@ def remake(out: Path, flows: Path, settings: Sequence[str], until: float) -> lis
     """Make the populations without results; the names of those that are left after the time."""
     begin, left = time.monotonic(), [n for n in POPULATIONS if not results_of(n, out).exists()]
     flows.mkdir(parents=True, exist_ok=True)
-    context = multiprocessing.get_context("spawn")
-    cores = max(1, len(os.sched_getaffinity(0)) - 1)
-    with ProcessPoolExecutor(cores, mp_context=context, initializer=_give_way) as pool:
+    with processes(spare=1, initializer=_give_way) as pool:
         made: dict[Path, Future[Path]] = {}  # the flows that were not there
 
         def simulated(name: str) -> Iterator[Future[Path]]:
@@ -94,15 +92,17 @@ def remake(out: Path, flows: Path, settings: Sequence[str], until: float) -> lis
                     yield made[path]
 
         waiting = {name: list(simulated(name)) for name in left}
-        for name, futures in waiting.items():
-            for future in futures:
-                future.result()
-            if time.monotonic() - begin > until:
-                pool.shutdown(cancel_futures=True)
-                break
-            run.main(words_of(name, out, flows, settings))
-            left.remove(name)
-            print(f"{name}: {time.monotonic() - begin:.0f} s since the start", flush=True)
+        try:
+            for name, futures in waiting.items():
+                for future in futures:
+                    future.result()
+                if time.monotonic() - begin > until:
+                    break
+                run.main(words_of(name, out, flows, settings))
+                left.remove(name)
+                print(f"{name}: {time.monotonic() - begin:.0f} s since the start", flush=True)
+        finally:  # also where a population fails: the other flows are not waited for
+            pool.shutdown(cancel_futures=True)
     return left
 
 

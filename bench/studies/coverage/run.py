@@ -28,9 +28,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.studies import raw
-from bench.studies.cores import on_all_cores
 from bench.studies.coverage.judge import cases_of, report
-from bench.studies.coverage.materials import Task, draw, make, path_of, read
+from bench.studies.coverage.materials import Task, draw, make_all, read
 from granpinn.config import Config, ConfigError
 from granpinn.identification import conclusion
 from granpinn.identification.case import Case, members, pose
@@ -93,10 +92,7 @@ def identified(
 def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:
     """Simulate and identify all tasks; rows, and the seconds that each part took."""
     begin = time.monotonic()
-    missing = [task for task in tasks if not path_of(task, folder).exists()]
-    if missing:
-        on_all_cores(make, missing, repeat(folder, len(missing)))
-    paths = [path_of(task, folder) for task in tasks]
+    paths = make_all(tasks, folder)
     simulated = time.monotonic()
     print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
     rows = []

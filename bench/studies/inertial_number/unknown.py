@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from bench.studies import raw
-from bench.studies.cores import on_all_cores
 from bench.studies.coverage.judge import sharpness
-from bench.studies.coverage.materials import Task, draw, make, read
+from bench.studies.coverage.materials import Task, draw, make_all, read
 from granpinn import identify_many
 from granpinn.config import Config, ConfigError
 from granpinn.identification.inertial_profile import grid_of, profile_from, settings_of
@@ -39,7 +38,7 @@ ASSUMED = 0.3
 
 def study(tasks: Sequence[Task], config: Config, folder: Path) -> list[dict[str, Any]]:
     """A row for each flow; all runs are one batch, and all profiles another."""
-    flows = list(map(read, tasks, on_all_cores(make, tasks, repeat(folder, len(tasks)))))
+    flows = list(map(read, tasks, make_all(tasks, folder)))
     config = dataclasses.replace(config, I0=ASSUMED, members=1)
     seeds = range(config.seed, config.seed + len(flows))
     runs = identify_many(flows, config, list(seeds), keep_fields=False, progress=Lines())
