@@ -39,7 +39,6 @@ PHASES = {  # of the main thread, by its innermost function of this table
     "identification/finish.py with_assumptions": "assumptions",
     "identification/finish.py with_law": "judgement",
     "identification/balance.py beside": "momentum balance",
-    "identification/judgement.py with_parts": "law on parts",
     "identification/comparison.py compared": "comparison of laws",
     "results/results_file.py write_results": "writing",
     "results/results_csv.py write_csv": "writing",

@@ -57,7 +57,6 @@ STAGES = {
     "errors of the fields": "granpinn.identification.finish:_scored",
     "assumptions": "granpinn.identification.assumptions:trained",
     "balance and range of I": "granpinn.identification.judgement:with_law",
-    "parts of the data": "granpinn.identification.judgement:with_parts",
     "page": "granpinn.report:build",
 }
 

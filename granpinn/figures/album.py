@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import checks, curves, maps, parts, profiles, residual
+from granpinn.figures import checks, curves, maps, profiles, residual
 from granpinn.figures.style import Drawing, NothingToDraw, encoded, for_phones, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, NotDone, Result
@@ -98,8 +98,6 @@ def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawin
             "Simulated pressure",
             lambda s: maps.simulated_pressure(fields_of(s), s.frame),
         )
-    if source.result.parts is not None:
-        found["law_on_parts"] = ("Law on parts of the data", lambda s: parts.law_on_parts(s.result))
     if profile is not None:
         found["profile_of_I0"] = (
             "Profile of I0",

@@ -23,7 +23,6 @@ from granpinn.identification.finish import (
     simulated,
     with_assumptions,
     with_law,
-    with_parts,
     with_simulated_pressure,
 )
 from granpinn.identification.of_flow import OfFlow
@@ -136,14 +135,14 @@ def identify_many(
         written = _side_by_side(concluded, range(len(cases)), config.device)
         written = with_assumptions(written, run)
         # One pool for all members: every core simulates pressures as long as frames are left. With
-        # a GPU it does so from the start, since the law on parts needs the GPU and Python.
+        # a GPU it does so from the start.
         with threads(max(1, _cores() // group.size)) as pool, threads(SIDE_BY_SIDE) as beside:
 
             def finished(member: Concluded) -> Result:
                 simulation = None
                 if run.trainer.params.is_cuda:
                     simulation = beside.submit(simulated, member, run, pool)
-                member = with_parts(with_law(member, run), run)
+                member = with_law(member, run)
                 pressure = simulation.result() if simulation else simulated(member, run, pool)
                 made = with_simulated_pressure(member, pressure)
                 return kept(made._replace(maps=None), run)

@@ -8,8 +8,7 @@ values, and is pending in the file until it is made:
 2. `with_law`: what decides which values and intervals are shown (judgement.py).
 3. `fields_written`: fields.h5. A single run writes it after its answer, beside step 4; a batch
    writes it before step 1, and then drops the fields to save memory.
-4. `with_parts`: the law on parts of the data, which needs the final intervals.
-5. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
+4. `simulated`, `with_simulated_pressure`: the pressure that a simulator gives.
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ from granpinn.results.attempt import (
     DETERMINED,
     FIELDS,
     LAW_CURVE,
-    PARTS,
     PENDING,
     SCORES,
     SIMULATED_PRESSURE,
@@ -120,8 +118,6 @@ def conclude(
     assumed = tuple(without_effect(assumption, PENDING) for assumption in uncertain)
     result = conclusion.result(case, run, e, found, model, assumed)
     result = pending(result, *([ASSUMPTIONS] if uncertain else []), BASELINE)
-    if judgement.has_parts(case, run, e):
-        result = pending(result, PARTS)
     if case.config.compare_laws:
         result = pending(result, COMPARISON)
     if folder is not None:
@@ -205,14 +201,6 @@ def write_fields_file(concluded: Concluded) -> bool:
 def with_fields(concluded: Concluded) -> Concluded:
     """The result with fields.h5, which was written, in its folder."""
     return _kept(concluded, having(concluded.result, FIELDS))
-
-
-def with_parts(concluded: Concluded, run: TrainingLoop) -> Concluded:
-    """The result with its law on parts of the data, written to its folder."""
-    c = concluded
-    if not judgement.has_parts(c.case, run, c.place):
-        return c
-    return _kept(c, judgement.with_parts(c.result, c.case, run, c.place))
 
 
 class Simulated(NamedTuple):

@@ -1,6 +1,5 @@
 """What a trained law is worth, after its error bars: the momentum balance beside it, the parameters
-that the range of I determines, its curve, the comparison with other laws, and the law on parts of
-the data.
+that the range of I determines, its curve, and the comparison with other laws.
 """
 
 from __future__ import annotations
@@ -19,14 +18,12 @@ from granpinn.results.attempt import (
     COMPARISON,
     DETERMINED,
     LAW_CURVE,
-    PARTS,
     attempt,
     having,
     lacking,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.parts import laws_on_parts
-from granpinn.uncertainty import of_kind, of_parts
+from granpinn.uncertainty import of_kind
 from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
 
 
@@ -38,7 +35,7 @@ def with_law(
     shear: Shear | NotDone | None,
     of_laws: dict[str, int],
 ) -> Result:
-    """The result with all but the law on parts of the data.
+    """The result with all of these.
 
     Args:
         place: of the member of the result in the run.
@@ -54,23 +51,6 @@ def with_law(
         result = _with_laws_compared(result, case, run, of_laws)
     # A comparison that was made has given the band too.
     return result if result.comparison else _with_free_band(result, case, run, place)
-
-
-def has_parts(case: Case, run: TrainingLoop, place: int) -> bool:
-    """Whether there is a law to solve for on parts of the data."""
-    return place in run.trainer.solved and undetermined(case.seen, case.config.level) is None
-
-
-def with_parts(result: Result, case: Case, run: TrainingLoop, place: int) -> Result:
-    """The result with the law on parts of the data, and their answer in its verdict."""
-
-    def on_parts() -> Result:
-        ended, noise = run.trainer.ended(place), case.facts.relative_noise
-        halves = laws_on_parts(*ended) if ended else []
-        return of_parts.judged(result, halves, case.config, _kind(result, case), noise)
-
-    made = attempt(PARTS, on_parts)
-    return lacking(result, made) if isinstance(made, NotDone) else having(made, PARTS)
 
 
 def _with_free_band(result: Result, case: Case, run: TrainingLoop, place: int) -> Result:

@@ -25,7 +25,6 @@ from granpinn.identification.finish import (
     with_assumptions,
     with_fields,
     with_law,
-    with_parts,
     with_simulated_pressure,
     write_fields_file,
 )
@@ -113,7 +112,6 @@ def identify(
             if answered is not None:
                 answered(concluded.result)
             writing = beside.submit(write_fields_file, concluded)
-            concluded = with_parts(concluded, run)
             if writing.result():
                 concluded = with_fields(concluded)
             simulation = simulation or beside.submit(simulated, concluded, run, pool)

@@ -3,7 +3,7 @@
 In reading order: named (values by the names of parameters and loss terms), parameters (of a law,
 with their errors), records (ensemble, error bars, verdict), baseline (the momentum balance),
 determined (what a narrow range of I leaves), identified_law (its curve over the I of the data),
-comparison (of laws), parts (the law on parts of the data), findings (checks and simulations),
+comparison (of laws), findings (checks and simulations),
 bootstrap (errors in simulated flows), result (all of it), results_file (results.json), decoding
 (its JSON), attempt (parts that may fail alone), summary (numbers behind the words of a report),
 results_csv, fields, zones (which of their points flow).

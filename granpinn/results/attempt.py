@@ -28,14 +28,13 @@ BASELINE = "momentum balance"
 DETERMINED = "range of the law"
 LAW_CURVE = "curve of the law"
 COMPARISON = "comparison of laws"
-PARTS = "law on parts of the data"
 PROFILE = "profile of I0"
 RESIMULATION = "simulation with the identified law"
 SIMULATOR_FIT = "fit of the simulator"
 BOOTSTRAP = "identification of simulated flows"
 REPORT = "report"
 # Parts that are made without a flag; a run without them has exit code 0.
-UNASKED = (ASSUMPTIONS, BASELINE, DETERMINED, LAW_CURVE, PARTS, SIMULATED_PRESSURE, REPORT)
+UNASKED = (ASSUMPTIONS, BASELINE, DETERMINED, LAW_CURVE, SIMULATED_PRESSURE, REPORT)
 
 PENDING = "the run ended before it; --resume continues there"
 LONGEST = 300  # characters of the message of an error

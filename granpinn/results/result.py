@@ -3,8 +3,7 @@
 A number without a meaning is None here and null in the file, never 0: an error without a reference.
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
-Format version 2.  A field may be added with a default; any other change needs a new version.
-Version 2 adds the friction law (mu(I) if a file names none) and `members.diverged`.
+Format version 3.  A field may be added with a default; any other change needs a new version.
 """
 
 from __future__ import annotations
@@ -28,11 +27,10 @@ from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
 from granpinn.results.parameters import Covariance, Parameters
-from granpinn.results.parts import Parts
 from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
 
 FORMAT_NAME = "granpinn-results"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 TABLE_HEAD = ("", "value", "std", "90 % interval", "true", "error %")
 
 
@@ -69,7 +67,6 @@ class Result:
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
         not_done: parts after the identification that the run lacks, with the reasons.
-        parts: the law on parts of the data.
         assumptions: what the data do not contain, and its effect on the law.
         bootstrap: errors of identifications of flows that were simulated with the law.
     """
@@ -104,7 +101,6 @@ class Result:
     baseline: Baseline | None = None
     determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
-    parts: Parts | None = None
     assumptions: tuple[Assumed, ...] = ()
     comparison: tuple[ComparedLaw, ...] = ()
     chosen: str | None = None

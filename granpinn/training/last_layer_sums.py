@@ -192,12 +192,6 @@ class Sums:
         """Take the weights of the law from the next evaluation."""
         self._law_weights = None
 
-    @property
-    def law_weight(self) -> Tensor:
-        """Root of the weight of the two residuals of the law at every point, after `loss` [N]."""
-        assert self._law_weights is not None
-        return self._weights[:, 3] * self._law_weights
-
     def expect_smooth(self, A: Tensor, b: Tensor, at: Unknowns) -> float:
         """Add the prior of a curve to the normal equations and to the loss; its loss at `at`."""
         theta, D = at.theta[self.free], self.differences

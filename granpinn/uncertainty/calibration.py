@@ -21,7 +21,6 @@ from granpinn.arrays import Float64
 from granpinn.physics import terms
 from granpinn.results.decoding import decode
 from granpinn.results.named import require_names
-from granpinn.results.parts import SPLITS
 from granpinn.uncertainty.held import NoiseError, ReachError
 from granpinn.uncertainty.misfit_growth import MisfitGrowth
 
@@ -114,33 +113,6 @@ class FreeCurveError:
 
 
 @dataclass(frozen=True)
-class HalvesError:
-    """How much the laws on halves of the data differ in simulated collapses of one law.
-
-    Attributes:
-        sd: standard deviation of the relative difference of friction, beyond that of the
-            residuals, by the names of the splits (results/parts.py).
-        noise: of the vectors over the rms speed, from least to largest for which this holds.
-        steps: of the trainings.
-        flows: number of flows behind it.
-        provenance: the trainings that gave the numbers.
-    """
-
-    sd: dict[str, float]
-    noise: tuple[float, float]
-    steps: int
-    flows: int
-    provenance: str
-
-    def __post_init__(self) -> None:
-        require_names(self.sd, tuple(SPLITS), where="sd.")
-
-    def holds(self, noise: float, steps: int) -> bool:
-        """Whether a training is like those of the study."""
-        return self.noise[0] <= noise <= self.noise[1] and steps >= self.steps
-
-
-@dataclass(frozen=True)
 class ShortTraining:
     """How wrong shorter trainings of such flows were.
 
@@ -178,7 +150,6 @@ class Calibration:
         largest_misfit: the residuals can test the law up to this misfit.
         model_error: of flows of grains, by their kind (`KINDS`); a kind without data is absent.
         free_curve: error of the law `free`; None: not calibrated.
-        halves: error of the law on halves of the data; None: not calibrated.
         shorter: studies of shorter trainings, from few steps to many.
         reach: errors in flows that reach other I; None: not calibrated.
         noise: errors that noise adds; None: not calibrated.
@@ -203,7 +174,6 @@ class Calibration:
     largest_misfit: float
     model_error: dict[str, ModelError] = field(default_factory=dict)
     free_curve: FreeCurveError | None = None
-    halves: HalvesError | None = None
     shorter: tuple[ShortTraining, ...] = ()
     reach: ReachError | None = None
     noise: NoiseError | None = None

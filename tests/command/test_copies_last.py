@@ -17,7 +17,6 @@ from granpinn.results.attempt import (
     BASELINE,
     DETERMINED,
     LAW_CURVE,
-    PARTS,
     PENDING,
     SIMULATED_PRESSURE,
 )
@@ -29,7 +28,7 @@ from tests.examples import make_result
 from tests.runs import tiny
 
 # What needs the effect of the assumptions, and what follows it.
-LATE = (ASSUMPTIONS, BASELINE, DETERMINED, LAW_CURVE, PARTS, SIMULATED_PRESSURE)
+LATE = (ASSUMPTIONS, BASELINE, DETERMINED, LAW_CURVE, SIMULATED_PRESSURE)
 
 
 def test_everything_is_on_disk_when_the_copies_begin(

@@ -13,7 +13,7 @@ from granpinn.command import training_run
 from granpinn.data import Flow, read_flow
 from granpinn.data.surface_sd import SURFACE_SD
 from granpinn.errors import Interrupted
-from granpinn.identification import finish, judgement, prediction, simulated_fields
+from granpinn.identification import finish, prediction, simulated_fields
 from granpinn.identification.case import Case
 from granpinn.output import OutputError
 from granpinn.results import NotDone
@@ -21,7 +21,6 @@ from granpinn.results.attempt import (
     ASSUMPTIONS,
     BASELINE,
     FIELDS,
-    PARTS,
     PENDING,
     attempt,
     awaited,
@@ -71,9 +70,7 @@ def test_the_simulated_pressure_fails_alone(
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
 
 
-def test_the_answer_comes_before_the_fields_and_the_law_on_parts(
-    flow_file: Path, tmp_path: Path
-) -> None:
+def test_the_answer_comes_before_the_fields(flow_file: Path, tmp_path: Path) -> None:
     told: list[tuple[results.Result, bool]] = []
 
     def look(result: results.Result) -> None:
@@ -86,13 +83,11 @@ def test_the_answer_comes_before_the_fields_and_the_law_on_parts(
     (answer, written), (whole, written_then) = told
     assert (written, written_then) == (False, True)
     assert awaited(answer, FIELDS)
-    assert awaited(answer, PARTS)
     assert not awaited(whole, FIELDS)
-    assert not awaited(whole, PARTS)
     assert answer.parameters == whole.parameters == last.parameters
 
 
-def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
+def test_values_are_on_disk_before_the_fields(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: list[results.Result] = []
@@ -102,25 +97,12 @@ def test_values_are_on_disk_before_the_fields_and_the_law_on_parts(
         raise MemoryError
 
     monkeypatch.setattr(prediction, "predict", look)
-    monkeypatch.setattr("granpinn.identification.judgement.laws_on_parts", look)
     last = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
-    without_fields, without_parts = found
-    pending = (ASSUMPTIONS, BASELINE, FIELDS, PARTS)
-    assert missing(without_fields) == dict.fromkeys(pending, PENDING)
+    (without_fields,) = found
+    assert missing(without_fields) == dict.fromkeys((ASSUMPTIONS, BASELINE, FIELDS), PENDING)
     assert without_fields.theta == last.theta
-    why = "there is not enough memory"
-    assert missing(without_parts) == {FIELDS: why, PARTS: PENDING}
-    assert without_parts.baseline == last.baseline is not None
-    assert missing(last) == {FIELDS: why, PARTS: why}
-
-
-def test_no_law_on_parts_where_there_is_none(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "granpinn.identification.judgement.laws_on_parts", raising(AssertionError())
-    )
-    monkeypatch.setattr(judgement, "undetermined", lambda flow, level: "nothing fixes the pressure")
-    result = identify(flow, tiny(steps=3))
-    assert (result.parts, result.not_done) == (None, ())
+    assert last.baseline is not None
+    assert missing(last) == {FIELDS: "there is not enough memory"}
 
 
 def test_everything_is_on_disk_when_the_simulator_begins(

@@ -20,7 +20,7 @@ from granpinn.results import Fields, read_fields, read_results, write_results
 from granpinn.results import fields as fields_file
 from tests.page import Page
 
-OF_CHECKS = ["pressure_simulated", "law_on_parts"]
+OF_CHECKS = ["pressure_simulated"]
 
 
 def test_figures_drawn_before_the_simulated_pressure_are_those_of_the_page(
@@ -36,12 +36,12 @@ def test_figures_drawn_before_the_simulated_pressure_are_those_of_the_page(
     early = draw(run_dir)
     monkeypatch.setattr(films, "film_of", refused)
     drawn = early.pictures
-    assert [p.path.stem for p in drawn] == ["friction_law", "pressure", "law_on_parts"]
+    assert [p.path.stem for p in drawn] == ["friction_law", "pressure"]
     write_results(whole, run_dir / "results.json")
     before = {p.path: p.path.stat().st_mtime_ns for p in drawn}
     page = pages.build(run_dir, prepared=early).read_text(encoding="utf-8")
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    for name in ("friction_law", "pressure", "law_on_parts", "pressure_simulated"):
+    for name in ("friction_law", "pressure", "pressure_simulated"):
         found, expected = (folder / "figures" / f"{name}.png" for folder in (run_dir, built))
         assert found.read_bytes() == expected.read_bytes()
     narrow = Page((built / "report.html").read_text(encoding="utf-8")).values("source", "srcset")

@@ -63,7 +63,6 @@ def test_the_figures_are_inside(built: Path) -> None:
     assert all(picture.startswith("data:image/png;base64,") for picture in (pale, still))
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
     titles["pressure_simulated"] = "Simulated pressure"
-    titles["law_on_parts"] = "Law on parts of the data"
     for source, name in zip(sources, titles, strict=True):
         head, data = source.split(",")
         assert head == "data:image/png;base64"

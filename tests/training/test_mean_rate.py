@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 
 import pytest
 
-from granpinn import identify
 from granpinn.data import Flow
+from granpinn.identification.case import members, pose
+from granpinn.identification.single import start
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import mean_rate
@@ -15,7 +17,7 @@ from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.mean_rate import FEWER, mean_length
 from granpinn.training.objective import Member
-from granpinn.training.trainer import Trainer
+from granpinn.training.progress import Silent
 from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem
 
@@ -48,18 +50,11 @@ def test_the_losses_of_the_trained_network_decide(
 def test_what_follows_the_step_has_its_length(
     flow: Flow, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The halves of the data and the error bars are those of the same equations."""
-    seen: list[Member] = []
-    ended = Trainer.ended
-
-    def kept(self: Trainer, place: int) -> object:
-        found = ended(self, place)
-        assert found is not None
-        seen.append(found[0])
-        return found
-
+    """A comparison of laws has the equations of the last layer."""
     monkeypatch.setattr(mean_rate, "CONTRADICTED", factor)
-    monkeypatch.setattr(Trainer, "ended", kept)
-    identify(flow, tiny(steps=60))
-    assert seen
-    assert {member.problem.mean_length > 0 for member in seen} == {factor > 0}
+    config = tiny(steps=60)
+    run = start(members(pose(flow, config)), config, None, Silent(), time.monotonic())
+    run.train()
+    ended = run.trainer.ended(0)
+    assert ended is not None
+    assert (ended[0].problem.mean_length > 0) == (factor > 0)

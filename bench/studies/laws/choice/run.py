@@ -61,7 +61,6 @@ def row(law: str, number: int, noise: float, flow: Flow, result: Result) -> dict
         "not_done": [str(part) for part in result.not_done],
         "chosen": result.chosen,
         "comparison": [encode(c) for c in result.comparison],
-        "parts": None if result.parts is None else [s.name for s in result.parts.different],
         "velocity_percent": result.error_percent.velocity,
     }
     curve = result.law.curve
