@@ -7,7 +7,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from granpinn import results
+from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
@@ -82,6 +85,27 @@ def _rms_speed(case: Case) -> float:
     return math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
 
 
+def data_of(case: Case) -> results.DataSummary:
+    """What the data of a case are, and what they show."""
+    flow, data = case.flow, case.member.data
+    grain = flow.grain_diameter
+    cell = flow.stated(SOLVER_CELL) or flow.stated(SOLVER_MEAN)
+    return results.DataSummary(
+        n_points=len(data.points),
+        n_surface=len(data.surface_points),
+        noise=case.config.noise,
+        n_frames=int((case.whole or flow).t.size),
+        sampled=case.sampled,
+        symmetries=case.member.problem.symmetries,
+        slips=case.slips,
+        measured_noise=measured_noise(case),
+        independent=case.facts.independent(),
+        height=case.scales.length / grain,
+        spacing=float(np.median(np.diff(flow.y))) / grain,
+        solver_cell=None if cell is None else cell / grain,
+    )
+
+
 def result(
     case: Case,
     run: TrainingLoop,
@@ -108,15 +132,7 @@ def result(
         form=config.form,
         recipe=config.recipe,
         seed=config.seed,
-        data=results.DataSummary(
-            n_points=len(data.points),
-            n_surface=len(data.surface_points),
-            noise=config.noise,
-            n_frames=int((case.whole or flow).t.size),
-            sampled=case.sampled,
-            symmetries=case.member.problem.symmetries,
-            slips=case.slips,
-        ),
+        data=data_of(case),
         timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
         device=str(run.trainer.params.device),
         versions=results.versions(),

@@ -16,6 +16,10 @@ class DataSummary:
         symmetries: in which directions the flow does not change, in words.
         slips: likely mistakes of unit, sign, size or order in the flow file, a sentence each.
         sampled: which parts of a large flow were used for what; None: all of it for all.
+        measured_noise: of the vectors, over their rms velocity; None: they are too few to show it.
+        independent: number of independent vectors.
+        height, spacing: of the grains, and between vectors, in grain diameters.
+        solver_cell: of the solver that made the data, likewise; None: of real grains.
     """
 
     n_points: int
@@ -25,6 +29,11 @@ class DataSummary:
     symmetries: tuple[str, ...] = ()
     slips: tuple[str, ...] = ()
     sampled: str | None = None
+    measured_noise: float | None = None
+    independent: float | None = None
+    height: float | None = None
+    spacing: float | None = None
+    solver_cell: float | None = None
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,8 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
         "flow": {"I0": c.I0, "d": c.d, "aspect": c.aspect, "stride": c.stride, "frames": c.frames},
         "members": encode(found),
+        "level": case.config.level,
+        "data": encode(conclusion.data_of(case)),
         "residuals": residuals,
         "I_range": inertial_range(case.member.data, model_of(case, run.trainer, e)),
         "measured_noise": conclusion.measured_noise(case),

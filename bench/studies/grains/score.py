@@ -33,6 +33,7 @@ from granpinn.results import (
     read_fields,
     read_results,
 )
+from granpinn.results.decoding import encode
 from granpinn.uncertainty.of_kind import kind_of
 
 BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
@@ -76,6 +77,12 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "verdict": None if result.verdict is None else result.verdict.words,
         "I_range": [low, high],
         "misfit_percent": result.error_percent.velocity,
+        "own_law": own["law"],
+        "result_I_range": result.law.I_range,
+        "residuals": result.residuals,
+        "members": None if result.members is None else encode(result.members),
+        "data": encode(result.data),
+        "steps": result.timing.steps,
     }
     if own["mean"] is not None:
         mu = float(curve(own["mean"]["I"]))
