@@ -40,6 +40,7 @@ from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
+from granpinn.results.slip import Slip
 from granpinn.training import problem
 from granpinn.training.objective import Member
 
@@ -67,7 +68,7 @@ class Case:
     """
 
     flow: Flow
-    slips: tuple[str, ...]
+    slips: tuple[Slip, ...]
     config: Config
     scales: Scales
     member: Member
@@ -123,7 +124,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     return posed(*sound(flow), config)
 
 
-def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
+def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
     """A flow that was read and checked, marked as a layer if it is one, and its likely slips.
 
     Raises:
@@ -134,11 +135,11 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[str, ...]]:
     else:
         flow = read_flow(flow)
     flow = with_layer(flow)
-    return flow, tuple(slip.text for slip in refuse_slips(flow))
+    return flow, tuple(refuse_slips(flow))
 
 
 def posed(
-    flow: Flow, slips: tuple[str, ...], config: Config, of_flow: OfFlow | None = None
+    flow: Flow, slips: tuple[Slip, ...], config: Config, of_flow: OfFlow | None = None
 ) -> Case:
     """The problem of a sound flow with its likely slips; `of_flow`: of another case of the flow."""
     # Training gets neither the true parameters nor the reference pressure.

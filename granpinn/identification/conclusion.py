@@ -15,16 +15,20 @@ from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.identification.law_curve import inertial_range
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import LAWS, Law
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import ErrorBars, Members, Verdict
+from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import of_training
 from granpinn.uncertainty.held import Held, Pair, ends_of
+
+LAST_PART = 0.1  # of the steps, in which the law should no longer change
+PLACES = 20  # inertial numbers at which laws are compared, evenly in log I
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
@@ -124,7 +128,7 @@ def result(
     flow, config, data = case.flow, case.config, case.member.data
     loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
     residuals, steps = residuals_of(case, loss), run.trainer.step
-    I_range = inertial_range(data, model) if model.law is DEFAULT else None
+    I_range = inertial_range(data, model)
     law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
         **law._asdict(),
@@ -145,7 +149,28 @@ def result(
         loss=loss,
         members=members,
         residuals=residuals,
+        drift=drift_of(run.histories[e].rows, model.law, I_range),
     )
+
+
+def drift_of(rows: Sequence[Row], law: Law, I_range: Pair | None) -> float | None:
+    """Largest relative change of mu over a range of I in the last tenth of the steps.
+
+    Args:
+        rows: of the history, the last one at the last step.
+
+    Returns:
+        None without two rows, without a range of I, or where friction is not finite.
+    """
+    if len(rows) < 2 or I_range is None:
+        return None
+    last = rows[-1]
+    before = min(rows[:-1], key=lambda row: abs(row.step - (1 - LAST_PART) * last.step))
+    I = np.geomspace(*I_range, PLACES)  # noqa: E741
+    then, now = (np.asarray(law.friction(I, *row.parameters), np.float64) for row in (before, last))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = float(np.max(np.abs(now / then - 1)))
+    return change if math.isfinite(change) else None
 
 
 class _Law(NamedTuple):

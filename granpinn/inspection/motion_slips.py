@@ -12,7 +12,6 @@ The gradients of u and v, and the motion of c, must fit u and v (conservation.py
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from granpinn.inspection.conservation import Center, Volume
 from granpinn.inspection.wording import about
@@ -91,5 +90,5 @@ def beyond(ratio: float, factor: float) -> bool:
     return not 1 / factor <= ratio <= factor
 
 
-def _severity(ratio: float) -> Literal["impossible", "improbable"]:
+def _severity(ratio: float) -> str:
     return IMPOSSIBLE if beyond(ratio, NO_ERROR) else IMPROBABLE

@@ -22,7 +22,7 @@ from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.scaling import initial_height
 from granpinn.inspection.wording import about, digits
-from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
+from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Slip
 
 FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
 EMPTY = 0.2  # share of the space that grains fill
@@ -49,7 +49,7 @@ def _grains(flow: Flow) -> list[Slip]:
     what = "layer is" if flow.periodic else "grains are"
     return [
         Slip(
-            IMPOSSIBLE if count < FEWEST_GRAINS else IMPROBABLE,
+            IMPOSSIBLE if count < FEWEST_GRAINS else UNUSUAL,
             f"the {what} {digits(count)} diameters high in the first frame, and flows of "
             f"{few:g} to {MOST_GRAINS:,.0f} are usual: check the grain diameter and the scale",
         )
@@ -79,9 +79,7 @@ def _gravity(flow: Flow) -> list[Slip]:
     if EARTH[0] <= g <= EARTH[1]:
         return []
     return [
-        Slip(
-            IMPROBABLE, f"gravity is {digits(g)} m/s^2, and 9.81 on Earth: check its size and unit"
-        )
+        Slip(UNUSUAL, f"gravity is {digits(g)} m/s^2, and 9.81 on Earth: check its size and unit")
     ]
 
 

@@ -30,7 +30,7 @@ from granpinn.inspection.gravity_slips import gravity_slips
 from granpinn.inspection.motion_slips import CENTER_DIFFERS, beyond, motion_slips
 from granpinn.inspection.size_slips import against_fall, size_slips
 from granpinn.inspection.surface_slips import surface_slips
-from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
+from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, SEVERITIES, Slip
 
 # Frames are taken evenly from the whole flow, so many at most, and fewer of a large grid.
 MOST_FRAMES, FEWEST_FRAMES, MOST_CELLS = 48, 16, 1_000_000
@@ -43,11 +43,11 @@ def slips(flow: Flow) -> list[Slip]:
     Scattered vectors are compared with gravity on their view, and not with each other.
     """
     with np.errstate(all="ignore"):  # what is not finite decides nothing
-        return sorted(_slips(flow), key=lambda slip: slip.severity != IMPOSSIBLE)
+        return sorted(_slips(flow), key=lambda slip: SEVERITIES.index(slip.severity))
 
 
 def refuse_slips(flow: Flow) -> list[Slip]:
-    """Refuses impossible data, and warns of improbable ones with a FlowFileWarning.
+    """Refuses impossible data, and warns of other slips with a FlowFileWarning.
 
     Raises:
         FlowFileError: for the first impossible slip.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from granpinn.results.decoding import OTHERS
+from granpinn.results.slip import Slip
 
 
 @dataclass(frozen=True)
@@ -14,7 +15,7 @@ class DataSummary:
     Attributes:
         noise: the added sd, relative to the maximum speed.
         symmetries: in which directions the flow does not change, in words.
-        slips: likely mistakes of unit, sign, size or order in the flow file, a sentence each.
+        slips: likely mistakes of unit, sign, size or order in the flow file.
         sampled: which parts of a large flow were used for what; None: all of it for all.
         measured_noise: of the vectors, over their rms velocity; None: they are too few to show it.
         independent: number of independent vectors.
@@ -27,7 +28,7 @@ class DataSummary:
     noise: float
     n_frames: int
     symmetries: tuple[str, ...] = ()
-    slips: tuple[str, ...] = ()
+    slips: tuple[Slip, ...] = ()
     sampled: str | None = None
     measured_noise: float | None = None
     independent: float | None = None

@@ -66,6 +66,8 @@ class Result:
         law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
+        drift: largest relative change of mu over the I of the data in the last tenth of the steps,
+            before the last-layer step; None: not known.
         not_done: parts after the identification that the run lacks, with the reasons.
         assumptions: what the data do not contain, and its effect on the law.
         bootstrap: errors of identifications of flows that were simulated with the law.
@@ -96,6 +98,7 @@ class Result:
     resimulation: Resimulation | None = None
     members: Members | None = None
     residuals: Residuals | None = None
+    drift: float | None = None
     error_bars: ErrorBars | None = None
     verdict: Verdict | None = None
     baseline: Baseline | None = None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 IMPOSSIBLE: Final = "impossible"
 IMPROBABLE: Final = "improbable"
+UNUSUAL: Final = "unusual"
+SEVERITIES = (IMPOSSIBLE, IMPROBABLE, UNUSUAL)
 
 
 @dataclass(frozen=True)
@@ -14,12 +16,19 @@ class Slip:
     """A likely mistake in a flow file.
 
     Attributes:
-        severity: "impossible" contradicts a conservation law; training refuses it.
+        severity: "impossible" contradicts a conservation law, and training refuses it. Where it is
+            "improbable", a law from the data is probably wrong. A size that is "unusual" may be
+            right.
         text: one sentence: what contradicts what, and what to check.
     """
 
-    severity: Literal["impossible", "improbable"]
+    severity: str
     text: str
+
+    def __post_init__(self) -> None:
+        if self.severity not in SEVERITIES:
+            expected = ", ".join(SEVERITIES)
+            raise ValueError(f"severity must be one of {expected}, got {self.severity!r}")
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.text}"

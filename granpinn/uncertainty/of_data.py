@@ -16,7 +16,7 @@ from granpinn.inspection.inspection import Inspection
 from granpinn.inspection.precision import training_excess
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.determined import NOT_DETERMINED
-from granpinn.results.slip import IMPOSSIBLE
+from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE
 from granpinn.uncertainty.determined import lost_of, range_of
 
 NO_FRICTION = "No friction coefficient can be given"
@@ -37,7 +37,7 @@ def _answer(found: Inspection) -> str:
     p = found.precision
     if any(slip.severity == IMPOSSIBLE for slip in found.slips):
         return "These data are impossible, and training refuses them: mend the flow file first."
-    if found.slips:
+    if any(slip.severity == IMPROBABLE for slip in found.slips):
         return (
             "These data are improbable, and a law from them is not to be trusted: explain what "
             "stands above, or mend the flow file."

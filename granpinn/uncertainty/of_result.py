@@ -38,7 +38,7 @@ class Assessment(NamedTuple):
 def assess(result: Result, summary: Summary) -> Assessment:
     """The verdict on a result."""
     bad, care, good = _training(result, summary)
-    care += [f"The data are improbable: {slip}." for slip in result.data.slips]
+    care += [f"The data are {slip}." for slip in result.data.slips]
     unknown = _without_errors(result)
     bad += unknown
     for name in result.parameters:

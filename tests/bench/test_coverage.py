@@ -243,13 +243,18 @@ def test_the_materials_are_a_function_of_the_seed() -> None:
     few, many = (materials.draw(n, 1, 5, cells=64) for n in (2, 4))
     assert few[:2] == many[:2]
     assert few[2:] == many[4:]
-    assert [task.law for task in few] == [materials.LAW] * 2 + ["viscous", "cohesive", "reversed"]
+    assert [task.law for task in few] == [materials.LAW] * 2 + [
+        "viscous",
+        "cohesive",
+        "reversed",
+        "silo",
+    ]
     for task in many:
-        assert 0.2 <= task.collapse.mu_s <= 0.6
-        assert 0.1 <= task.collapse.mu_2 - task.collapse.mu_s <= 0.3
-    viscous = few[2].collapse
+        assert 0.2 <= task.scene.mu_s <= 0.6
+        assert 0.1 <= task.scene.mu_2 - task.scene.mu_s <= 0.3
+    viscous = few[2].scene
     assert viscous.eta_min == pytest.approx(viscous.eta_max, rel=1e-5)
-    assert few[3].collapse.cohesion >= 0.5
+    assert few[3].scene.cohesion >= 0.5
 
 
 def test_a_flow_is_read_as_an_experiment_would_give_it(flow: Flow, tmp_path: Path) -> None:

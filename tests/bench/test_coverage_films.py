@@ -16,9 +16,9 @@ from tests.bench.test_chain import true_vectors
 def test_a_film_has_the_grains_and_the_speed_of_its_collapse(tmp_path: Path) -> None:
     """The flow file is in SI units: speeds scale with sqrt(g height), diameters with the height."""
     (task,) = films.tasks_of(1, 3)
-    small = dataclasses.replace(task, collapse=dataclasses.replace(task.collapse, cells=64))
+    small = dataclasses.replace(task, scene=dataclasses.replace(task.scene, cells=64))
     path = films.measured(small, tmp_path, true_vectors, pairs=4, across=200)
-    flow, like = read_flow(path), task.collapse
+    flow, like = read_flow(path), task.scene
     assert flow.grain_density is not None
     density = np.sqrt(flow.grain_density / flow.density)
     assert flow.grain_diameter * density == pytest.approx(0.1 * like.d / like.height)

@@ -141,11 +141,11 @@ def test_a_varied_study_draws_the_flows_too() -> None:
     )
     usual = materials.draw(8, 0, 3, cells=256, threads=1)
     assert first == second
-    assert [t.collapse.mu_s for t in first] == [t.collapse.mu_s for t in usual]
+    assert [t.scene.mu_s for t in first] == [t.scene.mu_s for t in usual]
     for task in first:
-        c = task.collapse
+        c = task.scene
         assert materials.I0[0] <= c.I0 <= materials.I0[1]
         assert materials.ASPECT[0] <= c.aspect <= materials.ASPECT[1]
         assert task.noise is not None
         assert materials.NOISE[0] <= task.noise <= materials.NOISE[1]
-    assert len({(t.collapse.stride, t.collapse.frames, t.noise) for t in first}) == 8
+    assert len({(t.scene.stride, t.scene.frames, t.noise) for t in first}) == 8

@@ -65,10 +65,10 @@ def test_inspect_leads_with_what_is_improbable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "flow.h5"
-    write_flow(make_flow(grain_diameter=0.2), path)
+    write_flow(make_flow(grain_density=15_000.0), path)
     assert inspect.main([str(path)]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("improbable: the grains are 4.8 diameters high")
+    assert printed.startswith("improbable: the grains fill 0.1 of the space")
     assert "- These data are improbable, and a law from them is not to be trusted" in printed
     assert "can answer the question" not in printed
     assert "next: mend the flow file" in printed

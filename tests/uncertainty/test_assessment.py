@@ -10,6 +10,7 @@ import pytest
 
 from granpinn.results import ErrorPercent, Parameter, Parameters
 from granpinn.results.records import Verdict
+from granpinn.results.slip import Slip
 from granpinn.results.summary import summarize
 from granpinn.uncertainty.of_result import Assessment, assess, headline
 from tests.examples import make_result
@@ -82,7 +83,9 @@ def test_the_terminal_has_the_headline_of_the_page(tmp_path: Path) -> None:
 
 
 def test_a_slip_of_the_flow_file_asks_for_care() -> None:
-    data = replace(make_result().data, slips=("gravity is 98 m/s^2, and 9.81 on Earth",))
+    data = replace(
+        make_result().data, slips=(Slip("improbable", "gravity is 98 m/s^2, and 9.81 on Earth"),)
+    )
     found = verdict(data=data)
     assert found.grade == "care"
     assert found.reasons[0] == "The data are improbable: gravity is 98 m/s^2, and 9.81 on Earth."

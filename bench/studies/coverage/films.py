@@ -32,6 +32,7 @@ from bench.studies.experiment.commands import ExperimentError, convert
 from bench.studies.experiment.film import HEIGHT, column, shoot
 from bench.studies.experiment.run import Piv, openpiv
 from granpinn.config import ConfigError
+from granpinn.simulation import Collapse
 from granpinn.uncertainty import calibration
 
 CELLS = 256  # of a simulation
@@ -45,8 +46,8 @@ def tasks_of(films: int, seed: int) -> list[Task]:
     """The collapses of the films; every one has the sampling of its film."""
 
     def filmed(task: Task) -> Task:
-        collapse = dataclasses.replace(task.collapse, stride=1, frames=PAIRS)
-        return dataclasses.replace(task, collapse=collapse)
+        collapse = dataclasses.replace(task.scene, stride=1, frames=PAIRS)
+        return dataclasses.replace(task, scene=collapse)
 
     drawn = draw(films, 0, seed, varied=True, cells=CELLS, threads=1)
     return list(map(filmed, drawn))
@@ -58,7 +59,8 @@ def measured(task: Task, folder: Path, piv: Piv, pairs: int = PAIRS, across: int
     path = own / "measured.h5"
     if path.exists():
         return path
-    like = task.collapse
+    like = task.scene
+    assert isinstance(like, Collapse)
     own.mkdir(parents=True, exist_ok=True)
     pixel = like.box[0] * HEIGHT / like.height / across
     film = shoot(column(like.cells, 4 * pairs, like), pairs, pixel, DISPLACEMENT, own, seed=0)

@@ -1,8 +1,8 @@
 """The flows of the coverage study: materials drawn at random, and controls that break mu(I).
 
 A varied study draws I0, the grain diameter, the column and its sampling as well, a noisy one the
-noise of every flow. Controls are a fluid of constant viscosity, cohesive grains, and collapses
-played backwards.
+noise of every flow. Controls are a fluid of constant viscosity, cohesive grains, collapses played
+backwards, and silos, in which walls carry the grains.
 """
 
 from __future__ import annotations
@@ -18,10 +18,13 @@ import numpy as np
 from bench.studies.cores import on_all_cores
 from granpinn.data import Flow, read_flow
 from granpinn.simulation import Collapse, simulate
+from granpinn.simulation.scene import Scene
+from granpinn.simulation.silo import Silo
 
 MU_S, SLOPE = (0.2, 0.6), (0.1, 0.3)  # slope: mu_2 - mu_s
 VISCOSITY = (0.3, 3.0)  # of the viscous control, log-uniform; 10 sqrt(10) is the unit of the column
 COHESION = (0.5, 2.0)  # of the cohesive control; the weight of the column is 10
+SILO = {"cells": 64, "stride": 2, "threads": 1}  # across the width of the silo
 LAW = "mu(I)"
 # Of a varied study; diameters are in widths of the usual column, aspects and diameters log-uniform.
 I0, DIAMETER, ASPECT = (0.2, 0.4), (0.0125, 0.05), (3.0, 12.0)
@@ -33,7 +36,7 @@ SHALLOW = 3.0  # aspect above which the runout grows as its power of 2/3
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """One flow to be made: its law ("mu(I)" or the kind of control) and the collapse.
+    """One flow to be made: its law ("mu(I)" or the kind of control) and the scene.
 
     Attributes:
         noise: that is added to its velocity; None: that of the settings.
@@ -41,7 +44,7 @@ class Task:
 
     name: str
     law: str
-    collapse: Collapse
+    scene: Scene
     noise: float | None = None
 
 
@@ -61,9 +64,9 @@ def draw(
         noisy: whether the noise of the truths is.
     """
     generator = np.random.default_rng(seed)
-    of_flow, of_noise = (np.random.default_rng((seed, k)) for k in (2, 3))
+    of_flow, of_noise, of_silo = (np.random.default_rng((seed, k)) for k in (2, 3, 4))
 
-    def material() -> dict[str, Any]:
+    def material(generator: np.random.Generator) -> dict[str, Any]:
         mu_s, slope = (float(generator.uniform(*limits)) for limits in (MU_S, SLOPE))
         return {"mu_s": mu_s, "mu_2": mu_s + slope}
 
@@ -71,7 +74,7 @@ def draw(
     tasks = []
     for i in range(truths):
         own = settings | (variation(of_flow) if varied else {})
-        collapse = Collapse(**material(), **own)
+        collapse = Collapse(**material(generator), **own)
         noise = between(of_noise, *NOISE) if noisy else None
         tasks.append(Task(f"{kind}-{seed}-{i:04d}", LAW, collapse, noise))
     generator = np.random.default_rng((seed, 1))
@@ -83,9 +86,11 @@ def draw(
             "reversed": {},
         }
         tasks += [
-            Task(f"{law}-{seed}-{i:04d}", law, Collapse(**material() | change, **settings))
+            Task(f"{law}-{seed}-{i:04d}", law, Collapse(**material(generator) | change, **settings))
             for law, change in changes.items()
         ]
+        silo = Silo(**material(of_silo) | SILO | {"frames": settings.get("frames", FRAMES[1])})
+        tasks.append(Task(f"silo-{seed}-{i:04d}", "silo", silo))
     return tasks
 
 
@@ -111,7 +116,7 @@ def between(generator: np.random.Generator, low: float, high: float) -> float:
 
 def path_of(task: Task, folder: Path) -> Path:
     """The file of a task in a folder of flows."""
-    return folder / f"{task.name}-{task.collapse.cells}-{task.collapse.frames}.h5"
+    return folder / f"{task.name}-{task.scene.cells}-{task.scene.frames}.h5"
 
 
 def make(task: Task, folder: Path) -> Path:
@@ -119,7 +124,7 @@ def make(task: Task, folder: Path) -> Path:
     path = path_of(task, folder)
     if not path.exists():
         begun = path.with_suffix(".begun.h5")
-        simulate(task.collapse, out=begun)
+        simulate(task.scene, out=begun)
         begun.rename(path)
     return path
 

@@ -29,6 +29,7 @@ from bench.studies.coverage.materials import make, path_of
 
 USUAL, VARIED = "--truths 90 --controls 2 --draw 0", "--truths 60 --controls 0 --varied"
 OTHERS = "--truths 48 --controls 0 --draw 7"
+CONTROLS = "--truths 0 --controls 4 --draw 3"
 # By the name of its results: the words of coverage.run, those with the same flows side by side.
 POPULATIONS = {
     "varied": f"{VARIED} --draw 9",
@@ -39,6 +40,11 @@ POPULATIONS = {
     "coverage": USUAL,
     "coverage_V0": f"{USUAL} --level V0",
     "noisy": f"{VARIED} --noisy --draw 11",
+    "controls": CONTROLS,
+    "controls_0.05": f"{CONTROLS} --noise 0.05",
+    "controls_0.2": f"{CONTROLS} --noise 0.2",
+    "steps_1000": f"{OTHERS} --steps 1000",
+    "steps_3000": f"{OTHERS} --steps 3000",
     "steps_6000": f"{OTHERS} --steps 6000",
     "steps_10000": f"{OTHERS} --steps 10000",
     "usual_V0": f"{OTHERS} --level V0",

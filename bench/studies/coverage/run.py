@@ -9,7 +9,7 @@ every member. It also prints what the shipped calibration says of them. The seco
 shipped calibration from them. Settings that are not its own go to the identification as they are
 (`--steps 20000 --noise 0.2`).
 
-Controls are flows that do not obey mu(I). A verdict has to flag them.
+Controls are flows that do not obey mu(I), or that walls carry. No result of one may be good.
 Defends: the 90 % intervals of the default recipe hold 85 to 95 % of the truths.
 """
 
@@ -28,44 +28,48 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.studies import raw
+from bench.studies.cores import processes
 from bench.studies.coverage.judge import cases_of, report
 from bench.studies.coverage.materials import Task, draw, make_all, read
+from bench.studies.records import balance_of, records_of
 from granpinn.config import Config, ConfigError
 from granpinn.identification import conclusion
 from granpinn.identification.case import Case, members, pose
 from granpinn.identification.conclusion import model_of
-from granpinn.identification.final_loss import final_loss
-from granpinn.identification.law_curve import inertial_range
 from granpinn.identification.single import start
-from granpinn.results.decoding import encode
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 from granpinn.uncertainty import calibration
 
 
 def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dict[str, Any]:
-    """What judge.py needs of one identification: the members of `run` from `first` on."""
-    c = task.collapse
+    """The records of one identification: the members of `run` from `first` on."""
+    c = task.scene
     found, shown = conclusion.members_of(cases, run, first)
     case, e = cases[shown], first + shown
-    residuals = conclusion.residuals_of(case, final_loss(run.trainer, e))
-    failure = run.trainer.diverged.get(e)
+    result = conclusion.result(case, run, e, found, model_of(case, run.trainer, e))
+    names = ("I0", "d", "aspect", "stride", "frames")
     return {
         "name": task.name,
         "law": task.law,
         "truth": {"mu_s": c.mu_s, "mu_2": c.mu_2},
-        "flow": {"I0": c.I0, "d": c.d, "aspect": c.aspect, "stride": c.stride, "frames": c.frames},
-        "members": encode(found),
-        "level": case.config.level,
-        "data": encode(conclusion.data_of(case)),
-        "residuals": residuals,
-        "I_range": inertial_range(case.member.data, model_of(case, run.trainer, e)),
-        "measured_noise": conclusion.measured_noise(case),
-        "independent": case.facts.independent(),
-        "steps": run.trainer.step,
+        "flow": {name: getattr(c, name, None) for name in names},
         "n_points": len(case.member.data.points),
-        "failure": failure or (None if residuals else "residuals that are not finite"),
+        **records_of(result),
+        "failure": result.failure
+        or (None if result.residuals else "residuals that are not finite"),
     }
+
+
+def settings_of(task: Task, config: Config, i: int) -> Config:
+    """The settings of the identification of task i of a batch."""
+    noise = config.noise if task.noise is None else task.noise
+    return dataclasses.replace(config, seed=config.seed + i, I0=task.scene.I0, noise=noise)
+
+
+def balanced(task: Task, path: Path, config: Config) -> dict[str, Any] | None:
+    """The momentum balance of a flow, as its identification sees it."""
+    return balance_of(pose(read(task, path), config).balance.at(config.I0))
 
 
 def identified(
@@ -73,22 +77,25 @@ def identified(
 ) -> list[dict[str, Any]]:
     """The rows of these flows, identified as one batch; the first has the seed of the settings.
 
-    Fields, figures and pressures, which `granpinn.identify_many` would add, are not made.
+    Fields, figures and pressures, which `granpinn.identify_many` would add, are not made. The
+    momentum balances, which need no network, are made on the other cores meanwhile.
     """
+    settings = [settings_of(task, config, i) for i, task in enumerate(tasks)]
 
     def posed(i: int) -> list[Case]:
-        task = tasks[i]
-        noise = config.noise if task.noise is None else task.noise
-        own = dataclasses.replace(config, seed=config.seed + i, I0=task.collapse.I0, noise=noise)
-        return list(members(pose(read(tasks[i], paths[i]), own)))
+        return list(members(pose(read(tasks[i], paths[i]), settings[i])))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         cases = list(pool.map(posed, range(len(tasks))))
     every = [case for own in cases for case in own]
     run = start(every, config, None, Lines(), time.monotonic(), [None] * len(every))
-    run.train()
-    firsts = range(0, len(every), config.members)
-    return list(map(row, tasks, cases, repeat(run), firsts))
+    with processes(spare=1) as others:
+        balances = others.map(balanced, tasks, paths, settings)
+        run.train()
+        firsts = range(0, len(every), config.members)
+        rows = list(map(row, tasks, cases, repeat(run), firsts))
+        pairs = zip(rows, balances, strict=True)
+        return [own | {"baseline": balance} for own, balance in pairs]
 
 
 def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:

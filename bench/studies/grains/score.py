@@ -24,6 +24,7 @@ from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.law import SCORED, SLOWEST, errors_percent, friction, mu_of_i
 from bench.studies.grains.make import REFERENCE, SUMMARY
+from bench.studies.records import records_of
 from granpinn.arrays import Float64
 from granpinn.results import (
     FieldsFileError,
@@ -33,7 +34,6 @@ from granpinn.results import (
     read_fields,
     read_results,
 )
-from granpinn.results.decoding import encode
 from granpinn.uncertainty.of_kind import kind_of
 
 BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
@@ -73,16 +73,11 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "name": result.law.name,
         "law": law,
         "kind": kind_of(result.data.symmetries, carried, of_solver=False),
-        "failure": result.failure,
-        "verdict": None if result.verdict is None else result.verdict.words,
-        "I_range": [low, high],
         "misfit_percent": result.error_percent.velocity,
         "own_law": own["law"],
+        "I_range": [low, high],
         "result_I_range": result.law.I_range,
-        "residuals": result.residuals,
-        "members": None if result.members is None else encode(result.members),
-        "data": encode(result.data),
-        "steps": result.timing.steps,
+        **{name: value for name, value in records_of(result).items() if name != "I_range"},
     }
     if own["mean"] is not None:
         mu = float(curve(own["mean"]["I"]))

@@ -59,7 +59,7 @@ def study(tasks: Sequence[Task], config: Config, folder: Path) -> list[dict[str,
 
 def row(task: Task, run: Result, trained: Sequence[Result], law_accuracy: float) -> dict[str, Any]:
     """The truth of one flow and its profile with error bars."""
-    c = task.collapse
+    c = task.scene
     truth = {"mu_s": c.mu_s, "slope": (c.mu_2 - c.mu_s) / c.I0, "I0": c.I0}
     profile = with_unknown_I0(profile_from(trained, law_accuracy, ASSUMED), run)
     return {"name": task.name, "truth": truth, "mu_2": c.mu_2, "profile": encode(profile)}

@@ -132,8 +132,9 @@ def study(flows: Mapping[str, Flow]) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """One line for each slip: i(mpossible), p (improbable), r(efused), . (silent), - (no sense)."""
-    signs = {"impossible": "i", "improbable": "p", "refused": "r", "silent": "."}
+    """One line for each slip: i(mpossible), p (improbable), u(nusual), r(efused), . (silent) or -
+    (no sense)."""
+    signs = {"impossible": "i", "improbable": "p", "unusual": "u", "refused": "r", "silent": "."}
     names = list(next(iter(found["named"].values())))
     lines = [f"{k:>3} {name}" for k, name in enumerate(names)]
     lines.append(f"{'':<46}" + "".join(f"{k:>3}" for k in range(len(names))))

@@ -1,0 +1,35 @@
+"""What a study keeps of a result, so that the result can be judged again without its training."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granpinn.results import Result
+from granpinn.results.baseline import Baseline
+from granpinn.results.decoding import encode
+
+
+def records_of(result: Result) -> dict[str, Any]:
+    """The records of a result that its error bars and its assessment come from, as JSON values."""
+    return {
+        "level": result.level,
+        "data": encode(result.data),
+        "members": None if result.members is None else encode(result.members),
+        "residuals": encode(result.residuals),
+        "I_range": result.law.I_range,
+        "measured_noise": result.data.measured_noise,
+        "independent": result.data.independent,
+        "steps": result.timing.steps,
+        "drift": result.drift,
+        "baseline": balance_of(result.baseline),
+        "failure": result.failure,
+    }
+
+
+def balance_of(found: Baseline | None) -> dict[str, Any] | None:
+    """Why there is no momentum balance, or the points (I, mu, standard error, cells) of it that
+    laws are compared with."""
+    if found is None:
+        return None
+    points = [(p.I, p.mu, p.se, p.cells) for p in found.shown]
+    return {"reason": found.reason, "carried": found.carried, "points": points}
