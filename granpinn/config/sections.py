@@ -143,8 +143,7 @@ class Batch:
     surface: int = setting(64, "points on the free surface", low=0, high=2**31)
     collocation: float = setting(
         1.0,
-        "random points between the vectors of a grid, for the equations alone, per vector; more "
-        "where vectors are few",
+        "random points between the vectors of a grid, for the equations alone, per vector",
         low=0,
         high=100,
     )

@@ -27,9 +27,6 @@ from granpinn.physics.axes import vertical_coordinate
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# With few vectors the network overfits the equations at few points, so there are more points than
-# the share: at least this many, but no more than so many per vector.
-LEAST, MOST_PER_VECTOR = 30_000, 8
 # Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64
 
@@ -37,7 +34,7 @@ _KEY = 3 << 64
 def with_collocation(
     training: TrainingSet, flow: Flow, scales: Scales, share: float
 ) -> TrainingSet:
-    """The training set with points between its vectors, `share` of them for each vector or more.
+    """The training set with points between its vectors, `share` of them for each vector.
 
     It is unchanged if share is 0, for tracked particles, and if no cell of the grid above the
     lowest row is full of grains.
@@ -45,9 +42,7 @@ def with_collocation(
     if flow.particles is not None:
         return training
     above = above_ground_after_start(flow)
-    vectors = len(training.points)
-    least = min(LEAST, MOST_PER_VECTOR * vectors) if share > 0 else 0
-    x, y, t = points_between(flow, above, max(round(share * vectors), least))
+    x, y, t = points_between(flow, above, round(share * len(training.points)))
     if x.size == 0:
         return training
     points = scales.points_to_dimensionless(x, y, t)

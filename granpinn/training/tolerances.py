@@ -9,8 +9,7 @@ values of the velocity. The mean of the N vectors behind each value has the erro
 $\sigma\sqrt{n/N}$, where N counts independent vectors and $\sigma$ is the noise of one of them.
 A smaller tolerance lets the network follow the noise; a much larger one lets the friction law
 distort the velocity. n was chosen on flows of grains and on collapses with added noise
-(bench/studies/noise/note.md). It belongs to a velocity that depends on x, y and t. A velocity that
-depends on k of them has $n^{k/3}$ values.
+(bench/studies/noise/note.md).
 
 The forces between grains fluctuate around those of the law, from place to place. A flow that is the
 same along x has a network without x: it solves the equations of the mean over N columns, whose
@@ -29,7 +28,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LAW, TERMS
 
-RESOLVED = 1000.0  # n, in x, y and t
+RESOLVED = 1000.0  # n
 MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried
 
 
@@ -48,8 +47,7 @@ class VelocityNoise:
     @classmethod
     def of(cls, facts: Facts, training: int | None = None) -> VelocityNoise:
         """Of a flow, from its measured noise, for a number of vectors as of `Facts.independent`."""
-        resolved = RESOLVED ** ((3 - sum(facts.invariant)) / 3)
-        share = min(1.0, math.sqrt(resolved / max(1.0, facts.independent(training))))
+        share = min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent(training))))
         return cls(facts.sigma, share)
 
     def factor(self, weight: float, misfit: float) -> float:

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from granpinn.data import Flow, TrainingSet, training_set, with_collocation
-from granpinn.data.collocation import MOST_PER_VECTOR, above_ground
+from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
 from tests.data.test_particles import FLOW as SCATTERED
 from tests.data.test_points import FLOW, SCALES, with_gaps
@@ -33,7 +33,7 @@ def cells_of(flow: Flow, points: torch.Tensor) -> npt.NDArray[np.int64]:
 @pytest.mark.parametrize("flow", [FLOW, with_gaps(FLOW)], ids=["full", "gaps"])
 def test_they_lie_in_cells_full_of_grains_above_the_lowest_row(flow: Flow) -> None:
     data = collocated(flow, 3.0)
-    assert len(data.between) == MOST_PER_VECTOR * len(data.points)  # few vectors
+    assert len(data.between) == 3 * len(data.points)
     cells = cells_of(flow, data.between)
     for corner in product((0, 1), repeat=3):
         assert flow.material[tuple((cells + corner).T)].all()

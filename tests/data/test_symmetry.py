@@ -24,7 +24,6 @@ from granpinn.data import (
     with_collocation,
     write_flow,
 )
-from granpinn.data.collocation import MOST_PER_VECTOR
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, with_layer, words
 from tests.flows import make_chute, make_flow
@@ -117,7 +116,7 @@ def test_one_frame_has_points_between_its_vectors() -> None:
     scales = scales_of(flow)
     data = with_collocation(training_set(flow, scales), flow, scales, 1.0)
     between = data.between.numpy()
-    assert len(between) == MOST_PER_VECTOR * len(data.points)
+    assert len(between) == len(data.points)
     assert (between[:, 2] == data.points[0, 2].item()).all()
     full = flow.y[flow.c[0].any(axis=1)] / scales.length
     assert between[:, 1].min() >= full[1] - 1e-6

@@ -69,14 +69,6 @@ def test_noise_is_measured_and_leaves_the_shear_rate(demo: Flow, sd: float) -> N
     )
 
 
-def test_a_velocity_of_one_coordinate_has_fewer_values() -> None:
-    found = facts(add_noise(make_chute(frames=20), 0.05, 0))
-    assert found.invariant == (True, False, True)
-    assert VelocityNoise.of(found).share == pytest.approx(
-        math.sqrt(RESOLVED ** (1 / 3) / found.independent())
-    )
-
-
 def test_few_vectors_take_all_of_their_noise() -> None:
     assert VelocityNoise.of(facts(make_flow())).share == 1
 
