@@ -3,11 +3,11 @@
 python -m bench.studies.coverage.remake --flows FLOWS --out RESULTS --device cuda
 python -m bench.studies.coverage.remake --out RESULTS --write
 
-The first command simulates the flows, each on one core, all cores but one, and trains every
-population on the device as soon as its flows are there. A population whose results are in `--out`
-is not made again, so a run that was stopped goes on. `--until 500` begins none after 500 s. The
-films, which need a PIV program, are made by films.py. The second command makes the error bars of
-both levels from the results. Settings that are not its own go to every identification.
+The first command simulates the flows, each on one core, and trains every population as soon as its
+flows are there, one on each GPU. A population whose results are in `--out` is not made again, so a
+run that was stopped goes on. `--until 500` begins none after 500 s, and `--only NAME ...` makes
+some. The films, which need a PIV program, are made by films.py. The second command makes the error
+bars of both levels from the results. Settings that are not its own go to every identification.
 
 Defends: a change of the training comes with error bars of its own.
 """
@@ -20,8 +20,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
+
+import torch
 
 from bench.studies.cores import processes
 from bench.studies.coverage import run
@@ -82,12 +85,23 @@ def results_of(name: str, out: Path) -> Path:
     return out / f"{name}.json"
 
 
-def remake(out: Path, flows: Path, settings: Sequence[str], until: float) -> list[str]:
-    """Make the populations without results; the names of those that are left after the time."""
-    begin, left = time.monotonic(), [n for n in POPULATIONS if not results_of(n, out).exists()]
+def remake(
+    out: Path, flows: Path, settings: Sequence[str], until: float, only: Sequence[str] = ()
+) -> list[str]:
+    """Make the populations without results; the names of those that are left after the time.
+
+    Raises:
+        CalledProcessError: a training failed.
+    """
+    begin = time.monotonic()
+    names = [n for n in only or POPULATIONS if not results_of(n, out).exists()]
     flows.mkdir(parents=True, exist_ok=True)
-    with processes(spare=1, initializer=_give_way) as pool:
+    gpus = max(1, torch.cuda.device_count())
+    with processes(initializer=_give_way) as pool, ThreadPoolExecutor(gpus) as trainers:
         made: dict[Path, Future[Path]] = {}  # the flows that were not there
+        free = SimpleQueue[int]()
+        for gpu in range(gpus):
+            free.put(gpu)
 
         def simulated(name: str) -> Iterator[Future[Path]]:
             for task in run.options(words_of(name, out, flows, settings)).tasks:
@@ -97,23 +111,38 @@ def remake(out: Path, flows: Path, settings: Sequence[str], until: float) -> lis
                 if path in made:
                     yield made[path]
 
-        waiting = {name: list(simulated(name)) for name in left}
+        def train(name: str, waiting: Sequence[Future[Path]]) -> bool:
+            for future in waiting:
+                future.result()
+            if time.monotonic() - begin > until:
+                return False
+            gpu = free.get()
+            _train(words_of(name, out, flows, settings), gpu, gpus)
+            free.put(gpu)
+            print(f"{name}: {time.monotonic() - begin:.0f} s since the start", flush=True)
+            return True
+
         try:
-            for name, futures in waiting.items():
-                for future in futures:
-                    future.result()
-                if time.monotonic() - begin > until:
-                    break
-                run.main(words_of(name, out, flows, settings))
-                left.remove(name)
-                print(f"{name}: {time.monotonic() - begin:.0f} s since the start", flush=True)
+            running = {n: trainers.submit(train, n, list(simulated(n))) for n in names}
+            return [name for name, done in running.items() if not done.result()]
         finally:  # also where a population fails: the other flows are not waited for
             pool.shutdown(cancel_futures=True)
-    return left
+
+
+def _train(words: Sequence[str], gpu: int, gpus: int) -> None:
+    """Run coverage.run on one of the GPUs, with its part of the cores."""
+    cores = sorted(os.sched_getaffinity(0))
+    own = set(cores[gpu::gpus] or cores)
+    subprocess.run(
+        [sys.executable, "-m", run.__name__, *words],
+        env=os.environ | {"CUDA_VISIBLE_DEVICES": str(gpu)},
+        preexec_fn=lambda: os.sched_setaffinity(0, own),
+        check=True,
+    )
 
 
 def _give_way() -> None:
-    """The processes that simulate leave the processor to the one that trains."""
+    """The processes that simulate leave the processor to those that train."""
     os.nice(10)
 
 
@@ -139,12 +168,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--until", type=float, default=float("inf"), help="s, of the last start")
+    parser.add_argument("--only", nargs="+", choices=POPULATIONS, default=[], help="populations")
     parser.add_argument("--write", action="store_true", help="write the shipped tables")
     own, settings = parser.parse_known_args(arguments)
     if not (own.flows or own.write):
         parser.error("--flows must name a folder for the flow files, or give --write")
     if own.flows:
-        left = remake(own.out, own.flows, settings, own.until)
+        left = remake(own.out, own.flows, settings, own.until, own.only)
         if left:
             print(f"not made: {', '.join(left)}; the same command goes on", file=sys.stderr)
             return 1
