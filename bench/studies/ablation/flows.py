@@ -1,8 +1,9 @@
 """The flows of the ablation: each group is one kind of data that a rule may matter for.
 
 Groups: `clean` collapses of every shape on 256 cells, the same with noise of 2 and 20 % of the
-largest speed, `fine` collapses on 512 cells, `few` vectors (every fourth vector and frame),
-`floor` flows that solve the equations exactly, and one group for each scene of grains.
+largest speed, `fine` collapses on 512 cells, `few` vectors (every second column and row, every
+fourth frame), `floor` flows that solve the equations exactly, and one group for each scene of
+grains.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class Known(NamedTuple):
 
     def errors(self, mu_s: float, mu_2: float, I_range: tuple[float, float]) -> Float64:
         """Relative errors of mu at the inertial numbers [n]."""
-        at = np.geomspace(*I_range, POINTS) if self.I is None else self.I
+        low, high = I_range
+        at = np.geomspace(low, high, POINTS) if self.I is None else self.I
         found = {"mu_s": mu_s, "mu_2": mu_2, "I0": self.law["I0"]}
         return np.asarray(mu_of_i(found, at) / mu_of_i(self.law, at) - 1)
 
@@ -78,7 +80,7 @@ def known_flows(folder: Path, scenes: Path | None) -> list[Known]:
 
 
 def _collapse(task: Task, path: Path) -> Known:
-    c = task.collapse
+    c = task.scene
     law = {"mu_s": c.mu_s, "mu_2": c.mu_2, "I0": c.I0}
     return Known("clean", task.name, read(task, path), 0.0, law)
 
@@ -90,8 +92,8 @@ def _few(known: Known) -> Known:
     cut |= {"t": flow.t[time], "y": flow.y[space], "x": flow.x[space]}
     assert flow.surface is not None
     kept = np.isin(flow.surface.t, cut["t"])
-    points = {k: None if a is None else a[kept] for k, a in vars(flow.surface).items()}
-    surface = dataclasses.replace(flow.surface, **points)
+    line = flow.surface
+    surface = dataclasses.replace(line, t=line.t[kept], x=line.x[kept], y=line.y[kept])
     return known._replace(group="few", flow=dataclasses.replace(flow, surface=surface, **cut))
 
 
@@ -100,5 +102,6 @@ def _grains(scenes: Path) -> Iterator[Known]:
         summary = json.loads(path.with_name(SUMMARY).read_text())
         own = summary["own"]["along_D"]
         law = own["law"] or {"mu_s": own["mean"]["mu"], "mu_2": own["mean"]["mu"], "I0": 0.3}
-        at = np.geomspace(*own["I_range"], POINTS) if own["law"] else np.array([own["mean"]["I"]])
+        low, high = own["I_range"]
+        at = np.geomspace(low, high, POINTS) if own["law"] else np.array([own["mean"]["I"]])
         yield Known(f"grains: {summary['scene']}", path.parent.name, read_flow(path), 0.0, law, at)

@@ -65,11 +65,19 @@ def rows_of(
             found = [np.sqrt(np.mean(errors**2)), errors[0], errors[-1]]
             found += [100 * (mu_s / known.law["mu_s"] - 1), 100 * (mu_2 / known.law["mu_2"] - 1)]
             head = [name, known.group, known.name, seed]
-            rows.append(dict(zip(COLUMNS, [*head, *(f"{v:.4g}" for v in found)], strict=True)))
+            rows.append(
+                dict(zip(COLUMNS, [*head, *(round(float(v), 4) for v in found)], strict=True))
+            )
     return rows
 
 
-def table(rows: Sequence[dict[str, str]]) -> str:
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a file of raw results."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
     """The rms error of mu in % by variant and group, and that of the default by seed."""
     groups = list(dict.fromkeys(row["group"] for row in rows))
     squares: dict[tuple[str, str], list[float]] = defaultdict(list)
@@ -103,8 +111,7 @@ def main() -> int:
     parser.add_argument("--table", type=Path, nargs="+", help="print the table of these rows")
     own, _, config = raw.parse(parser)
     if own.table:
-        rows = [row for path in own.table for row in csv.DictReader(path.open())]
-        print(table(rows))
+        print(table([row for path in own.table for row in read_rows(path)]))
         return 0
     if own.flows is None or own.out is None:
         parser.error("--flows and --out must be given, or --table")
