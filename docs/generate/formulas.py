@@ -6,8 +6,6 @@ import html
 import re
 from typing import Any
 
-from latex2mathml.converter import convert
-
 _FORMULA = re.compile(
     r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
     re.DOTALL,
@@ -21,6 +19,8 @@ def on_page_content(content: str, page: Any, config: Any, files: Any) -> str:
 
 def formula(match: re.Match[str]) -> str:
     """One formula: in its line, or a block of its own that scrolls where it is too wide."""
+    from latex2mathml.converter import convert  # tests use this module without the extra `docs`
+
     latex = html.unescape(match[2]).strip()
     if match[1] == "span":
         return str(convert(latex))

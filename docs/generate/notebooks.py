@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mkdocs.structure.files import File
-
 SUFFIX = ".ipynb"
 
 
@@ -26,6 +24,8 @@ class Image(NamedTuple):
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds the figures; repository.py adds the pages."""
+    from mkdocs.structure.files import File  # tests use this module without the extra `docs`
+
     for source in sorted((Path(config.docs_dir).parent / "examples").glob(f"*{SUFFIX}")):
         for image in images(source.stem, json.loads(source.read_text(encoding="utf-8"))):
             name = f"notebooks/{image.name}"

@@ -13,8 +13,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-from mkdocs.structure.files import File
-
 PAGES = {
     "README.md": "readme.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -29,6 +27,8 @@ _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
 def on_files(files: Any, config: Any) -> Any:
     """Adds the pages and copies."""
+    from mkdocs.structure.files import File  # tests use this module without the extra `docs`
+
     root = Path(config.docs_dir).parent
     for source, page in pages(root).items():
         files.append(File.generated(config, page, abs_src_path=str(root / source)))

@@ -76,6 +76,16 @@ def test_all_hooks_are_listed() -> None:
     assert set(settings()["hooks"]) == there
 
 
+@pytest.mark.parametrize("name", sorted(p.stem for p in (DOCS / "generate").glob("*.py")))
+def test_a_hook_loads_without_the_tools_of_the_site(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tests of README.md run where the extra `docs` is not installed."""
+    for tool in ("mkdocs", "mkdocs.structure.files", "latex2mathml", "latex2mathml.converter"):
+        monkeypatch.setitem(sys.modules, tool, None)
+    assert hook(name).__doc__
+
+
 def test_command_reference_has_every_command_that_the_readme_names() -> None:
     commands = hook("commands").commands(ROOT / "granpinn")
     named = set(re.findall(r"python -m granpinn\.([a-z_]+)", (ROOT / "README.md").read_text()))
