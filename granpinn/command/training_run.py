@@ -54,7 +54,7 @@ def run(config: Config) -> int:
         raise ConfigError(f"--out {objection}")
     with (
         parallel.joined() as rank,
-        nullcontext() if rank else owned(config.out),
+        owned(None if rank else config.out),
         flow_warnings.in_one_line(),
         nullcontext() if rank else _painters(config) as painters,
     ):

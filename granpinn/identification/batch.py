@@ -27,6 +27,7 @@ from granpinn.identification.finish import (
 )
 from granpinn.identification.of_flow import OfFlow
 from granpinn.identification.single import histories, kept, made_ahead, prepare, start
+from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -93,62 +94,63 @@ def identify_many(
         )
     ]
     group = processes(choose_device(config.device))
-    if run_dir is not None and group.rank == 0:
-        prepare(Path(run_dir), config)
-    group.barrier()
-    own = range(group.rank, len(flows), group.size)
-    cases = _pose([flows[e] for e in own], [configs[e] for e in own])
-    folder: Path | None = None
-    parts: list[Path | None] = [None] * len(cases)
-    if run_dir is not None:
-        folder = Path(run_dir)
-        if group.size > 1:
-            folder = prepare(folder / f"process-{group.rank}", config)
-        parts = [
-            prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
-            for e, case in zip(own, cases, strict=True)
-        ]
-    found: list[Result] = []
-    if cases:
-        K = config.members
-        every = [member for case in cases for member in members(case)]
-        places = [place for part in parts for place in histories(part, K)]
-        others = [companions(case) for case in cases]
-        every += [other for own in others for other in own]
-        places += [None] * (len(every) - len(places))
-        listener = progress if group.rank == 0 else None
-        run = start(every, config, folder, listener, begin, places)
-        with threads(1) as beside:
-            ahead = made_ahead(cases, beside) if run.trainer.params.is_cuda else []
-            run.train()
-            for later in ahead:  # what has not begun is made by all cores, in its place
-                later.cancel()
-        ensembles = [every[e * K : (e + 1) * K] for e in range(len(cases))]
-        behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
+    with owned(None if group.rank else run_dir):
+        if run_dir is not None and group.rank == 0:
+            prepare(Path(run_dir), config)
+        group.barrier()
+        own = range(group.rank, len(flows), group.size)
+        cases = _pose([flows[e] for e in own], [configs[e] for e in own])
+        folder: Path | None = None
+        parts: list[Path | None] = [None] * len(cases)
+        if run_dir is not None:
+            folder = Path(run_dir)
+            if group.size > 1:
+                folder = prepare(folder / f"process-{group.rank}", config)
+            parts = [
+                prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
+                for e, case in zip(own, cases, strict=True)
+            ]
+        found: list[Result] = []
+        if cases:
+            K = config.members
+            every = [member for case in cases for member in members(case)]
+            places = [place for part in parts for place in histories(part, K)]
+            others = [companions(case) for case in cases]
+            every += [other for own in others for other in own]
+            places += [None] * (len(every) - len(places))
+            listener = progress if group.rank == 0 else None
+            run = start(every, config, folder, listener, begin, places)
+            with threads(1) as beside:
+                ahead = made_ahead(cases, beside) if run.trainer.params.is_cuda else []
+                run.train()
+                for later in ahead:  # what has not begun is made by all cores, in its place
+                    later.cancel()
+            ensembles = [every[e * K : (e + 1) * K] for e in range(len(cases))]
+            behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
 
-        def concluded(e: int) -> Concluded:
-            own, after = ensembles[e], behind[e]
-            made = conclude(own, run, e * K, parts[e], keep_fields, simulate=True, others=after)
-            # The fields of all members at once would not fit into memory.
-            return fields_written(made)._replace(maps=None)
+            def concluded(e: int) -> Concluded:
+                own, after = ensembles[e], behind[e]
+                made = conclude(own, run, e * K, parts[e], keep_fields, simulate=True, others=after)
+                # The fields of all members at once would not fit into memory.
+                return fields_written(made)._replace(maps=None)
 
-        written = _side_by_side(concluded, range(len(cases)), config.device)
-        written = with_assumptions(written, run)
-        # One pool for all members: every core simulates pressures as long as frames are left. With
-        # a GPU it does so from the start.
-        with threads(max(1, _cores() // group.size)) as pool, threads(SIDE_BY_SIDE) as beside:
+            written = _side_by_side(concluded, range(len(cases)), config.device)
+            written = with_assumptions(written, run)
+            # One pool for all members: every core simulates pressures as long as frames are left.
+            # With a GPU it does so from the start.
+            with threads(max(1, _cores() // group.size)) as pool, threads(SIDE_BY_SIDE) as beside:
 
-            def finished(member: Concluded) -> Result:
-                simulation = None
-                if run.trainer.params.is_cuda:
-                    simulation = beside.submit(simulated, member, run, pool)
-                member = with_law(member, run)
-                pressure = simulation.result() if simulation else simulated(member, run, pool)
-                made = with_simulated_pressure(member, pressure)
-                return kept(made._replace(maps=None), run)
+                def finished(member: Concluded) -> Result:
+                    simulation = None
+                    if run.trainer.params.is_cuda:
+                        simulation = beside.submit(simulated, member, run, pool)
+                    member = with_law(member, run)
+                    pressure = simulation.result() if simulation else simulated(member, run, pool)
+                    made = with_simulated_pressure(member, pressure)
+                    return kept(made._replace(maps=None), run)
 
-            found = _side_by_side(finished, written, config.device)
-    return found if group.size == 1 else _in_order(found, len(flows))
+                found = _side_by_side(finished, written, config.device)
+        return found if group.size == 1 else _in_order(found, len(flows))
 
 
 def _in_order(found: Sequence[Result], count: int) -> list[Result]:

@@ -32,7 +32,7 @@ from granpinn.identification.identified import Identification, InFolder, InMemor
 from granpinn.identification.network import TrainedNetwork
 from granpinn.inspection.confined import undetermined
 from granpinn.laws import register
-from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.output import make_folder, objection_to_folder, owned, write_text
 from granpinn.physics.laws import Law
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
@@ -75,6 +75,7 @@ def identify(
     Raises:
         FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
         NonFiniteError, CheckpointError: the run cannot go on.
+        OutputError: the folder cannot be written to, or another process or thread uses it.
         Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
     """
     begin = time.monotonic()
@@ -85,17 +86,17 @@ def identify(
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
     folder = None if run_dir is None else Path(run_dir)
-    if together.rank > 0:
-        progress = None
-    elif folder is not None:
-        prepare(folder, config, len(cases))
-    together.barrier()
-    parts = None if len(cases) == 1 else histories(folder, len(cases))
-    others = companions(cases[0])
-    if others:
-        parts = [*(parts or [folder]), *[None] * len(others)]
-    run = start([*cases, *others], config, folder, progress, begin, parts, together)
-    with threads(2) as beside:
+    with owned(None if together.rank else folder), threads(2) as beside:
+        if together.rank > 0:
+            progress = None
+        elif folder is not None:
+            prepare(folder, config, len(cases))
+        together.barrier()
+        parts = None if len(cases) == 1 else histories(folder, len(cases))
+        others = companions(cases[0])
+        if others:
+            parts = [*(parts or [folder]), *[None] * len(others)]
+        run = start([*cases, *others], config, folder, progress, begin, parts, together)
         if run.trainer.params.is_cuda and together.rank == 0:
             made_ahead(cases[:1], beside)
         run.train()

@@ -21,15 +21,19 @@ _guard = threading.Lock()
 
 
 @contextmanager
-def owned(folder: str | os.PathLike[str]) -> Iterator[Path]:
+def owned(folder: str | os.PathLike[str] | None) -> Iterator[Path | None]:
     """Make a folder and keep other processes from writing to it; a thread may own it repeatedly.
 
-    A folder that this made, and that nothing was written to, is removed at the end.
+    A folder that this made, and that nothing was written to, is removed at the end. None: there is
+    no folder to own.
 
     Raises:
         OutputError: another process or thread owns the folder, it cannot be made, or it holds a
             link, a FIFO or a device, which no file of a run may replace.
     """
+    if folder is None:
+        yield None
+        return
     made = not Path(folder).exists()
     folder = make_folder(folder)
     if objection := objection_to_content(folder):
@@ -86,5 +90,5 @@ def _remove_if_empty(folder: Path) -> None:
 
 def _taken(folder: Path, who: str) -> OutputError:
     return OutputError(
-        f"{folder} is in use by {who}: wait until it has ended, or choose another --out"
+        f"{folder} is in use by {who}: wait until it has ended, or choose another folder"
     )

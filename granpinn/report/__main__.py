@@ -14,7 +14,6 @@ if __name__ == "__main__":
 
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 
 from granpinn.command.parser import Parser, program
@@ -48,7 +47,7 @@ def _run(argv: Sequence[str]) -> int:
     )
     arguments = parser.parse_args(argv)
     folder = Path(arguments.folder)
-    with owned(folder) if folder.is_dir() else nullcontext():
+    with owned(folder if folder.is_dir() else None):
         print(build(folder, arguments.time, arguments.pdf))
         if arguments.paraview:
             print(for_paraview(folder))

@@ -15,7 +15,6 @@ import dataclasses
 import math
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def run() -> int:
         request = parse(sys.argv[1:] if argv is None else argv)
-        with parallel.joined() as rank, nullcontext() if rank else owned(request.out):
+        with parallel.joined() as rank, owned(None if rank else request.out):
             return _run(request, rank)
 
     return exit_codes.exit_code("tables", run)

@@ -11,8 +11,13 @@ from pathlib import Path
 
 import pytest
 
+import granpinn
+from granpinn.config import Config
 from granpinn.output import OutputError, owned
+from granpinn.output.ownership import LOCK
+from tests.flows import make_flow
 from tests.output.test_writing import TARGETS, hostile
+from tests.runs import TINY
 
 HOLD = """
 import sys
@@ -62,6 +67,17 @@ def test_a_thread_may_own_a_folder_twice_and_another_may_not(tmp_path: Path) -> 
     assert "another thread" in refused[0]
     with owned(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_identifications_in_python_own_their_run_folder(tmp_path: Path, resume: bool) -> None:
+    flow, config, folder = make_flow(), Config(**TINY, resume=resume), tmp_path / "run"
+    with holder(folder) as process:
+        for identify, subject in ((granpinn.identify, flow), (granpinn.identify_many, [flow])):
+            with pytest.raises(OutputError, match=f"in use by process {process.pid} on"):
+                identify(subject, config, run_dir=folder)
+        assert [path.name for path in folder.iterdir()] == [LOCK]
+        process.kill()
 
 
 @pytest.mark.parametrize("kind", TARGETS[1:])
