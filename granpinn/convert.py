@@ -26,7 +26,7 @@ from granpinn.data.symmetry import with_layer
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
 from granpinn.inspection.slips import warn_of_slips
-from granpinn.output import objection_to_file
+from granpinn.output import objection_to_file, shell_word
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_flow(flow, out)
             slips = warn_of_slips(with_layer(flow))
         print(f"flow file: {out}")
-        step = f"{program('inspect')} {out}" if slips else training_of(flow, out)
+        step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")
         return 0
 

@@ -9,6 +9,7 @@ from granpinn.command.parser import program
 from granpinn.data import Flow
 from granpinn.data.reader import is_flow_file
 from granpinn.errors import BadInput
+from granpinn.output import shell_word
 
 CONVERT = (
     '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
@@ -19,7 +20,7 @@ CONVERT = (
 def training_of(flow: Flow, path: Path) -> str:
     """The training of a flow file; level V0 where it has no free surface."""
     level = "" if flow.surface is not None else " --level V0"
-    return f"{program('train')} {path} --out run{level}"
+    return f"{program('train')} {shell_word(path)} --out run{level}"
 
 
 def refusal(paths: Sequence[Path], then: str) -> BadInput:
@@ -37,7 +38,7 @@ def refusal(paths: Sequence[Path], then: str) -> BadInput:
 
     first = paths[0]
     name = detect(first)
-    sources = str(first) if len(paths) == 1 else f"{first} ... {paths[-1]}"
+    sources = " ... ".join(shell_word(path) for path in dict.fromkeys((first, paths[-1])))
     return DataFileError(
         f"{first} is not a flow file but of the format {name}: convert it first, "
         f"{program('convert')} {sources} {CONVERT} (with your own numbers), and {then} flow.h5"

@@ -22,6 +22,7 @@ from granpinn.importers import (
     tracks,
 )
 from granpinn.importers.vectors import DataFileError, VectorFields
+from granpinn.output import shell_word
 
 HEAD = 4096  # bytes for the detection of a format
 
@@ -77,7 +78,9 @@ def detect(path: Path) -> str:
     if _headerless_pivlab(head):
         return "pivlab"
     if is_flow_file(path):
-        raise DataFileError(f"{path} is a flow file already: python -m granpinn.train {path}")
+        raise DataFileError(
+            f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
+        )
     raise DataFileError(
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
         "the vectors as plain arrays (.npz) or a table"

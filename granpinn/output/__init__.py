@@ -2,6 +2,7 @@
 
 from granpinn.output.hdf5 import hdf5_file
 from granpinn.output.ownership import owned
+from granpinn.output.shell import shell_word
 from granpinn.output.targets import OutputError, make_folder, objection_to_file, objection_to_folder
 from granpinn.output.writing import naming, replacing, write_bytes, write_text
 
@@ -14,6 +15,7 @@ __all__ = [
     "objection_to_folder",
     "owned",
     "replacing",
+    "shell_word",
     "write_bytes",
     "write_text",
 ]
