@@ -61,6 +61,11 @@ def _check_units(flow: Flow) -> None:
                 f"got {str(unit)[:LONGEST_UNIT]!r} of {len(str(unit))}: write '1' for a "
                 "dimensionless flow"
             )
+        if unit is not None and "since" in unit:
+            raise FlowFileError(
+                f"{name} must be the name of a unit, got {unit!r}, which other programs take for a "
+                "date: name the unit alone; the origin of the time is free"
+            )
 
 
 def _check_attributes(flow: Flow) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.data.conventions import check_conventions, units_of
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
 from granpinn.data.format import (
     DATASETS,
@@ -96,7 +97,8 @@ def _read(path: Path, max_bytes: int) -> Flow:
         others = file.attributes.scalars(KNOWN_ATTRIBUTES)
         stated = {name: _number(file, name) for name in OF_FLOW}
         others |= {name: value for name, value in stated.items() if value is not None}
-        arrays = _read_arrays(file, max_bytes)
+        units = units_of(constants["length_unit"], constants["time_unit"], optional["density_unit"])
+        arrays = _read_arrays(file, max_bytes, units)
     for name in ("sigma_u", "sigma_v"):
         if name in arrays and optional[name] is not None:
             raise FlowFileError(
@@ -135,11 +137,13 @@ def _truth(file: SafeFile) -> Truth | None:
         raise FlowFileError(f"the true friction law: {error}") from None
 
 
-def _read_arrays(file: SafeFile, max_bytes: int) -> dict[str, Any]:
-    """Reads all datasets of the format, after checks of their layout and total size."""
+def _read_arrays(file: SafeFile, max_bytes: int, units: dict[str, str]) -> dict[str, Any]:
+    """Reads all datasets of the format, after checks of their layout, units and total size."""
     opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
     datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
     check_layout({name: dataset.layout for name, dataset in datasets.items()})
+    for name, dataset in datasets.items():
+        check_conventions(name, dataset.attributes, units)
     types = {name: _type_of(name, dataset.layout.dtype) for name, dataset in datasets.items()}
     total = sum(
         dataset.n_bytes_needed

@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from granpinn.data.conventions import units_of
 from granpinn.data.flow import Flow, FlowFileError, Truth
 from granpinn.data.format import (
     DATASETS,
@@ -74,7 +75,8 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
 
 
 def _write_arrays(file: h5py.File, flow: Flow) -> None:
-    arrays, units = arrays_of(flow), _units(flow)
+    arrays = arrays_of(flow)
+    units = units_of(flow.length_unit, flow.time_unit, flow.density_unit)
     packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
     for rule in DATASETS:
         if rule.name not in arrays:
@@ -97,20 +99,6 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
         if rule.name in arrays and rule.name not in _SCALES.values():
             for axis, axis_name in enumerate(rule.axes):
                 file[rule.name].dims[axis].attach_scale(file[_SCALES[axis_name]])
-
-
-def _units(flow: Flow) -> dict[str, str]:
-    """The unit of every dataset; the pressure has one only in a dimensionless flow."""
-    length, time = flow.length_unit, flow.time_unit
-    dimensionless = length == time == "1"
-    velocity = "1" if dimensionless else f"{length}/{time}"
-    return {
-        **dict.fromkeys(("t", "surface_t", "wall_t"), time),
-        **dict.fromkeys(("x", "y", "surface_x", "surface_y", "wall_x", "wall_y"), length),
-        **dict.fromkeys(("u", "v", "sigma_u", "sigma_v", "wall_u", "wall_v"), velocity),
-        **dict.fromkeys(("c", "wall_slip"), "1"),
-        **(dict.fromkeys(("p", "surface_p", "wall_p", "wall_tau"), "1") if dimensionless else {}),
-    }
 
 
 def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:

@@ -26,6 +26,11 @@ class Attributes:
     def __init__(self, group: Any, file: Content) -> None:
         self._group, self._file = group, file
 
+    def exists(self, name: str) -> bool:
+        """Whether there is an attribute of this name, of any kind."""
+        with damage(f"the attribute {name}"):
+            return self._open(name) is not None
+
     def text(self, name: str) -> str | None:
         """A scalar fixed-length string, None if there is none."""
         content = self.content(name)
