@@ -27,9 +27,9 @@ from granpinn.data.format import (
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
-from granpinn.data.regular import UnsafeFileError, content_of, too_large
 from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.physics.laws import DEFAULT
+from granpinn.regular import UnsafeFileError, content_of, too_large
 
 DEFAULT_MAX_BYTES = MOST_IN_MEMORY
 MOST_MAPPED = 2**37

@@ -18,7 +18,6 @@ from safetensors import SafetensorError
 
 from granpinn.arrays import Float32
 from granpinn.data import Flow
-from granpinn.data.regular import UnsafeFileError, read_regular_file
 from granpinn.data.symmetry import axes_of
 from granpinn.errors import BadInput
 from granpinn.identification.case import Model
@@ -29,6 +28,7 @@ from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
+from granpinn.regular import UnsafeFileError, read_regular_file
 from granpinn.results.decoding import decode, encode
 from granpinn.results.fields import Units
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.isolated import installed, read_isolated
 from granpinn.importers.mesh_files import check_folder, file_bytes
@@ -26,6 +25,7 @@ from granpinn.importers.tables import to_grid, y_points_down
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.regular import UnsafeFileError
 
 POST_PROCESSED = 4  # of ACTIVE_CHOICE
 # If more than this share of the vectors is post-processed, all were smoothed, not some filled in.

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.data.reader import is_flow_file
-from granpinn.data.regular import UnsafeFileError, first_bytes
 from granpinn.importers import (
     arrays,
     basilisk,
@@ -23,6 +22,7 @@ from granpinn.importers import (
 )
 from granpinn.importers.vectors import DataFileError, VectorFields
 from granpinn.output import shell_word
+from granpinn.regular import UnsafeFileError, first_bytes
 
 HEAD = 4096  # bytes for the detection of a format
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from granpinn.data.memory import available
-from granpinn.data.regular import UnsafeFileError, open_regular_file
 from granpinn.importers.vectors import DataFileError
+from granpinn.regular import UnsafeFileError, open_regular_file
 
 # Of the arrays of one flow, as float64.
 MAX_BYTES = 2**33

@@ -12,9 +12,9 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data.hdf5 import SafeFile
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
 from granpinn.importers.mat5 import read_variables
 from granpinn.importers.vectors import DataFileError
+from granpinn.regular import UnsafeFileError, read_regular_file, too_large
 
 MAX_BYTES = 2**31
 MAX_TEXT = 1000

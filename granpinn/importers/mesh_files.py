@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from granpinn.data.hdf5 import open_hdf5
-from granpinn.data.regular import UnsafeFileError, first_bytes, read_regular_file, too_large
+from granpinn.regular import UnsafeFileError, first_bytes, read_regular_file, too_large
 
 MAX_BYTES = 2**32
 MAX_FILES = 100_000

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.gaps import split_gaps
 from granpinn.importers.isolated import installed, read_isolated
 from granpinn.importers.mesh_files import check_files
 from granpinn.importers.tables import to_grid
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.regular import UnsafeFileError
 
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
 PRESSURE = ("p", "pressure")

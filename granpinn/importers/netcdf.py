@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.data.regular import UnsafeFileError, first_bytes, read_regular_file
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.netcdf4 import read_variables
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 from granpinn.importers.zarr_folder import open_store
+from granpinn.regular import UnsafeFileError, first_bytes, read_regular_file
 
 MAX_BYTES = 2**32
 INTERPOLATED_FROM = 5

@@ -12,7 +12,7 @@ from typing import Any
 from granpinn.data.hdf5 import open_hdf5
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 # Attributes that change the meaning of the numbers, and the unit.
 NUMBERS = ("_FillValue", "missing_value", "scale_factor", "add_offset")

@@ -25,7 +25,6 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.data.regular import UnsafeFileError
 from granpinn.importers.textfile import MAX_BYTES, MAX_COLUMNS, Rows, TextFile
 from granpinn.importers.tracking import Motion, velocities
 from granpinn.importers.vectors import (
@@ -36,6 +35,7 @@ from granpinn.importers.vectors import (
     largest,
     vector_fields,
 )
+from granpinn.regular import UnsafeFileError
 
 NAMES = {
     "x": ("x", "x_position", "pos_x", "position_x"),

@@ -16,9 +16,9 @@ from struct import error as StructError
 from struct import unpack_from
 from typing import Any
 
-from granpinn.data.regular import UnsafeFileError, read_regular_file, too_large
 from granpinn.importers import zarr_metadata
 from granpinn.importers.zarr_metadata import Array
+from granpinn.regular import UnsafeFileError, read_regular_file, too_large
 
 MAX_CHUNKS = 100_000
 LARGE_CHUNK = 2**26

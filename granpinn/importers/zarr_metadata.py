@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 MAX_BYTES = 2**20
 MAX_TEXT = 1000

@@ -20,10 +20,10 @@ from granpinn.data.flow import STEADY
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.data.regular import UnsafeFileError
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, Packer, packer
+from granpinn.regular import UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1

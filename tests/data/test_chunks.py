@@ -15,7 +15,7 @@ import pytest
 from granpinn.arrays import Float32
 from granpinn.data.hdf5 import open_hdf5
 from granpinn.data.hdf5.chunks import Chunks
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 SHAPE, CHUNK = (41, 5, 7), (2, 5, 4)  # the last chunks reach beyond the data
 

@@ -13,9 +13,9 @@ import pytest
 from granpinn.data.hdf5 import open_hdf5
 from granpinn.data.hdf5.chunks import fletcher32
 from granpinn.data.reader import is_flow_file
-from granpinn.data.regular import UnsafeFileError
 from granpinn.importers import DataFileError, read_vectors
 from granpinn.importers.formats import detect
+from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
 from tests.importers.test_pivlab_mat import all_frames, matrices, version_73

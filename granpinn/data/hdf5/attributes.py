@@ -13,7 +13,7 @@ from granpinn.data.hdf5.content import Content
 from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, is_number, stored_dtype
 from granpinn.data.hdf5.messages import raw_attribute
 from granpinn.data.hdf5.variable import sequences
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 MAX_ATTRIBUTES = 256
 MAX_BYTES = 65536

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from h5py import h5z
 
 from granpinn.data.hdf5.content import Content
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 MAX_CHUNKS = 1_000_000
 LARGE_CHUNK = 2**26  # bytes; a chunk above it may not be larger than the data

@@ -19,7 +19,7 @@ from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.chunks import Chunks
 from granpinn.data.hdf5.content import Content
 from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, row_dtype, stored_dtype
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 _REFERENCE_BYTES = 100  # of one reference as an object of h5py
 

@@ -13,7 +13,7 @@ from h5py import h5d, h5f, h5fd, h5g, h5l, h5o, h5p, h5r
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
 from granpinn.data.hdf5.kinds import HDF5_ERRORS, damage
-from granpinn.data.regular import RETRY, UnsafeFileError, read_regular_file, too_large
+from granpinn.regular import RETRY, UnsafeFileError, read_regular_file, too_large
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # H5LT_FILE_IMAGE_DONT_COPY | H5LT_FILE_IMAGE_DONT_RELEASE: parse our bytes where they are.

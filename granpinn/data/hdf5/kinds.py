@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from h5py import h5t
 
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 _KINDS = {
     h5t.INTEGER: "integer",

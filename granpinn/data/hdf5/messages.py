@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from struct import unpack_from
 
 from granpinn.data.hdf5.content import Content
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 MAX_MESSAGES = 10_000
 UNDEFINED = 2**64 - 1

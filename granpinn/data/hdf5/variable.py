@@ -7,7 +7,7 @@ from struct import unpack_from
 
 from granpinn.data.hdf5.content import Content
 from granpinn.data.hdf5.messages import UNDEFINED
-from granpinn.data.regular import UnsafeFileError
+from granpinn.regular import UnsafeFileError
 
 _DESCRIPTOR = 16  # bytes: length, address of the heap, index in it
 _MAX_OBJECTS = 2**16
