@@ -101,7 +101,7 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     out = Path(given.pop("out"))
     if objection := objection_to_file(out):
         raise DataFileError(f"--out {objection}")
-    if out.resolve() in [source.resolve() for source in sources]:
+    if out.exists() and any(source.exists() and source.samefile(out) for source in sources):
         raise DataFileError(f"--out must be another file than the data, got {out}")
     return sources, out, Settings(**given)
 

@@ -9,10 +9,15 @@ from pathlib import Path
 from typing import BinaryIO
 
 RETRY = "copy or make it again"
+MAX_TEXT = 2**28  # bytes of a text that granpinn wrote, such as results.json
 
 
 class UnsafeFileError(ValueError):
     """A file breaks a rule of its container; the message is one sentence without the path."""
+
+
+class MissingFileError(UnsafeFileError, FileNotFoundError):
+    """There is no such file."""
 
 
 def open_regular_file(
@@ -48,6 +53,19 @@ def read_regular_file(
     if not content:
         raise UnsafeFileError("the file was emptied while it was read: try again")
     return content
+
+
+def read_text(path: Path, max_bytes: int = MAX_TEXT) -> str:
+    """The text of a regular file in UTF-8, which may be empty.
+
+    Raises:
+        UnsafeFileError: as for `open_regular_file`.
+        UnicodeDecodeError: other bytes.
+    """
+    with _opened(path) as file:
+        if (size := os.fstat(file.fileno()).st_size) > max_bytes:
+            raise too_large(size, max_bytes, "it holds something else than it should")
+        return _read(file, max_bytes).decode()
 
 
 def content_of(path: Path, most: int, most_mapped: int) -> bytes | mmap.mmap:
@@ -88,7 +106,7 @@ def _opened(path: Path, follow: bool = True) -> BinaryIO:
     except UnsafeFileError:
         raise
     except FileNotFoundError:
-        raise UnsafeFileError("there is no such file: check the path") from None
+        raise MissingFileError("there is no such file: check the path") from None
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the path
         reason = error.strerror if isinstance(error, OSError) else error
         raise UnsafeFileError(f"the file cannot be opened ({reason}): check it") from None

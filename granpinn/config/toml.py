@@ -10,7 +10,9 @@ from typing import Any
 from granpinn.config.fields import ConfigError, flatten, settings_of, unknown, without_none
 from granpinn.config.settings import Config
 from granpinn.config.values import NONE, typed
+from granpinn.regular import read_text
 
+MAX_BYTES = 2**20
 RENAMED = {"walls": "side_walls"}  # sections of older versions
 
 
@@ -36,10 +38,10 @@ def read_saved(path: Path) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """Dotted settings of a TOML file."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(read_text(path, MAX_BYTES))
     except FileNotFoundError:
         raise ConfigError(f"{path} does not exist: --config expects a TOML file") from None
-    except (OSError, ValueError) as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} could not be read as TOML: {error}") from None
     known = settings_of(Config)
     values: dict[str, Any] = {}

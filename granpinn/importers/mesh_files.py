@@ -72,13 +72,21 @@ def _walk(folder: Path) -> Iterator[Path]:
     for place, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = Path(place, name)
-            if path.is_symlink() and not path.resolve().is_relative_to(root):
+            if path.is_symlink() and not _is_inside(path, root):
                 raise UnsafeFileError(f"{path} is a link out of the folder: copy the file")
             if path.is_dir():
                 continue
             if not path.exists() or not stat.S_ISREG(path.stat().st_mode):
                 raise UnsafeFileError(f"{path} must be a regular file: remove it")
             yield path
+
+
+def _is_inside(path: Path, root: Path) -> bool:
+    """Whether a path leads to a place in a folder; a link to itself leads nowhere."""
+    try:
+        return path.resolve().is_relative_to(root)
+    except RuntimeError:
+        return False
 
 
 def _check_case(case: Path) -> int:
@@ -130,7 +138,7 @@ def _check_index(path: Path, root: Path, depth: int) -> int:
         raise UnsafeFileError(f"{path} must name at most {MAX_FILES} files: choose fewer frames")
     for name in sorted(named):
         other = path.parent / name
-        if Path(name).is_absolute() or not other.resolve().is_relative_to(root):
+        if Path(name).is_absolute() or not _is_inside(other, root):
             raise UnsafeFileError(
                 f"{path} must name files of its folder only, got {name[:80]!r}: copy them there"
             )

@@ -58,7 +58,7 @@ def objection_to_file(path: str | os.PathLike[str]) -> str | None:
     if kind is not None and kind != stat.S_IFREG:
         found = _KINDS.get(kind, "no regular file")
         return f"{path} must be a new file or a regular one, got {found}: choose another name"
-    if _kind(path.parent.resolve()) != stat.S_IFDIR:
+    if _kind(path.parent, follow=True) != stat.S_IFDIR:
         return f"{path} must lie in an existing folder: make {path.parent} or choose another one"
     return None
 
@@ -101,10 +101,10 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _kind(path: Path) -> int | None:
-    """The type of a file without following a link; None: there is none."""
+def _kind(path: Path, follow: bool = False) -> int | None:
+    """The type of a file, or of what a link leads to; None: there is none."""
     try:
-        return stat.S_IFMT(path.lstat().st_mode)
+        return stat.S_IFMT(path.stat(follow_symlinks=follow).st_mode)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:  # a folder that may not be read, a name that is too long

@@ -120,7 +120,7 @@ def read(
     if result.resimulation is not None and result.resimulation.objection is None:
         try:
             compared = read_comparison(folder / FILE)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (ValueError, LookupError, TypeError) as error:
             problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
     return album.Source(result, fields, history, frame, compared), problems

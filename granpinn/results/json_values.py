@@ -1,11 +1,37 @@
-"""Values of Python as values of strict JSON."""
+"""Strict JSON: values of Python as JSON values, and JSON text that is read."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, NoReturn
+
+from granpinn.regular import read_text
+
+
+def read_json(path: Path) -> Any:
+    """The content of a regular file with strict JSON.
+
+    Raises:
+        UnsafeFileError: as `read_text`.
+        ValueError: the text is no strict JSON.
+    """
+    return parsed(read_text(path))
+
+
+def parsed(text: str | bytes) -> Any:
+    """The content of strict JSON; ValueError for any other text."""
+    try:
+        return json.loads(text, parse_constant=_refuse_constant)
+    except RecursionError as error:
+        raise ValueError(str(error)) from None
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a JSON number, expected null")
 
 
 def plain(value: Any) -> Any:

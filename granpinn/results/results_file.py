@@ -9,6 +9,7 @@ from typing import Any
 from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.results.decoding import decode
+from granpinn.results.json_values import read_json
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 
 
@@ -28,18 +29,14 @@ def read_results(path: str | Path) -> Result:
     """Read and validate results.json; the message of ResultsFileError is one sentence."""
     path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        content = read_json(path)
     except FileNotFoundError:
         raise ResultsFileError(
             f"{path} does not exist: give the folder of a finished run of granpinn.train"
         ) from None
-    except (OSError, ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ResultsFileError(f"{path} could not be read as strict JSON: {error}") from None
     return from_dict(content, path.name)
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is not a JSON number, expected null")
 
 
 def from_dict(content: Any, where: str = "the result") -> Result:

@@ -17,6 +17,7 @@ from granpinn.data.norms import relative_l2
 from granpinn.output import write_text
 from granpinn.results import plain
 from granpinn.results.findings import Resimulation
+from granpinn.results.json_values import read_json
 
 FILE = "resimulation.json"
 FORMAT_NAME = "granpinn-resimulation"
@@ -152,7 +153,7 @@ def write_comparison(summary: Resimulation, comparison: Comparison | None, path:
 
 def read_comparison(path: Path) -> Comparison | None:
     """The comparison in a resimulation.json, None if it has none; ValueError: not readable."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = read_json(path)
     if not isinstance(content, dict) or content.get("format_name") != FORMAT_NAME:
         raise ValueError(f"{path.name} must have format_name {FORMAT_NAME!r}")
     values = content.get("comparison")

@@ -18,7 +18,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,9 +28,12 @@ from safetensors import SafetensorError
 from safetensors import torch as safetensors
 from torch import Tensor
 
+from granpinn.data.memory import available
 from granpinn.errors import CannotGoOn
 from granpinn.output import OutputError, make_folder, naming, write_bytes
+from granpinn.regular import read_regular_file
 from granpinn.results.decoding import decode, encode
+from granpinn.results.json_values import parsed
 from granpinn.training.identity import difference
 from granpinn.training.state import RunState
 
@@ -124,7 +126,7 @@ def newest(folder: Path) -> Checkpoint | None:
     for path in _newest_first(folder):
         try:
             return _read(path)
-        except (OSError, ValueError, RecursionError, SafetensorError) as error:
+        except (ValueError, SafetensorError) as error:
             damaged.append(f"{path}: {str(error)[:LONGEST]}")
     if damaged:
         raise CheckpointError(
@@ -135,7 +137,7 @@ def newest(folder: Path) -> Checkpoint | None:
 
 def _read(path: Path) -> Checkpoint:
     text = _bytes(path)
-    content = json.loads(text, parse_constant=_refuse_constant)
+    content = parsed(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected a JSON object, got {type(content).__name__}")
     found = (content.get("format_name"), content.get("format_version"))
@@ -152,14 +154,7 @@ def _read(path: Path) -> Checkpoint:
 
 
 def _bytes(path: Path) -> bytes:
-    """The content of a regular file; a FIFO would never end."""
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise ValueError(f"{path.name} is no regular file")
-    return path.read_bytes()
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a JSON number")
+    return read_regular_file(path, available(), "it is no checkpoint of granpinn")
 
 
 def require_same(

@@ -24,6 +24,7 @@ from granpinn.errors import BadInput
 from granpinn.output import OutputError, naming, objection_to_file
 from granpinn.physics.laws import DEFAULT, Law
 from granpinn.physics.terms import NAMES
+from granpinn.regular import read_text
 
 
 def columns(law: Law) -> tuple[str, ...]:
@@ -172,11 +173,11 @@ def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
     names = columns(law)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
     except FileNotFoundError:
         raise HistoryFileError(f"{path.name} does not exist") from None
-    except (OSError, ValueError, csv.Error) as error:
+    except (ValueError, csv.Error) as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
     if not rows or tuple(rows[0]) != names:
         raise HistoryFileError(f"{path.name} must start with the columns {', '.join(names)}")

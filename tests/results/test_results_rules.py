@@ -178,5 +178,5 @@ def test_what_is_not_a_result_is_one_sentence(text: bytes, sentence: str, tmp_pa
 def test_a_missing_file_says_what_to_give(tmp_path: Path) -> None:
     with pytest.raises(ResultsFileError, match="does not exist: give the folder of a finished run"):
         read_results(tmp_path / "results.json")
-    with pytest.raises(ResultsFileError, match="Is a directory"):
+    with pytest.raises(ResultsFileError, match="this is a directory"):
         read_results(tmp_path)
