@@ -15,6 +15,15 @@ class CannotGoOn(RuntimeError):
     """The input is fine, but the work cannot be finished: exit code 1."""
 
 
+def memory_sentence(error: BaseException) -> str | None:
+    """The sentence for memory that NumPy or torch could not get; None for another error."""
+    text = " ".join(str(error).split())
+    known = isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError"
+    if not known and "can't allocate memory" not in text:  # a RuntimeError of torch on a CPU
+        return None
+    return "there is not enough memory" + (f" ({text})" if text else "")
+
+
 class Interrupted(KeyboardInterrupt):
     """SIGINT or SIGTERM arrived; the message says what has been saved.
 

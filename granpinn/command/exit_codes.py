@@ -22,6 +22,7 @@ from __future__ import annotations
 import gc
 import io
 import os
+import resource
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -29,11 +30,14 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-from granpinn.errors import BadInput, CannotGoOn, Interrupted
+from granpinn.errors import BadInput, CannotGoOn, Interrupted, memory_sentence
 from granpinn.signals import Handler, handled_by, set_handler
 
 DEBUG = "GRANPINN_DEBUG"
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
+# The least that the libraries need, in bytes. With less they crash, or never end, while they load.
+LIMITS = {"-v": (resource.RLIMIT_AS, 2**30), "-d": (resource.RLIMIT_DATA, 2**29)}
+ANYWHERE = ("", "completion", "doctor")  # commands that load no large library
 _guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
 PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
 
@@ -73,8 +77,8 @@ def conclusion(error: BaseException) -> tuple[int, str]:
             return 1, text
         case ImportError():
             return 1, f"{text}: python -m granpinn.doctor shows what is missing"
-    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":  # of torch
-        return 1, f"there is not enough memory ({text or type(error).__name__})"
+    if memory := memory_sentence(error):
+        return 1, memory
     return 1, (
         f"{type(error).__name__}: {text} ({_place(error)}): this is a bug of "
         f"granpinn, please report it with the traceback that {DEBUG}=1 prints"
@@ -117,6 +121,19 @@ def guard_process(command: str) -> None:
     set_handler(_stopper(command))
     _guarded.append(command)
     sys.excepthook = lambda kind, error, place: _unforeseen(command, error)
+    if command not in ANYWHERE:
+        _require_memory()
+
+
+def _require_memory() -> None:
+    """CannotGoOn where a limit of this process leaves too little memory for the libraries."""
+    for flag, (kind, need) in LIMITS.items():
+        limit, _ = resource.getrlimit(kind)
+        if limit != resource.RLIM_INFINITY and limit < need:
+            raise CannotGoOn(
+                f"this process needs at least {need // 1024} KiB of memory, ulimit {flag} allows "
+                f"{limit // 1024}: raise the limit, ulimit {flag} {need // 1024}"
+            )
 
 
 def keep_what_is_loaded() -> None:

@@ -18,7 +18,8 @@ from granpinn.errors import BadInput
 
 C = TypeVar("C")
 
-TINY = 1e-30  # least positive number: float32 would round a much smaller one to 0
+# The least positive number and the largest one: float32 holds both.
+TINY, LARGEST = 1e-30, 1e30
 
 
 class ConfigError(BadInput):
@@ -33,8 +34,8 @@ class Setting:
         kind: its type, such as `tuple[int, ...]` or `float | None`.
         default: its value in the default recipe.
         help: the sentence that explains it.
-        low, high: range of a number, or of each number of a tuple; high None: any finite one.
-        positive: a number must be above 0.
+        low, high: range of a number, or of each number of a tuple. An integer states its own.
+        positive: a number must be above 0, which is a `low` of TINY.
         choices: the values that it may have; (): all of its type.
         free: a resumed run may have another value, since it changes no number of the training.
     """
@@ -42,8 +43,8 @@ class Setting:
     kind: Any
     default: Any
     help: str
-    low: float = -math.inf
-    high: float | None = None
+    low: float = -LARGEST
+    high: float = LARGEST
     positive: bool = False
     choices: Collection[Any] = ()
     free: bool = False
@@ -59,18 +60,15 @@ class Setting:
             )
 
     def _holds(self, x: float) -> bool:
-        above = x >= (max(self.low, TINY) if self.positive else self.low)
-        return above and (math.isfinite(x) if self.high is None else x <= self.high)
+        return (TINY if self.positive else self.low) <= x <= self.high
 
     @property
     def range_text(self) -> str:
         """The choices or the range in words."""
         if self.choices:
             return f"one of {', '.join(self.choices)}"
-        if self.high is None or math.isinf(self.high):
-            if self.positive:
-                return "positive"
-            return "finite" if math.isinf(self.low) else f"at least {self.low:g}"
+        if math.isinf(self.high):
+            return f"at least {self.low:g}"
         if self.positive:
             return f"positive and at most {self.high:g}"
         return f"in [{self.low:g}, {self.high:g}]"

@@ -13,13 +13,17 @@ from typing import Any, Literal
 from granpinn.config.fields import ConfigError, setting, settings_group
 from granpinn.physics.terms import TERMS
 
+NEARLY_1 = 1 - 1e-6  # a mean with a factor of 1 would never move
+
 
 @settings_group
 @dataclass(frozen=True)
 class Network:
     """The network (x, y, t) -> fields."""
 
-    widths: tuple[int, ...] = setting((128, 128, 128, 128), "widths of the hidden layers")
+    widths: tuple[int, ...] = setting(
+        (128, 128, 128, 128), "widths of the hidden layers", low=1, high=2**16
+    )
     initialization: Literal["wide", "glorot_uniform"] = setting(
         "wide",
         "first parameters: wide (first layer of unit variance, hidden gain 1.4) or Glorot uniform",
@@ -170,7 +174,7 @@ class Optimizer:
         0.017, "part of each stage in which learning rates rise from 0", low=0, high=0.5
     )
     prefit: float = setting(
-        0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=1
+        0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=0.99
     )
     prefit_final_fraction: float = setting(
         0.1, "the same as final_fraction for the pre-fit", low=0, high=1
@@ -178,9 +182,9 @@ class Optimizer:
     average: float = setting(
         0.0, "part of the run, at its end, whose parameters are averaged", low=0, high=1
     )
-    beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=1)
+    beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=NEARLY_1)
     epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
-    momentum: float = setting(0.95, "momentum of Muon", low=0, high=1)
+    momentum: float = setting(0.95, "momentum of Muon", low=0, high=NEARLY_1)
     last_layer: bool = setting(
         True, "end with Gauss-Newton steps in the last layer and the friction law (mixed form)"
     )

@@ -6,13 +6,14 @@ the `config.toml` that a run leaves.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import InitVar, dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from granpinn.config.fields import (
+    LARGEST,
+    TINY,
     ConfigError,
     flag_of,
     flatten,
@@ -41,6 +42,8 @@ from granpinn.physics.terms import Form
 
 Level = Literal["V0", "V1", "V2"]
 LEVELS: tuple[Level, ...] = get_args(Level)
+MOST_STEPS, MOST_SECONDS = 10**12, 1e9  # more than any machine lasts
+MOST_LAYERS = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,16 +114,18 @@ class Config:
         None,
         "seconds that the command may take; the run is planned to end within them",
         low=1,
-        high=math.inf,
+        high=MOST_SECONDS,
         free=True,
     )
     steps: int | None = setting(
-        15000, "optimisation steps; none: --epochs or --max-time decide", low=1
+        15000, "optimisation steps; none: --epochs or --max-time decide", low=1, high=MOST_STEPS
     )
-    epochs: int | None = setting(None, "passes over the points, where --steps is none", low=1)
-    log_every: int = setting(100, "steps between the rows of history.csv", low=1)
+    epochs: int | None = setting(
+        None, "passes over the points, where --steps is none", low=1, high=10**7
+    )
+    log_every: int = setting(100, "steps between the rows of history.csv", low=1, high=MOST_STEPS)
     checkpoint_every: float = setting(
-        30.0, "seconds between checkpoints", low=0, high=math.inf, free=True
+        30.0, "seconds between checkpoints", low=0, high=MOST_SECONDS, free=True
     )
     compare_laws: bool = setting(
         False,
@@ -216,10 +221,10 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
 def _check_together(config: Config) -> None:
     """Refuses settings that are impossible together."""
     widths = config.network.widths
-    if not widths or min(widths) < 1:
+    if not 1 <= len(widths) <= MOST_LAYERS:
         raise ConfigError(
-            "--network.widths must be one positive width per hidden layer, such as 128,128, got "
-            f"{list(widths)}"
+            "--network.widths must be one width per hidden layer, such as 128,128, for 1 to "
+            f"{MOST_LAYERS} layers, got {len(widths)}"
         )
     if config.rheology.start is not None:
         _check_start(config.law, config.rheology.start, config.rheology.variables)
@@ -263,10 +268,11 @@ def _check_fixed(name: str, values: Mapping[str, float]) -> None:
             raise ConfigError(
                 f"--rheology.fix: the law {name} holds {known} fixed, got {parameter}: leave it out"
             )
-        may_vanish = law.parameter(parameter).may_vanish
-        if not math.isfinite(value) or value < 0 or not (value or may_vanish):
-            wanted = "not be negative" if may_vanish else "be a positive number"
-            raise ConfigError(f"--rheology.fix: {parameter} must {wanted}, got {value:g}")
+        least = 0.0 if law.parameter(parameter).may_vanish else TINY
+        if not least <= value <= LARGEST:
+            raise ConfigError(
+                f"--rheology.fix: {parameter} must be in [{least:g}, {LARGEST:g}], got {value:g}"
+            )
 
 
 def identity(config: Config) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError
 from typing import Any, TypeVar
 
+from granpinn.errors import memory_sentence
 from granpinn.output import OutputError
 from granpinn.results.records import NotDone
 from granpinn.results.result import Result
@@ -58,12 +59,11 @@ def attempt(what: str, work: Callable[[], T]) -> T | NotDone:
 
 def sentence(error: Exception) -> str:
     """One line about an error; errors of granpinn are sentences already."""
-    text = " ".join(str(error).split())
+    memory = memory_sentence(error)
+    text = " ".join((memory or str(error)).split())
     text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)[:LONGEST]
-    if type(error).__module__.partition(".")[0] == "granpinn":
+    if memory or type(error).__module__.partition(".")[0] == "granpinn":
         return text
-    if isinstance(error, MemoryError):
-        return f"there is not enough memory{f' ({text})' if text else ''}"
     return f"{type(error).__name__}{f': {text}' if text else ''}"
 
 

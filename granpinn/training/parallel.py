@@ -15,7 +15,11 @@ from contextlib import contextmanager
 import torch
 from torch import Tensor, distributed
 
+from granpinn.config import ConfigError
+from granpinn.errors import CannotGoOn
 from granpinn.training.objective import Evaluation
+
+MOST_PROCESSES = 2**16
 
 
 class Processes:
@@ -86,16 +90,43 @@ def joined() -> Iterator[int]:
 
     NCCL sends tensors of GPUs, gloo the others; each process uses the GPU of its local rank.
     """
-    if int(os.environ.get("WORLD_SIZE", "1")) < 2:
+    gpus = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    size = _variable("WORLD_SIZE", 1, MOST_PROCESSES, "1")
+    if size < 2:
         yield 0
         return
-    if torch.cuda.is_available():
-        torch.cuda.set_device(int(os.environ["LOCAL_RANK"]))
-    distributed.init_process_group("cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo")
+    _variable("RANK", 0, size - 1)
+    _variable("MASTER_PORT", 0, 65535)
+    if "MASTER_ADDR" not in os.environ:
+        raise _not_started("MASTER_ADDR must be the first host", "nothing")
+    if gpus:
+        torch.cuda.set_device(_variable("LOCAL_RANK", 0, gpus - 1))
+    try:
+        distributed.init_process_group("cpu:gloo,cuda:nccl" if gpus else "gloo")
+    except (RuntimeError, ValueError) as error:
+        reason = str(error).splitlines()[0][:160]
+        raise CannotGoOn(
+            f"the {size} processes cannot join ({reason}): check that torchrun started all of them"
+        ) from error
     try:
         yield distributed.get_rank()
     finally:
         distributed.destroy_process_group()
+
+
+def _variable(name: str, low: int, high: int, default: str = "nothing") -> int:
+    """A whole number of the environment of torchrun; ConfigError for anything else."""
+    text = os.environ.get(name, default)
+    if not (text.isascii() and text.isdigit() and low <= int(text) <= high):
+        raise _not_started(f"{name} must be a whole number from {low} to {high}", text)
+    return int(text)
+
+
+def _not_started(wanted: str, found: str) -> ConfigError:
+    return ConfigError(
+        f"the environment variable {wanted}, got {found}: start the processes with torchrun, or "
+        "unset WORLD_SIZE"
+    )
 
 
 def gather_texts(text: str) -> list[str]:

@@ -119,7 +119,10 @@ def test_the_range_of_a_free_curve_is_that_of_the_flow(flow_of: Simulate, tmp_pa
         (("--law", "power", "--rheology.fix", "b=1"), "the law power holds n fixed, got b"),
         (("--law", "free", "--rheology.fix", "I_low"), "must be NAME=NUMBER"),
         (("--law", "free", "--rheology.fix", "c1=1"), "holds I_low, I_high fixed, got c1"),
-        (("--law", "free", "--rheology.fix", "I_low=-1"), "must be a positive number, got -1"),
+        (
+            ("--law", "free", "--rheology.fix", "I_low=-1"),
+            "I_low must be in [1e-30, 1e+30], got -1",
+        ),
         (("--law", "regularised", "--rheology.fix", "I0=0.2"), "give I0 by the flag --I0 0.2"),
         (("--law", "free", "--rheology.fix", "I_high=1e-6"), "I_high must be above I_low"),
         (("--law", "power", "--I0", "0.2"), "the friction law power has no I0"),

@@ -149,6 +149,20 @@ def with_stdout(
     )
 
 
+@pytest.mark.parametrize(("flag", "kibibytes"), [("-v", 600_000), ("-v", 500_000), ("-d", 200_000)])
+@pytest.mark.parametrize("name", HEAVY)
+def test_too_little_memory_for_the_libraries_is_one_sentence(
+    name: str, flag: str, kibibytes: int
+) -> None:
+    """The libraries crash with less, or never end."""
+    line = f'ulimit {flag} {kibibytes}; exec "$@"'
+    words = ["bash", "-c", line, "bash", *as_module(name), "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    message = one_sentence(done.stderr, f"granpinn.{name}")
+    assert f"ulimit {flag} allows {kibibytes}: raise the limit" in message
+
+
 # ---- the boundary in this process ----------------------------------------------------------------
 
 
@@ -161,6 +175,11 @@ def with_stdout(
         (MemoryError("Unable to allocate 31 GiB"), 1, "not enough memory (Unable to allocate"),
         (Interrupted(15, "stopped at step 7"), 143, "stopped at step 7"),
         (KeyboardInterrupt(), 130, "stopped by SIGINT"),
+        (
+            RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 GB"),
+            1,
+            "there is not enough memory (DefaultCPUAllocator",
+        ),
         (ImportError("no module named scipy"), 1, "granpinn.doctor shows what is missing"),
         (ZeroDivisionError("division by zero"), 1, "ZeroDivisionError: division by zero"),
         (RecursionError(), 1, "this is a bug of granpinn"),

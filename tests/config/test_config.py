@@ -137,8 +137,8 @@ BAD = {
     "none": ({"seed": None}, "--seed must be a whole number, got None"),
     "truth value": ({"I0": True}, "--I0 must be a number, got True"),
     "in a section": ({"batch": Batch(interior=0)}, "--batch.interior must be in [1, "),
-    "flag": ({"max_time": 0.5}, "--max-time must be at least 1, got 0.5"),
-    "not finite": ({"I0": math.inf}, "--I0 must be positive, got inf"),
+    "flag": ({"max_time": 0.5}, "--max-time must be in [1, 1e+09], got 0.5"),
+    "not finite": ({"I0": math.inf}, "--I0 must be positive and at most 1e+30, got inf"),
     "underflow": ({"rheology.p_floor": 1e-40}, "--rheology.p_floor must be positive"),
     "too few starts": ({"rheology.start": (0.3,)}, "one value for each free parameter"),
     "start of another law": (

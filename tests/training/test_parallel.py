@@ -18,6 +18,7 @@ from granpinn import identify, identify_many, results
 from granpinn.command.arguments import parse
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, write_flow
+from granpinn.errors import CannotGoOn
 from granpinn.training import checkpoint, parallel
 from granpinn.training.objective import Evaluation, Objective
 from tests.command import pageless
@@ -152,3 +153,42 @@ def test_one_process_agrees_with_itself() -> None:
     assert parallel.gather_texts("µ") == ["µ"]
     with parallel.joined() as rank:
         assert rank == 0
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({"WORLD_SIZE": "x"}, "WORLD_SIZE must be a whole number from 1 to 65536, got x"),
+        ({"WORLD_SIZE": "-2"}, "WORLD_SIZE must be a whole number"),
+        ({"WORLD_SIZE": "2"}, "RANK must be a whole number from 0 to 1, got nothing"),
+        ({"WORLD_SIZE": "2", "RANK": "x"}, "RANK must be a whole number from 0 to 1, got x"),
+        ({"WORLD_SIZE": "2", "RANK": "2"}, "RANK must be a whole number from 0 to 1, got 2"),
+        ({"WORLD_SIZE": "2", "RANK": "0"}, "MASTER_PORT must be a whole number from 0 to 65535"),
+        ({"WORLD_SIZE": "2", "RANK": "0", "MASTER_PORT": "1"}, "MASTER_ADDR must be the first"),
+    ],
+)
+def test_an_environment_that_is_not_of_torchrun_is_refused(
+    environment: dict[str, str], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("WORLD_SIZE", "RANK", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(ConfigError, match=expected), parallel.joined():
+        pass
+
+
+def test_processes_that_cannot_join_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = {"WORLD_SIZE": "2", "RANK": "1", "MASTER_ADDR": "no host", "MASTER_PORT": "1"}
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+
+    def unreachable(backend: str) -> None:
+        raise torch.distributed.DistNetworkError("the host cannot be reached\nsecond line")
+
+    monkeypatch.setattr(torch.distributed, "init_process_group", unreachable)
+    with (
+        pytest.raises(CannotGoOn, match=r"cannot join \(the host cannot be reached\): check"),
+        parallel.joined(),
+    ):
+        pass
