@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS, LawParameter
 from granpinn.physics.laws import Law as _Law
@@ -53,6 +54,7 @@ class Law(_Law):
         LawError: the law cannot be used, with the reason.
     """
 
+    @checked
     def __init__(
         self,
         name: str,
@@ -74,6 +76,7 @@ class Law(_Law):
         _try(self, mu)
 
 
+@checked
 def Parameter(
     name: str,
     start: float,
@@ -108,6 +111,7 @@ def Parameter(
     )
 
 
+@checked
 def register(law: _Law) -> None:
     """Make a law known by its name: to `Config(law=NAME)` and to `read_results`.
 

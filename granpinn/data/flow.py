@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
+from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 from granpinn.output import html
 from granpinn.physics.law_values import LawValues
@@ -50,6 +51,9 @@ class Surface:
     y: Float64
     p: Float32 | None = None
 
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
+
 
 @dataclass(frozen=True, eq=False)
 class Walls:
@@ -77,6 +81,9 @@ class Walls:
     p: Float32 | None = None
     tau: Float32 | None = None
 
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
+
 
 @dataclass(frozen=True, eq=False)
 class Particles:
@@ -95,6 +102,9 @@ class Particles:
     v: Floats
     sigma_u: Float32 | None = None
     sigma_v: Float32 | None = None
+
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
 
 
 class Truth(LawValues):
@@ -168,6 +178,9 @@ class Flow:
     starts: tuple[int, ...] = ()
     sha256: str = ""
     path: Path | None = None
+
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
 
     @property
     def material(self) -> Bool:

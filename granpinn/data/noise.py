@@ -17,12 +17,14 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
+from granpinn.declared import checked
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
 _STREAMS = 3
 Vectors = TypeVar("Vectors", Flow, Particles)
 
 
+@checked
 def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     """The flow with noise on u, v and the surface pressure, and with sigma_u, sigma_v to match.
 

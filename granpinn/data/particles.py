@@ -14,6 +14,7 @@ import numpy as np
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.data.flow import Flow, FlowFileError, Particles
 from granpinn.data.memory import available
+from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.
 CELL = 2.5
@@ -24,6 +25,7 @@ BYTES_PER_CELL = 37  # of the view, at the peak
 _SAMPLED_FRAMES = 5
 
 
+@checked
 def particle_flow(particles: Particles, **others: Any) -> Flow:
     """A flow of scattered vectors.
 

@@ -28,6 +28,7 @@ from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
 from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
+from granpinn.declared import checked
 from granpinn.physics.laws import DEFAULT
 from granpinn.regular import UnsafeFileError, content_of, too_large
 
@@ -57,6 +58,7 @@ def is_flow_file(path: Path) -> bool:
         return False
 
 
+@checked
 def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:
     """Reads and checks a flow file.
 

@@ -26,6 +26,7 @@ from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
 from granpinn.data.wall_rules import check_walls
+from granpinn.declared import checked
 
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
@@ -37,6 +38,7 @@ LARGEST_ROUNDING = 0.01
 SURFACE_MARGIN = 0.1
 
 
+@checked
 def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), grid_arrays_of(flow)):

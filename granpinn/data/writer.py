@@ -25,6 +25,7 @@ from granpinn.data.format import (
     arrays_of,
 )
 from granpinn.data.rules import check_flow
+from granpinn.declared import checked
 from granpinn.output import hdf5_file
 
 FRAMES_PER_CHUNK = 10
@@ -34,6 +35,7 @@ _PACKED = {"compression": "gzip", "shuffle": True}
 _SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t", "m": "wall_x"}
 
 
+@checked
 def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
     """Checks a flow and writes it; the file appears only once it is complete.
 

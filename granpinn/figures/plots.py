@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
 from granpinn.arrays import Floats
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.figures import curves, maps, residual
 from granpinn.figures.style import VALUE_MAP, label
@@ -63,6 +64,7 @@ class Plots:
         self._fields = fields
         self._history = history
 
+    @checked
     def __call__(self, t: float | None = None) -> Panels:
         """The law, the speed and the pressure side by side; the three axes."""
         panels = _panels(1, 3, None)
@@ -70,6 +72,7 @@ class Plots:
         self.fields(t, axes=panels[1:])
         return panels
 
+    @checked
     def law(self, ax: Axes | None = None) -> Axes:
         """The law over the I of the data, its band, the points of the fit, and the true law."""
         (ax,) = _panels(1, 1, None if ax is None else [ax])
@@ -78,6 +81,7 @@ class Plots:
         ax.set_title(self._result.friction_law.title)
         return ax
 
+    @checked
     def fields(
         self,
         t: float | None = None,
@@ -106,6 +110,7 @@ class Plots:
             ax.set_title(f"$t$ = {found.t[k]:.4g}")
         return panels
 
+    @checked
     def residual(self, t: float | None = None, ax: Axes | None = None) -> Axes:
         """Map of the residual of the momentum equation, in units of the weight."""
         found = self._fields()
@@ -115,12 +120,14 @@ class Plots:
         ax.set_title(f"$t$ = {found.t[k]:.4g}")
         return ax
 
+    @checked
     def inertial_number(self, ax: Axes | None = None) -> Axes:
         """Histogram of the inertial number in the grains."""
         (ax,) = _panels(1, 1, None if ax is None else [ax])
         curves.draw_inertial_number(ax, self._result, self._fields())
         return ax
 
+    @checked
     def history(self, axes: Sequence[Axes] | Panels | None = None) -> Panels:
         """The identified values, and the loss with its terms, against the step: two panels."""
         panels = _panels(2, 1, axes)

@@ -14,6 +14,7 @@ from typing import TypeVar
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, large
+from granpinn.declared import checked
 from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.identification.comparison import companions
 from granpinn.identification.finish import (
@@ -41,6 +42,7 @@ FlowLike = Flow | str | os.PathLike[str]
 SIDE_BY_SIDE = 4
 
 
+@checked
 def identify_many(
     flows: Sequence[FlowLike],
     config: Config | None = None,

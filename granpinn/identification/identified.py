@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.identification import prediction
 from granpinn.identification.network import FILE, TrainedNetwork, read_network
@@ -161,6 +162,7 @@ class Identification(Result):
         return self._parts
 
 
+@checked
 def load(run_dir: str | os.PathLike[str]) -> Identification:
     """The result of a run folder with its network, fields and history.
 

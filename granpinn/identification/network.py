@@ -78,7 +78,7 @@ class TrainedNetwork:
         """
         try:
             points = self.model.scales.points_to_dimensionless(x, y, t)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, RuntimeError) as error:
             raise BadInput(
                 f"x, y and t must be numbers of shapes that broadcast: {error}"
             ) from None

@@ -13,6 +13,7 @@ from typing import Any
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow
+from granpinn.declared import checked
 from granpinn.identification import assumptions, simulated_fields
 from granpinn.identification.balance import known_scale
 from granpinn.identification.case import Case, choose_device, members, pose
@@ -43,6 +44,7 @@ from granpinn.training.parallel import Processes, processes
 from granpinn.training.progress import Progress, by_default
 
 
+@checked
 def identify(
     flow: Flow | str | os.PathLike[str],
     config: Config | None = None,

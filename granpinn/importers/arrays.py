@@ -71,10 +71,13 @@ def _numbers(given: Any, name: str, path: str) -> Any:
         found = np.ma.asarray(given) if np.ma.isMaskedArray(given) else np.asarray(given)
         if found.dtype.kind == "O":  # such as a list that holds None
             found = found.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):
         found = np.empty(0, object)
     if found.dtype.kind not in "fiub":
-        raise DataFileError(f"{path}: {name} must hold numbers, got something else")
+        raise DataFileError(
+            f"{path}: {name} must hold numbers, got {type(given).__name__}: numpy.asarray must "
+            "take it, a torch tensor after .detach().cpu()"
+        )
     return found
 
 

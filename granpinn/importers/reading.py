@@ -10,6 +10,7 @@ from typing import Any
 import numpy.typing as npt
 
 from granpinn.data.flow import Flow
+from granpinn.declared import checked
 from granpinn.importers.arrays import ARRAYS
 from granpinn.importers.conversion import convert
 from granpinn.importers.netcdf import from_dataset
@@ -18,6 +19,7 @@ from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError
 
 
+@checked
 def read(source: Source, **settings: Any) -> Flow:
     """A flow from files of a PIV, PTV or simulation program, or from arrays.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from granpinn.config.fields import flag_of
+from granpinn.declared import require_fields
 from granpinn.importers.vectors import DataFileError
 
 
@@ -161,13 +162,11 @@ class Settings:
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
             value = getattr(self, f.name)
-            wanted = {"bool": bool, "int": int}.get(str(f.type))
-            if wanted is not None and type(value) is not wanted:
-                raise DataFileError(f"{flag_of(f.name)} must be {f.type}, got {value!r}")
             if str(f.type).startswith("str") and not isinstance(value, str | None):
                 raise DataFileError(
                     f"{flag_of(f.name)} must be text such as '0.12 mm/px', got {value!r}"
                 )
+        require_fields(self, DataFileError)
         if self.flip_y not in ("auto", "yes", "no"):
             raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
         if self.solid_fraction is not None and not 0 < self.solid_fraction <= 1:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from granpinn.declared import checked
 from granpinn.kernels import ops
 from granpinn.kernels.network import drawn_parameters
 
@@ -59,6 +60,7 @@ class SwishNetwork(torch.nn.Module):
 
     params: torch.nn.Parameter
 
+    @checked
     def __init__(
         self,
         outputs: int,

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from granpinn.declared import require_fields
 from granpinn.physics.laws import DEFAULT, LAWS, Law, LawParameter
 
 
@@ -54,6 +55,7 @@ class LawValues(_Parameters):
         def __init__(self, *theta: float | None, law: str = "", **values: float | None) -> None: ...
 
     def __post_init__(self) -> None:
+        require_fields(self)
         if self.law not in LAWS:
             raise ValueError(f"law must be one of {', '.join(LAWS)}, got {self.law!r}")
         own = self.friction_law.names

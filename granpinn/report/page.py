@@ -18,6 +18,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
+from granpinn.declared import checked
 from granpinn.figures import album, maps
 from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
@@ -49,6 +50,7 @@ PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
+@checked
 def build(
     run_dir: str | Path,
     time: float | None = None,

@@ -20,6 +20,7 @@ from granpinn.data.flow import STEADY
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.attributes import Attributes
 from granpinn.data.hdf5.dataset import Dataset
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, Packer, packer
@@ -186,6 +187,7 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
     attributes["pressure_scale"] = fields.pressure
 
 
+@checked
 def read_fields(path: str | Path, known: Fields | None = None) -> Fields:
     """Read fields.h5; the message of FieldsFileError is one sentence.
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.results.decoding import decode
@@ -25,6 +26,7 @@ def write_results(result: Result, path: str | Path) -> None:
     write_text(path, text + "\n")
 
 
+@checked
 def read_results(path: str | Path) -> Result:
     """Read and validate results.json; the message of ResultsFileError is one sentence."""
     path = Path(path)

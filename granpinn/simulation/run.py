@@ -13,6 +13,7 @@ from granpinn.config import ConfigError
 from granpinn.data.constants import check_constants
 from granpinn.data.flow import Flow, FlowFileError
 from granpinn.data.writer import write_flow
+from granpinn.declared import checked
 from granpinn.errors import Interrupted
 from granpinn.simulation.engine import Engine, SimulationError, State
 from granpinn.simulation.parameters import Collapse
@@ -32,6 +33,7 @@ class Taker(Protocol):
     def add(self, time: float, state: State) -> None: ...
 
 
+@checked
 def simulate(
     scene: Scene | None = None,
     *,

@@ -64,7 +64,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "t in 2D": ({"t": FLOW.t[None]}, "t must be float64 [T], got 2 dimensions"),
     "no frame": ({"t": FLOW.t[:0]}, "t must hold at least one value, got 0"),
     "one row": ({"y": FLOW.y[:1]}, "y must hold at least two values, got 1"),
-    "u as a list": ({"u": [1.0]}, "u is missing"),
+    "u as a list": ({"u": [1.0]}, "Flow.u must be a NumPy array, got list"),
     "NaN in x": (changed("x", 3, np.nan), "x must be finite, got NaN or infinity at index 3"),
     "infinite t": (changed("t", 11, np.inf), "t must be finite"),
     "y downwards": ({"y": FLOW.y[::-1].copy()}, "y must increase strictly, got"),

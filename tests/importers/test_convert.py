@@ -219,7 +219,7 @@ def test_settings_in_python_are_checked() -> None:
         read({}, scael="1")
     with pytest.raises(DataFileError, match="--scale must be text such as"):
         Settings(scale=0.12)  # type: ignore[arg-type]
-    with pytest.raises(DataFileError, match="--track-window must be int"):
+    with pytest.raises(DataFileError, match="Settings.track_window must be a whole number"):
         Settings(track_window=2.5)  # type: ignore[arg-type]
 
 
