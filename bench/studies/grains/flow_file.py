@@ -56,7 +56,7 @@ def flow_of(
         "grain_friction": material.friction,
     }
     stated |= {} if surface is None else {"surface_sd": UNCERTAINTY}
-    stated |= {"steady": 1} if scene.steady else {}
+    stated |= {"steady": 1} if scene.steady and not scene.filmed else {}
     plate = plate_of(scene.attributes, fields.stress[..., YY], fields.stress[..., XY], fields.y)
     return Flow(
         t=fields.t,

@@ -82,8 +82,12 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
 
 
 def fields_of(scene: Scene, dump: Path) -> tuple[Fields, Fields]:
-    """The fields that stress is taken from, and those that are seen: through a side wall they are
-    others. Both have the same cells."""
+    """The fields that stress is taken from, and those that are seen: through a side wall and in a
+    film they are others. Both have the same cells."""
+    if scene.filmed:
+        seen = coarse_grain(scene, snapshots(dump))
+        mean = coarse_grain(dataclasses.replace(scene, frames=2), snapshots(dump))
+        return cropped(mean, like=seen), cropped(seen)
     if scene.view is None:
         fields = cropped(coarse_grain(scene, snapshots(dump)))
         return fields, fields

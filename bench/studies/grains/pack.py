@@ -3,7 +3,8 @@
     python -m bench.studies.grains.pack --lmp lammps/bin/lmp --out scenes --jobs 2
 
 OUT gets a folder SCENE-FRICTION for every scene. A folder that has a scene.json is left as it is,
-so an interrupted command can be given again. Both views of the channel come from one run.
+so an interrupted command can be given again. Both views of the channel come from one run,
+and so do the drum as its mean and as a film.
 
 Defends: every scene is made in at most 15 CPU minutes.
 """
@@ -25,7 +26,7 @@ OF_ALL = ("collapse_2", "collapse_6", "chute_fast", "chute_fast_steady", "heap",
 PACK = [(name, friction) for name in (*OF_ALL, "plane_shear") for friction in FRICTIONS]
 PACK += [("chute_slow", 0.4), ("channel_wall", 0.4)]
 # Scenes that take the grains of another: its dump is kept until they are made.
-SAME_GRAINS = {"channel_wall": "channel_mean"}
+SAME_GRAINS = {"channel_wall": "channel_mean", "drum": "drum_filmed"}
 
 
 def commands(scene: str, friction: float, out: Path, lmp: str | None) -> list[list[str]]:

@@ -29,6 +29,7 @@ SCENES: dict[str, Callable[[Material], Scene]] = {
     "chute_slow_steady": lambda m: chute(m, SLOPES[m.friction][0], steady=True, duration=100),
     "chute_fast_steady": lambda m: chute(m, SLOPES[m.friction][1], steady=True, duration=100),
     "drum": lambda _: drum(0.02, duration=150),
+    "drum_filmed": lambda _: drum(0.02, duration=150, filmed=100),
     "heap": lambda m: heap(100, 7 + 100 * HEAP_SLOPES[m.friction], 7, flux=20, duration=80),
     "silo": lambda _: silo(50, 90, outlet=14, duration=45),
     "plane_shear": lambda _: plane_shear(load=20, speed=8, duration=120),

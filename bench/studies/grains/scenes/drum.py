@@ -12,11 +12,15 @@ from bench.studies.grains.scenes.scene import Grid, Scene, run
 RADIUS = 40.0
 
 
-def drum(rate: float, duration: float) -> Scene:
-    """A drum around the origin that turns counterclockwise at a rate."""
+def drum(rate: float, duration: float, filmed: int = 0) -> Scene:
+    """A drum around the origin that turns counterclockwise at a rate.
+
+    Args:
+        filmed: frames of a film; 0: the means over the two halves of the record.
+    """
     edge = RADIUS + 0.5
     return Scene(
-        title=f"drum, {rate:g} sqrt(g/d)",
+        title=f"drum, {rate:g} sqrt(g/d){', filmed' if filmed else ''}",
         packing=lambda seed: (
             rough_circle(edge, seed + 1),
             disk(RADIUS, 0.5 * math.pi * RADIUS**2),
@@ -35,8 +39,9 @@ def drum(rate: float, duration: float) -> Scene:
         inside=lambda x, y: np.hypot(x, y) < RADIUS,
         duration=duration,
         snapshots=400,
-        frames=2,
+        frames=filmed or 2,
         steady=True,
+        filmed=filmed > 0,
         attributes={
             "walls": "circle around the origin: rough, glued grains, turns as a solid",
             "wall_radius": RADIUS,

@@ -43,6 +43,8 @@ class Scene:
         dropped: recorded time at the start that is left out.
         mirror: x = 0 is a plane of symmetry.
         steady: the flow does not change during the record.
+        filmed: a steady flow as a camera sees it: the file has many frames, and does not say that
+            they show one flow. Its stress is that of the means over both halves of the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
         recorded: LAMMPS lines at the start of the record.
@@ -65,6 +67,7 @@ class Scene:
     dropped: float = 0.0
     mirror: bool = False
     steady: bool = False
+    filmed: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
     recorded: tuple[str, ...] = ()
