@@ -12,14 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from granpinn.importers.columns import Column, read_table
 from granpinn.importers.tables import to_grid
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 _COLUMN = re.compile(r"(?<!\S)\d++:(\S++)")
 _FIRST = re.compile(rb"#\s*+1:x\s++2:y\b")
-# Usual names of the fields; the reader takes the first one that the file has.
-ROLES = {"u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
+# Usual names of the fields.
+ROLES = {"x": ("x",), "y": ("y",), "u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
 _HUGE = 1e29  # nodata of single-precision builds is 1e30
 
 
@@ -42,23 +43,9 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
             f"{path} must begin with '# 1:x 2:y ...', got {first[:40]!r}: write it with "
             "output_field"
         )
-    chosen = {}
-    for role, usual in ROLES.items():
-        candidates = (names[role],) if names and role in names else usual
-        chosen[role] = next((name for name in candidates if name in columns), None)
-    missing = [role for role in ("u", "v") if chosen[role] is None]
-    if missing:
-        raise DataFileError(
-            f"{path} must have the velocity u.x, u.y, got {', '.join(columns[2:])}: name it with "
-            "--fields u=...,v=..."
-        )
-    table = text.numbers(1)
-    if table.shape[1] != len(columns):
-        raise DataFileError(
-            f"{path} must have {len(columns)} columns like its header, got {table.shape[1]}"
-        )
-    parts = {"x": table[:, 0], "y": table[:, 1]}
-    parts |= {role: table[:, columns.index(name)] for role, name in chosen.items() if name}
+    given: dict[str, tuple[str, ...]] = {role: (name,) for role, name in (names or {}).items()}
+    required = ("x", "y", "u", "v", *given)
+    parts = read_table(text, ROLES | given, [*map(Column, columns)], required).columns
     there = (np.abs(parts["u"]) < _HUGE) & (np.abs(parts["v"]) < _HUGE)
     codes = np.where(there, Validity.VALID, Validity.MASKED)
     for role in ("c", "p"):

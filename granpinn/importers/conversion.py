@@ -69,8 +69,8 @@ def convert(
         "density_unit": None if settings.dimensionless else "kg/m^3",
         "attributes": _attributes(fields, settings, material),
     }
-    given = _given_line(fields, settings, frame, line)
-    constants["walls"] = _given_walls(fields, settings, frame)
+    given = _given_line(settings, frame, line)
+    constants["walls"] = _given_walls(settings, frame)
     si = frame.apply(fields)
     warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
@@ -87,26 +87,21 @@ def convert(
 
 
 def _given_line(
-    fields: VectorFields,
-    settings: Settings,
-    frame: Frame,
-    line: Sequence[npt.ArrayLike] | None,
+    settings: Settings, frame: Frame, line: Sequence[npt.ArrayLike] | None
 ) -> Surface | None:
     """The free surface in memory, or of --surface FILE."""
     if line is not None:
         return surfaces.from_arrays(line, frame)
     if settings.surface in ("auto", "mask", "fraction", "none"):
         return None
-    rate = frame.time if fields.time_unit == "frame" else None
-    return surfaces.from_table(Path(settings.surface), frame, rate)
+    return surfaces.from_table(Path(settings.surface), frame)
 
 
-def _given_walls(fields: VectorFields, settings: Settings, frame: Frame) -> Walls | None:
+def _given_walls(settings: Settings, frame: Frame) -> Walls | None:
     """The walls of --walls FILE."""
     if settings.walls is None:
         return None
-    rate = frame.time if fields.time_unit == "frame" else None
-    return walls.from_table(Path(settings.walls), frame, rate)
+    return walls.from_table(Path(settings.walls), frame)
 
 
 def _attributes(

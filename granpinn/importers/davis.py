@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.columns import Column, read_table
 from granpinn.importers.isolated import installed, read_isolated
 from granpinn.importers.mesh_files import check_folder, file_bytes
 from granpinn.importers.numerals import whole
-from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -145,28 +145,31 @@ def read_text_export(path: Path) -> VectorFields:
             f"{path} must begin with '#DaVis ... 2D-vector', got {first[:40]!r}: export the "
             "vectors from DaVis as text"
         )
-    table = text.numbers(1, decimal_comma=True)  # or a point
+    quoted = head[5].split('"')[1::2]
+    stated = list(zip(quoted[::2], quoted[1::2], strict=False))
+    lengths = [unit for name, unit in stated if name == "position"]
+    velocities = [unit for name, unit in stated if name in ("velocity", "displacement")]
+    pixels = any(unit in ("pixel", "px") for unit in velocities)
+    velocities = ["px/frame" if unit in ("pixel", "px") else unit for unit in velocities]
+    named = map(Column, "xyuv", (*_both(path, lengths), *_both(path, velocities)))
+    table = read_table(text, {name: (name,) for name in "xyuv"}, [*named], "xyuv")
     expected = whole(head[3], f"{path}: number of columns") * whole(head[4], f"{path}: rows")
-    if table.shape != (expected, 4):
+    n_rows = table.columns["x"].size
+    if n_rows != expected:
         raise DataFileError(
             f"{path} must hold {expected} rows of x, y, u, v as its first line says, got "
-            f"{table.shape[0]} rows of {table.shape[1]}: the file was cut off; export it again"
+            f"{n_rows}: the file was cut off; export it again"
         )
-    quoted = head[5].split('"')[1::2]
-    units = list(zip(quoted[::2], quoted[1::2], strict=False))
-    length = [unit for name, unit in units if name == "position"]
-    velocity = [unit for name, unit in units if name in ("velocity", "displacement")]
-    vectors = dict(zip("xyuv", table.T, strict=True))
-    grids = to_grid(path, vectors)
-    grids["validity"] = split_gaps((grids["u"] != 0) | (grids["v"] != 0))
-    found = velocity[0] if velocity else None
-    down, order = y_points_down(vectors) if found in ("pixel", "px") else (False, {})
-    return vector_fields(
-        t=[0],
-        **grids,
-        length_unit=length[0] if length else None,
-        time_unit="frame",
-        velocity_unit="px/frame" if found in ("pixel", "px") else found,
-        y_down=down,
-        facts={"davis": head[1], "mask": GAPS} | order,
-    )
+    none = (table.columns["u"] == 0) & (table.columns["v"] == 0)
+    for name in "uv":
+        table.columns[name] = np.where(none, np.nan, table.columns[name])
+    # Of displacements in pixels, the order of the rows shows the direction of y.
+    down = None if pixels else False
+    return grid_frame(path, table, y_down=down, facts={"davis": head[1]})
+
+
+def _both(path: Path, stated: list[str]) -> tuple[str, str]:
+    """The units of two components; one unit holds for both."""
+    if len(stated) > 2:
+        raise DataFileError(f"{path} must state two units of a kind at most, got {len(stated)}")
+    return (stated[0], stated[-1]) if stated else ("", "")

@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from granpinn.arrays import Float64
+from granpinn.config.fields import flag_of
 from granpinn.importers import units
+from granpinn.importers.columns import GROUPS
 from granpinn.importers.numerals import number
 from granpinn.importers.settings import Settings
 from granpinn.importers.tables import MIXED, ROWS
-from granpinn.importers.vectors import DataFileError, VectorFields
+from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
 HALF = 0.5  # a field between two images is half way between them
 
@@ -29,7 +31,10 @@ class Frame:
         t0, start: the time t0 of the files is `start`, in SI.
         up: -1 where y and v of the files point down, else 1.
         gravity: (g_x, g_y) in the new axes.
-        pixel, delay: meters per pixel, seconds between the images of a pair, or None.
+        pixel, delay, interval: meters per pixel; seconds between the images of a pair, and between
+            frames; or None.
+        dimensionless: whether there are no units.
+        counts: whether the times of the files are numbers of frames.
     """
 
     length: float
@@ -43,6 +48,9 @@ class Frame:
     gravity: tuple[float, float]
     pixel: float | None = None
     delay: float | None = None
+    interval: float | None = None
+    dimensionless: bool = False
+    counts: bool = False
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
@@ -68,6 +76,20 @@ class Frame:
         """Times in SI."""
         return (t - self.t0) * self.time + self.start
 
+    def factor(self, unit: str | None, dimension: str, what: str) -> float:
+        """SI units in one unit of a column; without a unit it has that of the vectors.
+
+        Args:
+            dimension: length, time, velocity or pressure, which has no unit of the vectors.
+            what: the column, for messages.
+        """
+        if not unit or (self.dimensionless and unit in ("1", "-")):
+            return float(getattr(self, dimension, 1.0))
+        if self.dimensionless:
+            raise DataFileError(f"{what} must be without a unit with --dimensionless, got {unit}")
+        frame = self.interval if dimension == "time" else self.delay
+        return units.factor(unit, dimension, what, self.pixel, frame)
+
     def sigma(self, settings: Settings) -> float:
         """The standard deviation of --sigma in SI."""
         text = settings.sigma or ""
@@ -75,7 +97,7 @@ class Frame:
             sigma = units.plain(text, "--sigma")
         else:
             number, unit = units.split(text, "--sigma")
-            sigma = number * units.factor(unit, "velocity", "--sigma", self.pixel, self.delay)
+            sigma = number * self.factor(unit or "1", "velocity", "--sigma")
         return units.in_range(sigma, "--sigma", text)
 
     def _with(
@@ -108,7 +130,7 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         f"{flag} (the files do not say the unit of {what})"
         for flag, value, what in (
             ("--length-unit", length, "x and y"),
-            ("--velocity-unit", velocity, "u and v"),
+            ("--velocity-unit", velocity or fields.facts.get(TRACK_WINDOW), "u and v"),
             ("--time-unit", time, "t"),
         )
         if value is None
@@ -156,6 +178,13 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         g = units.si(settings.gravity, "acceleration", "--gravity", "'9.81 m/s^2'")
         if settings.start is not None:
             start = units.si(settings.start, "time", "--start", "'4 ms'")
+    if TRACK_WINDOW in fields.facts:
+        if settings.velocity_unit and not math.isclose(velocity, length / time):
+            raise DataFileError(
+                f"--velocity-unit must be the unit of x and y over that of t for tracks, got "
+                f"{settings.velocity_unit}: leave it out"
+            )
+        velocity = length / time
     if g <= 0:
         raise DataFileError(
             f"--gravity must be positive, got {settings.gravity!r}: --tilt turns its direction"
@@ -178,15 +207,27 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         gravity=(g * math.sin(angle), -g * math.cos(angle)),
         pixel=pixel,
         delay=delay,
+        interval=frame,
+        dimensionless=settings.dimensionless,
+        counts=time == frame,
     )
 
 
 def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
     """Units of length, time and velocity, from the settings if they have them, else the files."""
+    for kind in GROUPS:
+        several = fields.facts.get(f"{kind}s")
+        if several and getattr(settings, kind):
+            raise DataFileError(
+                f"{flag_of(kind)} must not be given where columns have several units, got "
+                f"{several}: leave it out, or correct the units in the file"
+            )
     length = settings.length_unit or fields.length_unit
     time = settings.time_unit or fields.time_unit
     velocity = settings.velocity_unit or fields.velocity_unit
-    if velocity is None and settings.length_unit and settings.time_unit:
+    if settings.velocity_unit is None and TRACK_WINDOW in fields.facts:
+        velocity = None if None in (length, time) else f"{length}/{time}"
+    elif velocity is None and settings.length_unit and settings.time_unit:
         velocity = f"{length}/{time}"
     return length, time, velocity
 

@@ -36,7 +36,7 @@ class Grains:
 def grains_of(fields: VectorFields) -> Grains:
     """The grains of vectors on a grid."""
     if fields.c is not None:
-        c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)
+        c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)  # NaN: no grains; beyond 0 and 1: rounding
         c[c > 1 - FULL] = 1.0
         c[fields.validity == Validity.MASKED] = 0.0
         return Grains(c, "fraction")

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Int8
+from granpinn.arrays import Int8, plain_array
+from granpinn.importers.columns import Column, chosen, in_one_unit
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.netcdf4 import read_variables
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -22,6 +23,7 @@ from granpinn.regular import UnsafeFileError, first_bytes, read_regular_file
 
 MAX_BYTES = 2**32
 INTERPOLATED_FROM = 5
+_UNITLESS = ("chc", "p")  # a code, and a pressure that is kept for scoring only
 _EXTRAS = ("sigma_u", "sigma_v", "c", "p")
 VARIABLES = ("x", "y", "t", "u", "v", "chc", *_EXTRAS)
 FACTS = ("delta_t",)
@@ -69,11 +71,12 @@ def _open(xarray: Any, path: Path) -> Any:
         return xarray.open_dataset(content, engine="scipy", decode_times=False)
     found, facts = read_variables(path, VARIABLES, FACTS, MAX_BYTES)
     variables = {name: xarray.Variable(*parts) for name, parts in found.items()}
-    return xarray.decode_cf(xarray.Dataset(variables, attrs=facts), decode_times=False)
+    return xarray.Dataset(variables, attrs=facts)
 
 
 def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
     """Vector fields of an xarray.Dataset."""
+    data = _decoded(data)
     missing = [name for name in ("x", "y", "u", "v") if name not in data.variables]
     if missing:
         raise DataFileError(
@@ -83,46 +86,59 @@ def from_dataset(data: Any, path: str = "the data set") -> VectorFields:
         raise DataFileError(f"{path} must hold at most 4 GiB: choose fewer frames")
     if "t" not in data.dims:
         data = data.expand_dims("t")
-    fields = {}
-    for name in ("u", "v", "chc", *_EXTRAS):
+    columns = {}
+    for name in VARIABLES:
+        dims = (name,) if name in "xyt" else ("t", "y", "x")
         if name in data.variables:
-            variable = data[name]
-            if set(variable.dims) != {"t", "y", "x"}:
+            variable = data[name].variable
+            if set(variable.dims) != set(dims):
                 raise DataFileError(
-                    f"{path}: {name} must have the dimensions t, y, x, got "
+                    f"{path}: {name} must have the dimensions {', '.join(dims)}, got "
                     f"{', '.join(map(str, variable.dims))}: reduce or rename them"
                 )
-            fields[name] = np.asarray(variable.transpose("t", "y", "x").values, np.float64)
-    timed = "t" in data.variables
-    unit = {name: _unit(data, name) for name in ("x", "u", "t")}
-    finite = np.isfinite(fields["u"] + fields["v"])
-    y = np.asarray(data["y"].values, np.float64)
+            values = variable.transpose(*dims).data
+            columns[name] = plain_array(values, f"{path}: {name}", DataFileError).astype(np.float64)
+    named = [Column(name, _unit(data, name)) for name in columns]
+    _, stated = chosen(path, named, {name: (name,) for name in columns if name not in _UNITLESS})
+    columns, units, differing = in_one_unit(path, columns, stated)
+    chc = columns.pop("chc", None)
+    if "t" not in columns:
+        columns["t"] = np.arange(data.sizes["t"], dtype=np.float64)
+        units["time_unit"] = "frame"
+    elif units["time_unit"] is None and (columns["t"] == np.rint(columns["t"])).all():
+        units["time_unit"] = "frame"
     return vector_fields(
-        t=data["t"].values if timed else np.arange(data.sizes["t"]),
-        y=y,
-        x=data["x"].values,
-        u=fields["u"],
-        v=fields["v"],
-        validity=_codes(fields.get("chc"), finite),
-        **{name: fields[name] for name in _EXTRAS if name in fields},
-        length_unit=unit["x"],
-        time_unit=unit["t"] if timed and unit["t"] else "frame",
-        velocity_unit=unit["u"],
-        y_down=None,
-        facts={"delta_t": str(data.attrs.get("delta_t", "")), "mask": GAPS},
+        **columns,
+        **units,
+        validity=_codes(chc, np.isfinite(columns["u"] + columns["v"]), "c" in columns),
+        facts={"delta_t": str(data.attrs.get("delta_t", ""))}
+        | ({} if "c" in columns else {"mask": GAPS})
+        | differing,
     )
 
 
-def _unit(data: Any, name: str) -> str | None:
-    text = data[name].attrs.get("units") if name in data.variables else None
+def _decoded(data: Any) -> Any:
+    """The data set with the numbers that its attributes mean, such as scale_factor."""
+    import xarray
+
+    try:
+        return xarray.decode_cf(data, decode_times=False)
+    except (ValueError, TypeError) as error:
+        raise DataFileError(f"the attributes of the data set contradict it: {error}") from None
+
+
+def _unit(data: Any, name: str) -> str:
     # pivpy writes "dt" for the time between the images of a pair.
-    return None if text is None else str(text).replace("dt", "frame")
+    return str(data[name].attrs.get("units", "")).replace("dt", "frame")
 
 
-def _codes(chc: Any, finite: Any) -> Int8:
+def _codes(chc: Any, finite: Any, fraction: bool) -> Int8:
+    """Validity of the vectors; their gaps show the mask where no `fraction` of grains does."""
+    there = finite if chc is None else finite & (chc > 0)
+    inside = np.where(there, np.int8(Validity.VALID), np.int8(Validity.INVALID))
+    codes = inside if fraction else split_gaps(there)
     if chc is None:
-        return split_gaps(finite)
-    codes = split_gaps(finite & (chc > 0))
+        return codes
     codes[chc < 0] = Validity.INVALID
     codes[(chc >= INTERPOLATED_FROM) & finite] = Validity.INTERPOLATED
     return codes

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.columns import Table, header, read_table
 from granpinn.importers.numerals import parse
-from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
-_HEADER = ["x", "y", "u", "v", "flags", "mask"]
+_NEW, _OLD = ("x", "y", "u", "v", "flags", "mask"), ("x", "y", "u", "v", "s2n")
 _FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}
 
 
@@ -32,7 +32,7 @@ def sniff(path: Path, head: bytes) -> bool:
     if not lines:
         return False
     if lines[0].startswith("#"):
-        return lines[0].lstrip("# ").split() == _HEADER
+        return {column.name for column in header(lines[0])} == {*_NEW}
     try:
         first, second = ([parse(cell) for cell in line.split()] for line in lines[:2])
     except ValueError:
@@ -43,29 +43,23 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(path: Path) -> VectorFields:
     """One frame; see the module for the layout."""
     text = TextFile(path)
-    header = text.head(1)[0]
-    start = 1 if header.startswith("#") else 0
-    table = text.numbers(start)
-    columns = table.shape[1]
-    if columns not in (5, 6) or (start and header.lstrip("# ").split() != _HEADER[:columns]):
-        raise DataFileError(
-            f"{path} must have the columns x y u v flags mask of OpenPIV, or x y u v s2n of its "
-            f"versions before 0.25, got {columns} columns: save it with openpiv.tools.save"
-        )
-    codes = _codes(path, table[:, 4], table[:, 5]) if columns == 6 else None
-    vectors = dict(zip("xyuv", table.T[:4], strict=True))
-    grids = to_grid(path, vectors, codes)
-    if codes is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
-    down, facts = y_points_down(vectors)
-    kinds = {"vector_types": "no", "mask": GAPS} if codes is None else {"vector_types": "yes"}
-    return vector_fields(
-        t=[0],
-        **grids,
-        time_unit="frame",
-        y_down=down,
-        facts=facts | kinds,
-    )
+    line = text.head(1)[0]
+    named = header(line) if line.startswith("#") else []
+    if named:
+        table = read_table(text, {name: (name,) for name in _NEW}, named, _NEW)
+    else:
+        rows = text.numbers()
+        names = {len(_NEW): _NEW, len(_OLD): _OLD}.get(rows.shape[1])
+        if names is None:
+            raise DataFileError(
+                f"{path} must have the columns x y u v flags mask of OpenPIV, or x y u v s2n of "
+                f"its versions before 0.25, got {rows.shape[1]} columns: save it with "
+                "openpiv.tools.save"
+            )
+        table = Table(dict(zip(names, rows.T, strict=True)), {})
+    columns = table.columns
+    codes = None if "s2n" in columns else _codes(path, columns["flags"], columns["mask"])
+    return grid_frame(path, table, codes)
 
 
 def _codes(path: Path, flags: np.ndarray, mask: np.ndarray) -> Int8:

@@ -20,17 +20,22 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.arrays import Float64, Int8
-from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.columns import NAMES, Column, Table, header, read_table
 from granpinn.importers.numerals import whole
-from granpinn.importers.tables import to_grid, y_points_down
+from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor xy \(px -> m\):\s*+([-+.\deE]++)")
 _NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
-_TITLE = re.compile(r"x \[(px|m)\][,\t ]++y \[")
 _HEADER_LINES = 100
+_NO_COLUMNS = ("PIVlab", "FRAME:", "TITLE", "VARIABLES", "ZONE")
+ROLES = {
+    **{name: (name,) for name in "xyuv"},
+    "type": ("vector type",),
+    "gone": ("isnan", "isnan?"),
+}
 # PIVlab's vector types.
 TYPES = {
     0: Validity.MASKED,
@@ -43,7 +48,10 @@ TYPES = {
 def sniff(path: Path, head: bytes) -> bool:
     """Whether the file begins like a PIVlab export."""
     text = head.decode("utf-8", "replace").lstrip("\ufeff# ")
-    return text.startswith(("PIVlab", "FRAME:")) or bool(_TITLE.match(text))
+    named = {column.name: column.unit for column in header(text.partition("\n")[0])}
+    tracks = named.keys() & {*NAMES["t"], *NAMES["frame"]}
+    own = {*"xyuv"} <= named.keys() and named["x"] in ("px", "m") and not tracks
+    return text.startswith(("PIVlab", "FRAME:")) or own
 
 
 def read(path: Path) -> VectorFields:
@@ -52,65 +60,58 @@ def read(path: Path) -> VectorFields:
     lines = text.head(_HEADER_LINES)
     start = next((i for i, line in enumerate(lines) if _NUMBER_FIRST.match(line)), len(lines))
     head = "\n".join(lines[:start])
-    table = text.numbers(start)
-    if table.shape[1] < 4:
-        raise DataFileError(
-            f"{path} must have at least the columns x, y, u, v, got {table.shape[1]}: export the "
-            "vectors again"
-        )
-    names, units = _header(lines[:start])
-    frame = _FRAME.search(head)
-    tecplot = "isNaN" in head
-    codes = _codes(path, table, names, tecplot)
-    vectors = dict(zip("xyuv", table.T[:4], strict=True))
-    grids = to_grid(path, vectors, codes)
-    if codes is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
-    facts = {"vector_types": "yes"} if codes is not None else {"vector_types": "no", "mask": GAPS}
-    if factor := _FACTOR.search(head):
-        facts["meters_per_pixel"] = factor[1]
-    velocity_unit = units.get("u")
-    if tecplot and velocity_unit != "px/frame":
-        velocity_unit = None
-    down, order = y_points_down(vectors)
-    return vector_fields(
-        t=[whole(frame[1], f"{path}: FRAME") - 1 if frame else 0],
-        **grids,
-        length_unit=units.get("x"),
-        time_unit="frame",
-        velocity_unit=velocity_unit,
-        y_down=down,
-        facts=facts | order,
+    named = _named(path, lines[:start])
+    if named:
+        table = read_table(text, ROLES, named, "xyuv", start)
+    else:
+        rows = text.numbers(start)
+        if rows.shape[1] < 4:
+            raise DataFileError(
+                f"{path} must have at least the columns x, y, u, v, got {rows.shape[1]}: export "
+                "the vectors again"
+            )
+        table = Table(dict(zip("xyuv", rows.T, strict=False)), {})
+        # Without a header only the values show that the fifth column holds vector types.
+        if rows.shape[1] > 4 and np.isin(rows[:, 4], list(TYPES)).all():
+            table.columns["type"] = rows[:, 4]
+    if "gone" in table.columns and table.units.get("u") != "px/frame":
+        table.units["u"] = table.units["v"] = ""
+    factor, frame = _FACTOR.search(head), _FRAME.search(head)
+    return grid_frame(
+        path,
+        table,
+        _codes(path, table.columns),
+        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
+        facts={"meters_per_pixel": factor[1]} if factor else {},
     )
 
 
-def _header(lines: list[str]) -> tuple[list[str], dict[str, str]]:
-    """Names of the columns, and the units of x, y, u, v; empty without that line."""
-    for line in lines:
-        stripped = line.lstrip("\ufeff# ")
-        if stripped.startswith("x ["):
-            parts = [column.partition("[") for column in stripped.split("]")[:-1]]
-            found = [(name.strip(" ,\t").lower(), unit) for name, _, unit in parts]
-            return [name for name, _ in found], dict(found[:4])
-    return [], {}
-
-
-def _codes(path: Path, table: Float64, names: list[str], tecplot: bool) -> Int8 | None:
-    """Validity of every row; None if the file has no vector types."""
-    column = names.index("vector type") if "vector type" in names else 4
-    if (tecplot or "vector type" in names) and table.shape[1] <= column:
+def _named(path: Path, lines: list[str]) -> list[Column]:
+    """The columns that a header names; none if the file has no such line."""
+    texts = [line.lstrip("\ufeff# ") for line in lines]
+    others = [text for text in texts if text.strip() and not text.startswith(_NO_COLUMNS)]
+    variables = [text for text in texts if text.startswith("VARIABLES")]
+    if len(others) > 1 or len(variables) > 1:
         raise DataFileError(
-            f"{path} must have {column + 1} columns like its header, got {table.shape[1]}: export "
-            "it again"
+            f"{path} must have one line with the names of its columns, got {others[1][:40]!r} as "
+            "another: export the vectors again"
         )
-    if tecplot:
-        return np.where(table[:, 4] == 1, Validity.MASKED, Validity.VALID).astype(np.int8)
-    if "vector type" in names:
-        types = table[:, column]
-    elif not names and table.shape[1] >= 5 and np.isin(table[:, 4], list(TYPES)).all():
-        types = table[:, 4]
-    else:
+    named = header(others[0]) if others else []
+    if not variables:
+        return named
+    # Of Tecplot: this line has the names, and the comment above the units.
+    stated = {column.name: column.unit for column in named}
+    names = [name.lower() for name in variables[0].split('"')[1::2]]
+    return [Column(name, stated.get(name, "")) for name in names]
+
+
+def _codes(path: Path, columns: dict[str, Float64]) -> Int8 | None:
+    """Validity of every row; None if the file has no vector types."""
+    if "gone" in columns:
+        return np.where(columns["gone"] == 1, Validity.MASKED, Validity.VALID).astype(np.int8)
+    if "type" not in columns:
         return None
+    types = columns["type"]
     unknown = types[~np.isin(types, list(TYPES))]
     if unknown.size:
         raise DataFileError(

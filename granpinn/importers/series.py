@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.importers.columns import GROUPS
 from granpinn.importers.formats import FORMATS, detect, read_file
 from granpinn.importers.limits import require_room
 from granpinn.importers.tables import MIXED, ROWS
@@ -125,11 +126,13 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                 f"{file} must have the direction of y of {files[0]}, got the opposite order of "
                 "rows: export both in one way"
             )
-        for name in ("length_unit", "time_unit", "velocity_unit"):
-            if getattr(part, name) != getattr(first, name):
+        for name in GROUPS:
+            several = f"{name}s"  # of columns that were converted
+            stated, expected = ((getattr(f, name), f.facts.get(several)) for f in (part, first))
+            if stated != expected:
                 raise DataFileError(
-                    f"{file} must have the {name.replace('_', ' ')} {getattr(first, name)} of "
-                    f"{files[0]}, got {getattr(part, name)}: convert them apart"
+                    f"{file} must have the {name.replace('_', ' ')} {expected[1] or expected[0]} "
+                    f"of {files[0]}, got {stated[1] or stated[0]}: convert them apart"
                 )
         if not first.scattered:
             _check_grid(file, files[0], part, first)
@@ -145,7 +148,7 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
     axes = {"y": first.y, "x": first.x}
     if first.scattered:
         axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
-    units = {n: getattr(first, n) for n in ("length_unit", "time_unit", "velocity_unit")}
+    units = {name: getattr(first, name) for name in GROUPS}
     # One file whose rows show no direction of y leaves it open for all.
     oriented = next((part for part in parts if part.y_down is None), first)
     facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts

@@ -10,17 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.importers.arrays import from_arrays
+from granpinn.importers.columns import NAMES, header, read_table, require_finite
 from granpinn.importers.numerals import number, whole
 from granpinn.importers.series import expand, read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.textfile import TextFile
-from granpinn.importers.tracks import unit_in
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields
+from granpinn.importers.textfile import TextFile, separator_of
+from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
 _NUMBER = re.compile(r"\d++(?:\.\d++)?(?:[eE][-+]?\d++)?")
-_TITLE = re.compile(r"\s*+[A-Za-z#]")
+_TITLE = re.compile(r"\s*+[A-Za-z#%\"]")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
@@ -55,6 +56,11 @@ def _names(text: str) -> dict[str, str]:
 
 def _with_times(fields: VectorFields, times: str, source: Source) -> VectorFields:
     """The vectors with times from a file or from the names of the files."""
+    if TRACK_WINDOW in fields.facts:
+        raise DataFileError(
+            "--times must not be given for tracks, whose velocities follow from the times in their "
+            "table: write a column t there"
+        )
     unit = fields.time_unit if fields.time_unit != "frame" else None
     if times == "name":
         if isinstance(source, VectorFields | Mapping):
@@ -67,11 +73,8 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
             raise DataFileError(f"{files[0]} must have a number in its name for --times name")
         t = np.array([number(names[-1], f"the time in {stems[0]}") for names in found])
     else:
-        text = TextFile(Path(times))
-        head = text.head(1)[0]
-        titled = _TITLE.match(head) is not None
-        unit = unit_in(head) or unit if titled else unit
-        t = text.numbers(int(titled))[:, -1]
+        t, stated = _times_of(Path(times))
+        unit = stated or unit
     old = np.unique(fields.t)
     if t.size != old.size:
         raise DataFileError(
@@ -85,6 +88,32 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
     order = np.argsort(new)
     arrays: dict[str, Any] = {name: a[order] for name, a in fields.arrays().items()}
     return replace(fields, t=new[order], time_unit=unit, **arrays)
+
+
+def _times_of(path: Path) -> tuple[Float64, str | None]:
+    """The times of a file and their unit, None if it states none.
+
+    A single column needs no name. Of several one is t; a column frame sets their order.
+    """
+    text = TextFile(path)
+    line = text.head(1)[0]
+    if _TITLE.match(line) is None:
+        rows = text.numbers()
+        if rows.shape[1] > 1:
+            raise DataFileError(
+                f"{path} must hold one number in every row, got {rows.shape[1]}: write a first "
+                "line that names the column of the times t"
+            )
+        return rows[:, 0], None
+    named, separator = header(line), separator_of(line)
+    roles = {name: NAMES[name] for name in ("t", "frame")}
+    if len(named) == 1:
+        roles = {"t": (named[0].name,)}
+    table = read_table(text, roles, named, ("t",), separator=separator)
+    require_finite(path, table.columns)
+    order = np.argsort(table.columns.get("frame", np.zeros(0)), kind="stable")
+    t = table.columns["t"]
+    return t[order] if order.size else t, table.units.get("t")
 
 
 def without_interpolated(fields: VectorFields, settings: Settings) -> VectorFields:

@@ -16,13 +16,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, plain_array
 from granpinn.data.flow import Surface
-from granpinn.importers import units
+from granpinn.importers.columns import read_headed, require, require_finite
 from granpinn.importers.frame import Frame
-from granpinn.importers.textfile import TextFile
-from granpinn.importers.tracks import column_names
-from granpinn.importers.vectors import LARGEST, DataFileError, VectorFields, largest
+from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
@@ -73,60 +71,46 @@ def from_scattered(fields: VectorFields) -> Surface | None:
     return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
 
 
-def from_table(path: Path, frame: Frame, rate: float | None) -> Surface:
+def from_table(path: Path, frame: Frame) -> Surface:
     """The points of a CSV file with the columns t (or frame), x, y.
 
     A column with a unit in brackets is in that unit; the others have the units of the vectors.
 
     Args:
         frame: of the vectors, in whose axes the points are given.
-        rate: seconds per frame, or None.
     """
-    text = TextFile(path)
-    head = text.head(1)[0]
-    known, found_units = column_names(head)
-    time = "t" if "t" in known else "frame"
-    missing = [name for name in ("x", "y", time) if name not in known]
-    if missing:
+    table = read_headed(path, ("x", "y"))
+    columns = table.columns
+    time = "t" if "t" in columns else "frame"
+    require(path, table.named, [] if time in columns else ["t (or frame)"])
+    if time == "frame" and not frame.counts:
         raise DataFileError(
-            f"{path} must have a first line with the columns t (or frame), x, y, got {head[:60]!r}"
+            f"{path} must have a column t, as the vectors have times and no numbers of frames, got "
+            "frame: give the times of the points"
         )
-    table = text.numbers(1)
-    if table.shape[1] <= max(known.values()):
-        raise DataFileError(f"{path} must have the columns of its first line, got fewer")
-    columns = {name: table[:, known[name]] for name in (time, "x", "y")}
-    for name, own, dimension in (("x", frame.length, "length"), ("y", frame.length, "length")):
-        if name in found_units:
-            px = frame.length if units.has(found_units[name], "px") else None
-            factor = units.factor(found_units[name], dimension, f"{path}: {name}", px)
-            columns[name] = columns[name] * (factor / own)
+    require_finite(path, {name: columns[name] for name in (time, "x", "y")})
+    x, y = (
+        columns[name] * frame.factor(table.units.get(name), "length", f"{path}: {name}")
+        for name in ("x", "y")
+    )
     t = columns[time]
-    if time in found_units:
-        factor = units.factor(found_units[time], "time", f"{path}: {time}", frame=rate)
-        # A time in its own unit counts from the release, like those of the flow.
-        seconds = t * factor
-    else:
-        seconds = frame.times(t)
-    return _finite(str(path), Surface(seconds, *frame.place(columns["x"], columns["y"])), time)
+    stated = table.units.get("t") if time == "t" else None
+    # A time in its own unit counts from the release, like those of the flow.
+    seconds = t * frame.factor(stated, "time", f"{path}: t") if stated else frame.times(t)
+    return Surface(seconds, *frame.place(x / frame.length, y / frame.length))
 
 
 def from_arrays(points: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
     """The points t, x, y [n] in the units and axes of the vectors."""
     try:
-        t, x, y = (np.asarray(values, np.float64) for values in points)
+        t, x, y = (
+            plain_array(values, name, DataFileError).astype(np.float64)
+            for name, values in zip("txy", points, strict=True)
+        )
     except (TypeError, ValueError) as error:
         raise DataFileError(f"surface must be three arrays t, x, y of numbers: {error}") from None
     if t.ndim != 1 or not t.shape == x.shape == y.shape or t.size == 0:
         shapes = ", ".join(str(list(values.shape)) for values in (t, x, y))
         raise DataFileError(f"surface must be t, x, y of one length [n], got {shapes}")
-    return _finite("surface", Surface(frame.times(t), *frame.place(x, y)), "t")
-
-
-def _finite(where: str, surface: Surface, time: str) -> Surface:
-    for name, values in ((time, surface.t), ("x", surface.x), ("y", surface.y)):
-        if not np.isfinite(values).all() or largest(values) > LARGEST:
-            raise DataFileError(
-                f"{where} must have a finite {name} of at most {LARGEST:g} in every row, got "
-                f"{values[~(np.abs(values) <= LARGEST)][0]:g}: leave this point out"
-            )
-    return surface
+    require_finite("surface", {"t": t, "x": x, "y": y})
+    return Surface(frame.times(t), *frame.place(x, y))

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers.vectors import LARGEST, DataFileError, largest
+from granpinn.importers.columns import Table, in_one_unit, require_finite
+from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
 
 # Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
@@ -29,12 +31,7 @@ def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) ->
     """
     axes, places = {}, {}
     for name in ("x", "y"):
-        found = columns[name]
-        if not np.isfinite(found).all() or largest(found) > LARGEST:
-            raise DataFileError(
-                f"{path} must have a finite {name} of at most {LARGEST:g} for every vector, got "
-                f"{found[~(np.abs(found) <= LARGEST)][0]:g}: export it again"
-            )
+        require_finite(path, {name: columns[name]})
         axes[name], places[name] = _axis(columns[name])
     shape = (axes["y"].size, axes["x"].size)
     place = np.ravel_multi_index((places["y"], places["x"]), shape)
@@ -58,6 +55,41 @@ def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) ->
     if validity is not None:
         grids["validity"] = np.asarray(validity, np.int8)[order].reshape(1, *shape)
     return grids
+
+
+def grid_frame(
+    path: Path,
+    table: Table,
+    validity: Any = None,
+    *,
+    t: float = 0,
+    y_down: bool | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> VectorFields:
+    """One frame of a file of rows, each column by its own unit.
+
+    Args:
+        table: x, y, u and v [n]; its other columns are left out.
+        validity: of every row; None: the gaps in u and v show it.
+        t: number of the frame.
+        y_down: None: the order of the rows shows it.
+        facts: further ones.
+    """
+    columns, units, several = in_one_unit(path, table.columns, table.units)
+    vectors = {name: columns[name] for name in "xyuv"}
+    grids = to_grid(path, vectors, validity)
+    kinds = {"vector_types": "yes"}
+    if validity is None:
+        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
+        kinds = {"vector_types": "no", "mask": GAPS}
+    down, order = (y_down, {}) if y_down is not None else y_points_down(vectors)
+    return vector_fields(
+        t=[t],
+        **grids,
+        **units | {"time_unit": "frame"},
+        y_down=down,
+        facts=kinds | order | several | dict(facts or {}),
+    )
 
 
 def _axis(values: Float64) -> tuple[Float64, Any]:

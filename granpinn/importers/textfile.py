@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import math
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -95,93 +97,146 @@ class TextFile:
             "is no table of vectors; export it again"
         )
 
-    def numbers(self, skip: int = 0, *, decimal_comma: bool = False) -> Float64:
-        """The rows of a table as [rows, columns]; blank lines are skipped.
+    def numbers(
+        self,
+        skip: int = 0,
+        *,
+        separator: str | None = None,
+        count: int | None = None,
+        kept: Sequence[int] | None = None,
+    ) -> Float64:
+        """The rows of a table as [rows, columns]; blank lines are skipped, empty cells are NaN.
 
-        The columns are separated by tabs, blanks, commas or semicolons.
+        One separator holds for the whole file. A comma is the decimal sign where ";" or tabs
+        separate.
 
         Args:
             skip: lines before the table.
-            decimal_comma: whether "," is the decimal point.
+            separator: ";", a tab, "," or "" for blanks; None: that of the first row.
+            count: cells of every row; None: as many as the first row has.
+            kept: indices of the columns that are read, None for all. Others may hold text.
+
+        Raises:
+            DataFileError: a row has more or fewer cells, or a cell is no number.
         """
-        rows = Rows(self.path)
+        rows = _Rows(self.path, separator, count, kept)
         for first, lines in self.line_blocks(skip):
-            rows.add_lines(first, lines, decimal_comma)
+            for number, line in enumerate(lines, first):
+                rows.add(number, line)
+            rows.check_room()
         return rows.table()
 
 
-class Rows:
+def separator_of(line: str) -> str:
+    """The separator of the cells of a line, "" for blanks."""
+    return next((mark for mark in ";\t," if mark in line), "")
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, which may stand in double quotes.
+
+    Raises:
+        csv.Error: the quotes do not fit together.
+    """
+    if '"' in line:
+        return next(csv.reader([line], delimiter=separator or " ", strict=True), [])
+    return line.split(separator) if separator else line.split()
+
+
+class _Rows:
     """Rows of numbers, which grow line by line."""
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._columns, self._values = path, 0, array("d")
+    def __init__(
+        self,
+        path: Path,
+        separator: str | None,
+        count: int | None,
+        kept: Sequence[int] | None,
+    ) -> None:
+        self._path, self._separator, self._count, self._kept = path, separator, count, kept
+        self._values = array("d")
+        self._signs: set[str] = set()  # decimal signs
 
-    def add_lines(self, first: int, lines: list[str], decimal_comma: bool) -> None:
-        """Appends the rows of lines, the first of which is line `first` of the file.
+    def add(self, number: int, line: str) -> None:
+        """Appends a line; nothing if it is blank.
 
         float() reads most lines. The exact parser reads the lines where float() fails, or where it
         would accept more than the exact parser.
         """
-        start = len(self._values)
-        for number, line in enumerate(lines, first):
-            if decimal_comma:
-                line = line.replace(",", ".").replace(";", " ")
-            commas = "," in line or ";" in line
-            cells = line.replace(";", ",").rstrip(",").split(",") if commas else line.split()
-            try:
-                row = [*map(float, cells)]
-            except ValueError:
-                self.add(number, _cells(line))
-                continue
-            long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0) > MAX_CHARACTERS
-            if len(row) != self._columns or long or not line.isascii() or "_" in line:
-                self.add(number, _cells(line))
-            else:
-                self._values.extend(row)
-        if self._values and np.isinf(np.frombuffer(self._values)[start:]).any():
-            for number, line in enumerate(lines, first):  # only the exact parser has a limit
-                self._parsed(number, _cells(line))
-        require_room(len(self._values), self._values.itemsize, self._path)
-
-    def add(self, number: int, cells: list[str]) -> None:
-        """Appends the cells of one line; nothing if there are none."""
-        row = self._parsed(number, cells)
-        if not self._values:
-            self._columns = len(row)
-        if len(row) > MAX_COLUMNS:
+        if not line or line.isspace():
+            return
+        if self._separator is None:
+            self._separator = separator_of(line)
+        try:
+            cells = cells_of(line, self._separator)
+        except csv.Error as error:
+            raise DataFileError(
+                f"{self._path}, line {number}: expected cells of a table, got another text "
+                f"({error}): export it again"
+            ) from None
+        if self._count is None:
+            self._count = len(cells) - (not cells[-1].strip())
+        if self._count > MAX_COLUMNS:
             raise DataFileError(
                 f"{self._path}, line {number}: expected at most {MAX_COLUMNS} columns, got "
-                f"{len(row)}: this is no table of vectors; export it again"
+                f"{self._count}: this is no table of vectors; export it again"
             )
-        if row and len(row) != self._columns:
+        if len(cells) == self._count + 1 and not cells[-1].strip():
+            del cells[-1]
+        if len(cells) != self._count:
             raise DataFileError(
-                f"{self._path}, line {number}: expected {self._columns} columns as above, got "
-                f"{len(row)}: the file was cut off or mixes tables; export it again"
+                f"{self._path}, line {number}: expected {self._count} cells as above, got "
+                f"{len(cells)}: the file was cut off, mixes tables, or has a comma both between "
+                "columns and in numbers; export it again"
             )
+        if self._kept is not None:
+            cells = [cells[i] for i in self._kept]
+        if self._separator in (";", "\t") and (
+            "," in line or "," in self._signs or not self._signs
+        ):
+            cells = self._with_points(number, cells)
+        try:
+            row = [*map(float, cells)]
+        except ValueError:
+            row = self._parsed(number, cells)
+        long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0) > MAX_CHARACTERS
+        if long or not line.isascii() or "_" in line or math.inf in row or -math.inf in row:
+            row = self._parsed(number, cells)
         self._values.extend(row)
+
+    def _with_points(self, number: int, cells: list[str]) -> list[str]:
+        """The cells with a point as decimal sign; one file has one sign."""
+        for sign in ",.":
+            if sign not in self._signs and any(sign in cell for cell in cells):
+                self._signs.add(sign)
+        if len(self._signs) > 1:
+            raise DataFileError(
+                f"{self._path}, line {number}: expected one decimal sign in all numbers, got a "
+                "comma and a point: export the file with points"
+            )
+        return [cell.replace(",", ".") for cell in cells] if "," in self._signs else cells
 
     def _parsed(self, number: int, cells: list[str]) -> list[float]:
         row = []
         for column, cell in enumerate(cells, 1):
             try:
-                row.append(parse(cell))
+                row.append(parse(cell.strip() or "nan"))
             except ValueError:
+                comma = "," in cell and "separate columns with ';' or tabs, or use points"
                 raise DataFileError(
                     f"{self._path}, line {number}: expected numbers, got {cell[:MAX_CHARACTERS]!r} "
-                    f"in column {column}: this is not the format it was taken for, or the line is "
-                    "damaged"
+                    f"in column {column}: "
+                    + (comma or "this is not the format it was taken for, or the line is damaged")
                 ) from None
         return row
+
+    def check_room(self) -> None:
+        """Refuses more numbers than there is memory for."""
+        require_room(len(self._values), self._values.itemsize, self._path)
 
     def table(self) -> Float64:
         """All rows [rows, columns]."""
         if not self._values:
             raise DataFileError(f"{self._path} has no rows of numbers: export it again")
-        return np.frombuffer(self._values).reshape(-1, self._columns)
-
-
-def _cells(line: str) -> list[str]:
-    """The cells of a line; a comma or semicolon separates, and so do blanks."""
-    text = line.replace(";", ",").strip().rstrip(",").rstrip()
-    parts = [part.split() or [""] for part in text.split(",")]
-    return [cell for part in parts for cell in part] if text else []
+        width = len(self._kept) if self._kept is not None else self._count or 1
+        return np.frombuffer(self._values).reshape(-1, width)

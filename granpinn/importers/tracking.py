@@ -34,6 +34,14 @@ class Motion(NamedTuple):
     sigma_v: Float64 | None = None
 
 
+def counted(t: Float64, particle: Float64) -> Float64:
+    """Times [n] in usual steps of a track, so that a window counts frames in any unit of time."""
+    order = np.lexsort((t, particle))
+    steps = np.diff(t[order])[np.diff(particle[order]) == 0]
+    steps = steps[steps > 0]
+    return t / np.median(steps) if steps.size else t
+
+
 def velocities(
     t: Float64,
     frame: Float64,
@@ -47,7 +55,7 @@ def velocities(
 
     Args:
         t: time, or frame once more.
-        frame: numbers of the frames, which the window counts.
+        frame: numbers of the frames, which the window counts; or as `counted`.
         particle: number of the track; NaN = not on a track.
         ep: standard deviation of the position, or None.
         window: frames of the fit, odd and at least 3.
@@ -70,7 +78,9 @@ def velocities(
     inside = (index >= 0) & (index < n)
     index = np.clip(index, 0, n - 1)
     inside &= particle[index] == particle[:, None]
-    inside &= np.abs(frame[index] - frame[:, None]) <= half
+    inside &= (
+        np.abs(frame[index] - frame[:, None]) <= half + 0.5
+    )  # of a time that is no frame number
     inside &= np.isfinite(x[index] + y[index] + t[index])
     enough = inside.sum(axis=1) > ORDER
     # tau in units of the window, so that the normal equations are well conditioned.

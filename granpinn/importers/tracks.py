@@ -14,7 +14,6 @@ foreign code to unpack the names of the columns.
 
 from __future__ import annotations
 
-import csv
 import pickletools
 import re
 from pathlib import Path
@@ -25,33 +24,29 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.dataset import Dataset
-from granpinn.importers.textfile import MAX_BYTES, MAX_COLUMNS, Rows, TextFile
-from granpinn.importers.tracking import Motion, velocities
+from granpinn.importers.columns import (
+    GROUPS,
+    NAMES,
+    Table,
+    chosen,
+    column,
+    header,
+    in_one_unit,
+    read_headed,
+    require,
+    require_finite,
+)
+from granpinn.importers.textfile import MAX_BYTES
+from granpinn.importers.tracking import Motion, counted, velocities
 from granpinn.importers.vectors import (
-    LARGEST,
+    TRACK_WINDOW,
     DataFileError,
     Validity,
     VectorFields,
-    largest,
     vector_fields,
 )
 from granpinn.regular import UnsafeFileError
 
-NAMES = {
-    "x": ("x", "x_position", "pos_x", "position_x"),
-    "y": ("y", "y_position", "pos_y", "position_y"),
-    "frame": ("frame", "frame_number", "frame_id"),
-    "t": ("t", "time"),
-    "particle": ("particle", "id", "track", "track_id", "trajectory", "particle_id"),
-    "u": ("u", "vx", "v_x", "u_x"),
-    "v": ("v", "vy", "v_y", "u_y"),
-    "sigma_u": ("sigma_u", "sigma_vx"),
-    "sigma_v": ("sigma_v", "sigma_vy"),
-    "ep": ("ep",),
-}
-# A name of a column, and its unit in brackets.
-_COLUMN = re.compile(r"([^\[(]++)(?:[\[(]([^\])]*+)[\])])?")
-_BRACKETS = re.compile(r"[\[(]([^\])\[(]*+)[\])]")
 _DIGITS = re.compile(r"\d++")
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
 _TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "STRING")
@@ -61,9 +56,10 @@ def sniff(path: Path, head: bytes) -> bool:
     """A header line with x, y and frame or t; or the tables of pandas in HDF5."""
     if head.startswith(b"\x89HDF"):
         return path.suffix.lower() in (".h5", ".hdf5", ".hdf") and _has_tables(path)
-    first = head.decode("utf-8", "replace").lstrip("\ufeff").split("\n", 1)[0].lower()
-    found, _ = _known(_split(first))
-    return {"x", "y"} <= found.keys() and bool({"frame", "t"} & found.keys())
+    first = head.decode("utf-8", "replace").split("\n", 1)[0]
+    names = {column.name for column in header(first)}
+    x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
+    return bool(x and y and (frame or t))
 
 
 def read(path: Path, window: int = 5) -> VectorFields:
@@ -74,40 +70,30 @@ def read(path: Path, window: int = 5) -> VectorFields:
     """
     with path.open("rb") as stream:
         hdf5 = stream.read(8) == b"\x89HDF\r\n\x1a\n"
-    names, table = _read_hdf5(path) if hdf5 else _read_csv(path)
-    found, units = _known(names)
-    trackpy = len(_TRACKPY & {name.lower() for name in names}) >= 2
-    missing = [name for name in ("x", "y") if name not in found]
-    missing += [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
+    table = _read_hdf5(path) if hdf5 else read_headed(path, ("x", "y"))
+    found, stated = table.columns, table.units
+    missing = [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
     missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
-    if missing:
-        raise DataFileError(
-            f"{path} must have the columns {', '.join(missing)}, got {', '.join(names[:12])}: "
-            "rename them" + (" or link the positions to tracks first" if trackpy else "")
-        )
-    columns = {name: table[:, i] for name, i in found.items()}
-    for name, values in columns.items():
-        if np.isinf(values).any() or largest(values) > LARGEST:
-            raise DataFileError(
-                f"{path} must have a {name} of at most {LARGEST:g} in every row, got "
-                f"{np.nanmax(np.abs(values)):g}: leave this row out"
-            )
+    require(path, table.named, missing)
+    trackpy = len(_TRACKPY.intersection(column.name for column in table.named)) >= 2
+    require_finite(path, found, nan=True)
+    if trackpy and not stated.keys() & GROUPS["length_unit"]:
+        stated = stated | {"x": "px"}
+    columns, units, facts = in_one_unit(path, found, stated)
     timed = "t" in found
     t = columns["t" if timed else "frame"]
-    if trackpy:
-        units = {"x": "px", "ep": "px"} | units
-    length = units.get("x")
-    time_unit = units.get("t") if timed else "frame"
+    units["time_unit"] = units["time_unit"] if timed else "frame"
     if "u" in found and "v" in found:
         motion = Motion(columns["x"], columns["y"], columns["u"], columns["v"])
         motion = motion._replace(sigma_u=columns.get("sigma_u"), sigma_v=columns.get("sigma_v"))
-        velocity_unit = units.get("u")
     else:
-        count = columns["frame"] if "frame" in found else t
+        count = columns["frame"] if "frame" in found else counted(t, columns["particle"])
         motion = velocities(
             t, count, columns["x"], columns["y"], columns["particle"], columns.get("ep"), window
         )
-        velocity_unit = None if length is None or time_unit is None else f"{length}/{time_unit}"
+        known = (units["length_unit"], units["time_unit"])
+        units["velocity_unit"] = None if None in known else "/".join(map(str, known))
+        facts |= {TRACK_WINDOW: str(window)}
     finite = np.asarray(np.isfinite([motion.x, motion.y, t]).all(axis=0))
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
@@ -122,84 +108,10 @@ def read(path: Path, window: int = 5) -> VectorFields:
     return vector_fields(
         **{name: part[order] for name, part in parts.items() if part is not None},
         validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
-        length_unit=length,
-        time_unit=time_unit,
-        velocity_unit=velocity_unit,
+        **units,
         y_down=True if trackpy else None,
-        facts={"track_window": str(window)} if "u" not in found else {},
+        facts=facts,
     )
-
-
-def column_names(header: str) -> tuple[dict[str, int], dict[str, str]]:
-    """Index and unit of the known columns of a header line."""
-    return _known(_split(header))
-
-
-def unit_in(header: str) -> str | None:
-    """The first text in brackets of a header line."""
-    found = _BRACKETS.search(header)
-    return found[1] if found else None
-
-
-def _split(line: str) -> list[str]:
-    delimiter = max(",;\t", key=line.count)
-    try:
-        return next(csv.reader([line.strip()], delimiter=delimiter), [])
-    except csv.Error:  # no header: a quoted cell of more than 131,072 characters
-        return []
-
-
-def _known(names: list[str]) -> tuple[dict[str, int], dict[str, str]]:
-    """Index and unit of the columns that the reader uses."""
-    found: dict[str, int] = {}
-    units: dict[str, str] = {}
-    for i, text in enumerate(names):
-        match = _COLUMN.fullmatch(text.strip())
-        if match is None:
-            continue
-        for name, spellings in NAMES.items():
-            if match[1].strip().lower() in spellings and name not in found:
-                found[name] = i
-                if match[2]:
-                    units[name] = match[2]
-    return found, units
-
-
-def _read_csv(path: Path) -> tuple[list[str], Float64]:
-    text = TextFile(path)
-    header = text.head(1)[0]
-    names = _split(header)
-    if len(names) > MAX_COLUMNS:
-        raise DataFileError(
-            f"{path} must have at most {MAX_COLUMNS} columns, got {len(names)}: export it again"
-        )
-    known, _ = _known(names)
-    # Columns that the reader ignores may hold text; empty cells are NaN.
-    delimiter = max(",;\t", key=header.count)
-    keep = sorted(known.values())
-    rows = Rows(path)
-    reader = csv.reader(text.lines(1), delimiter=delimiter)
-    try:
-        for cells in reader:
-            if not cells:
-                continue
-            if len(cells) != len(names):
-                raise DataFileError(
-                    f"{path}, line {reader.line_num + 1}: expected {len(names)} cells as in the "
-                    f"header, got {len(cells)}: the file was cut off; export it again"
-                )
-            rows.add(reader.line_num + 1, [cells[i].strip() or "nan" for i in keep])
-    except csv.Error as error:  # such as a quoted cell that never ends
-        raise DataFileError(
-            f"{path}, line {reader.line_num + 1}: expected cells of a table, got another text "
-            f"({error}): export it again"
-        ) from None
-    return [names[i] for i in keep] + _unknown(names, keep), rows.table()
-
-
-def _unknown(names: list[str], keep: list[int]) -> list[str]:
-    """Names of the other columns, which identify trackpy."""
-    return [name for i, name in enumerate(names) if i not in keep]
 
 
 def _has_tables(path: Path) -> bool:
@@ -226,7 +138,7 @@ def _frame_number(name: str) -> list[tuple[int, str]]:
     return [(len(text), text) for text in digits]
 
 
-def _read_hdf5(path: Path) -> tuple[list[str], Float64]:
+def _read_hdf5(path: Path) -> Table:
     try:
         with open_hdf5(path, MAX_BYTES) as file:
             parts = [_columns(table) for table in _tables(file)]
@@ -240,8 +152,12 @@ def _read_hdf5(path: Path) -> tuple[list[str], Float64]:
     names = list(parts[0])
     if any(set(part) != set(names) for part in parts):
         raise DataFileError(f"{path} must have the same columns in every frame: write it again")
-    columns = [np.concatenate([part[name] for part in parts]) for name in names]
-    return names, np.stack(columns, axis=1)
+    named = [column(name) for name in names]
+    places, stated = chosen(path, named, NAMES, ("x", "y"))
+    columns = {
+        role: np.concatenate([part[names[i]] for part in parts]) for role, i in places.items()
+    }
+    return Table(columns, stated, tuple(named))
 
 
 def _columns(table: Dataset) -> dict[str, Float64]:
@@ -262,8 +178,9 @@ def _columns(table: Dataset) -> dict[str, Float64]:
                 f"{field} must have a name for each of its {len(columns)} columns, got "
                 f"{len(names)}: write it again"
             )
-        for name, column in zip(names, columns, strict=True):
-            found[name] = column.astype(np.float64)
+        if len(set(names)) < len(names) or found.keys() & set(names):
+            raise UnsafeFileError(f"{field} must name every column once: write it again")
+        found |= dict(zip(names, columns.astype(np.float64), strict=True))
     return found
 
 

@@ -31,6 +31,7 @@ DIMENSIONS = {
     "velocity": "[length]/[time]",
     "acceleration": "[length]/[time]**2",
     "density": "[mass]/[length]**3",
+    "pressure": "[mass]/[length]/[time]**2",
     "angle": "",
 }
 
@@ -186,6 +187,17 @@ def factor(
     if not found.check(DIMENSIONS[dimension]):
         raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
     return in_range(float(found.to_base_units().magnitude), what, text)
+
+
+def ratio(text: str, other: str, what: str) -> float:
+    """How many units `other` are in one unit `text`; DataFileError if they do not convert."""
+    one, base = 1.0 * unit(text, what), unit(other, what)
+    if one.dimensionality != base.dimensionality:
+        raise DataFileError(
+            f"{what} must have a unit that converts to {other}, the unit of the columns before "
+            f"it, got {text}: export both in one unit"
+        )
+    return in_range(float(one.to(base).magnitude), what, text)
 
 
 def has(text: str | None, symbol: str) -> bool:

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.arrays import Bool, Float64, Int8
+from granpinn.arrays import Bool, Float64, Int8, plain_array, plain_fields
 from granpinn.data.flow import FlowFileWarning
+from granpinn.data.rules import FRACTION_TOLERANCE
 from granpinn.errors import BadInput
 from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
 
@@ -25,6 +26,8 @@ from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
 LARGEST = 1e30
 MAX_FACT = 200  # characters
 MAX_MESSAGE = 600
+# The fact of vectors that are differences of positions in their file: their unit is length / time.
+TRACK_WINDOW = "track_window"
 # If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
 MAX_ZERO_SHARE = 0.005
 
@@ -87,6 +90,7 @@ class VectorFields:
     facts: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        plain_fields(self, DataFileError)
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
         for name, values in self.arrays().items():
             if values.shape != shape:
@@ -110,6 +114,7 @@ class VectorFields:
                     f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
                     "damaged, or a unit or a scale is wrong"
                 )
+        self._check_fraction()
         for name in ("length_unit", "time_unit", "velocity_unit"):
             if not is_short(getattr(self, name) or ""):
                 raise DataFileError(
@@ -122,6 +127,20 @@ class VectorFields:
                     f"{name} must be at most {MAX_FACT} printable characters, got "
                     f"{text[:MAX_CHARACTERS]!r}: export the file again"
                 )
+
+    def _check_fraction(self) -> None:
+        if self.c is None:
+            return
+        c = self.c[~np.isnan(self.c) & (self.validity != Validity.MASKED)]
+        low, high = float(c.min(initial=0.0)), float(c.max(initial=0.0))
+        if low < -FRACTION_TOLERANCE or high > 1 + FRACTION_TOLERANCE:
+            likely = {1.5: "values beyond 0 and 1 that a solver made, cut them off there"}
+            likely |= {100.5: "per cent, divide by 100", 255.5: "grey levels, divide by 255"}
+            cause = next((text for most, text in likely.items() if high < most), "another field")
+            raise DataFileError(
+                f"c must be a volume fraction from 0 to 1, got {low:g} to {high:g}: these may be "
+                f"{cause}"
+            )
 
     @property
     def scattered(self) -> bool:
@@ -170,8 +189,10 @@ def vector_fields(
         validity: by default VALID if u and v are finite.
         others: the remaining fields of VectorFields.
     """
-    t, y, x = (np.asarray(a, np.float64).reshape(-1) for a in (t, y, x))
-    u, v = (np.array(np.ma.filled(np.ma.asarray(a, np.float64), np.nan)) for a in (u, v))
+    arrays = {"t": t, "y": y, "x": x, "u": u, "v": v}
+    plain = {name: plain_array(a, name, DataFileError) for name, a in arrays.items()}
+    t, y, x = (plain[name].astype(np.float64).reshape(-1) for name in ("t", "y", "x"))
+    u, v = (plain[name].astype(np.float64) for name in ("u", "v"))
     finite = np.isfinite(u) & np.isfinite(v)
     code = np.full(u.shape, Validity.VALID) if validity is None else np.asarray(validity)
     if code.shape != u.shape or v.shape != u.shape:

@@ -186,7 +186,7 @@ WRONG = {
         ["FILE", "--out", "f.h5", "--frames", "0:1"],
         "leave at least two frames (or one",
     ),
-    "times": (["FILE", "--out", "f.h5", "--times", "FILE"], "--times must give one time|expected"),
+    "times": (["FILE", "--out", "f.h5", "--times", "FILE"], "must have the columns t, got"),
     "origin": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL, "--origin", "3"],
         "--origin must be two numbers x,y, got '3'",

@@ -95,7 +95,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], str]] = {
         ),
         "must be text, got binary data or UTF-16",
     ),
-    "huge place": (lines(TRACKS, "1,1,1,1e300", "2,1,1,1"), "a y of at most 1e"),
+    "huge place": (lines(TRACKS, "1,1,1,1e300", "2,1,1,1"), "a finite y of at most 1e"),
     "one time in a track": (
         lines(TRACKS + ",t", *(f"{k},1,{k},{k},5" for k in range(5))),
         "another time in every frame",

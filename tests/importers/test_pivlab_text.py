@@ -159,7 +159,7 @@ def letters(path: Path) -> None:
 
 WRONG = {
     "cut off": (cut, "must hold a full grid of vectors, got 54 rows"),
-    "cut inside a line": (cut_inside_a_line, "expected 5 columns as above|expected numbers"),
+    "cut inside a line": (cut_inside_a_line, "expected 5 cells as above|expected numbers"),
     "two frames": (twice, "one vector at every point, got 63 points twice"),
     "types": (other_type, "vector types 0, 1, 2 and 3, got 7"),
     "letters": (letters, "line 4: expected"),

@@ -180,17 +180,17 @@ def test_basilisk(tmp_path: Path) -> None:
     assert set(np.unique(fields.c)) == {0.0, 0.9, 1.0}
     assert np.isnan(fields.p[~there]).all()
     assert (fields.p[there] == 2.5).all()
-    named = read_vectors(tmp_path / "out-0.txt", options={"names": {"c": "p"}})
-    assert named.c is not None
-    assert named.c.max() == 2.5
+    named = read_vectors(tmp_path / "out-0.txt", options={"names": {"p": "f"}})
+    assert named.p is not None
+    assert np.nanmax(named.p) == 1
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda s: s.replace("5:u.x", "5:w"), "must have the velocity u.x, u.y, got f, p, w, u.y"),
-        (lambda s: s.replace(" 6:u.y", " 6:u.y 7:q"), "must have 7 columns like its header, got 6"),
-        (lambda s: s[: len(s) // 2], "expected 6 columns|full grid"),
+        (lambda s: s.replace("5:u.x", "5:w"), "must have the columns u.x, got x, y, f, p, w, u.y"),
+        (lambda s: s.replace(" 6:u.y", " 6:u.y 7:q"), "line 2: expected 7 cells as above, got 6"),
+        (lambda s: s[: len(s) // 2], "expected 6 cells|full grid"),
     ],
 )
 def test_wrong_basilisk_is_refused(tmp_path: Path, change: Any, message: str) -> None:

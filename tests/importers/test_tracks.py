@@ -165,7 +165,7 @@ def test_unpickling_is_not_needed(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.create_dataset("Frame_0/table", data=rows)
         file["Frame_0/table"].attrs["values_block_0_kind"] = np.bytes_(attack)
-    with pytest.raises(DataFileError, match="must have the columns x, y, frame"):
+    with pytest.raises(DataFileError, match="must have the columns x, y, got"):
         read_vectors(tmp_path / "a.h5")
     assert not (tmp_path / "ran").exists()
 
@@ -178,7 +178,7 @@ def csv_lines(path: Path, change: Any) -> Path:
 
 WRONG = {
     "unlinked": (lambda s: s.replace("particle", "nothing"), "columns particle \\(or u, v\\)"),
-    "cut off": (lambda s: s[:-20], "expected 4 cells as in the header, got|expected numbers"),
+    "cut off": (lambda s: s[:-20], "expected 4 cells as above, got|expected numbers"),
     "text": (lambda s: s.replace("\n", "\na,b,c,d\n", 1), "expected numbers"),
     "header alone": (lambda s: s.split("\n")[0] + "\n", "no rows of numbers"),
     "nothing measured": (

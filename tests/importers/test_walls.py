@@ -63,13 +63,13 @@ def test_own_units(tmp_path: Path) -> None:
 
 
 BROKEN = {
-    "no columns": ("1,2\n3,4\n", "must have a first line with the columns x, y and any of"),
-    "y missing": ("x,u\n1,2\n", "must have a first line with the columns x, y"),
+    "no columns": ("1,2\n3,4\n", "must have the columns x, y, got 1, 2"),
+    "y missing": ("x,u\n1,2\n", "must have the columns y, got x, u"),
     "unknown": ("x,y,depth\n1,2,3\n", "must have a first line"),
-    "twice": ("x,y,x\n1,2,3\n", "must have a first line"),
-    "short rows": ("x,y,u,v\n1,2,3\n2,3,4\n", "must have the 4 columns of its first line, got 3"),
-    "infinite": ("x,y\n1,2\n3,inf\n", "must have a y of at most"),
-    "a unit of time": ("x [s],y\n1,2\n3,4\n", "must be a unit of length"),
+    "twice": ("x,y,x\n1,2,3\n", "must have one column for x, got x, x"),
+    "short rows": ("x,y,u,v\n1,2,3\n2,3,4\n", "line 2: expected 4 cells as above, got 3"),
+    "infinite": ("x,y\n1,2\n3,inf\n", "must have a finite y of at most"),
+    "a unit of time": ("x [s],y\n1,2\n3,4\n", "x must be without a unit with --dimensionless"),
 }
 
 

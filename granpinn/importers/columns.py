@@ -1,0 +1,209 @@
+"""Columns of a table by their names, each with its own unit in brackets: `x [mm]`, `Time (ms)`.
+
+All tables that a user writes are read here: tracks, --times, --surface and --walls. Formats of
+instruments bring names and units from headers of their own.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.importers import units
+from granpinn.importers.textfile import TextFile, cells_of, separator_of
+from granpinn.importers.vectors import LARGEST, DataFileError, largest
+
+# Spellings of the columns, in lower case.
+NAMES = {
+    "x": ("x", "x_position", "pos_x", "position_x"),
+    "y": ("y", "y_position", "pos_y", "position_y"),
+    "frame": ("frame", "frame_number", "frame_id"),
+    "t": ("t", "time"),
+    "particle": ("particle", "id", "track", "track_id", "trajectory", "particle_id"),
+    "u": ("u", "vx", "v_x", "u_x"),
+    "v": ("v", "vy", "v_y", "u_y"),
+    "sigma_u": ("sigma_u", "sigma_vx"),
+    "sigma_v": ("sigma_v", "sigma_vy"),
+    "ep": ("ep",),
+}
+# Columns of one dimension; the unit of the vectors is that of the first one.
+GROUPS = {
+    "length_unit": ("x", "y", "ep"),
+    "time_unit": ("t",),
+    "velocity_unit": ("u", "v", "sigma_u", "sigma_v"),
+}
+_WITH_DIMENSION = {*(name for group in GROUPS.values() for name in group), "p", "tau"}
+_COLUMN = re.compile(r"([^\[(]++)(?:[\[(]([^\])]*+)[\])])?")
+_COMMENT = "\ufeff#% "
+_NO_UNIT = ("", "1", "-", "#", "frame", "frames", "dimensionless")
+
+
+class Column(NamedTuple):
+    """Name of a column in lower case, and its unit, "" if it states none."""
+
+    name: str
+    unit: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Chosen columns [n] by what they are, such as "u", and the units that they state."""
+
+    columns: dict[str, Float64]
+    units: dict[str, str]
+    named: tuple[Column, ...] = ()
+
+
+def header(line: str) -> list[Column]:
+    """The columns that a line names; none if its quotes do not fit together."""
+    text = line.strip(" \r\n").lstrip(_COMMENT)
+    separator = separator_of(text)
+    *units_last, rest = text.split("]")
+    cells = [*(f"{cell}]" for cell in units_last), *rest.split()]  # between blanks
+    if separator:
+        try:
+            cells = cells_of(text, separator)
+        except csv.Error:
+            return []
+    if cells and not cells[-1].strip():
+        del cells[-1]
+    return [column(cell) for cell in cells]
+
+
+def column(text: str) -> Column:
+    """The name and unit in the head of a column."""
+    match = _COLUMN.fullmatch(text.strip())
+    if match is None:
+        return Column(text.strip().lower())
+    return Column(match[1].strip().lower(), (match[2] or "").strip())
+
+
+def chosen(
+    path: Path | str,
+    named: Sequence[Column],
+    roles: Mapping[str, Iterable[str]],
+    required: Iterable[str] = (),
+) -> tuple[dict[str, int], dict[str, str]]:
+    """Index and unit of the columns by their roles.
+
+    Args:
+        roles: the names that a column of each role may have.
+        required: roles that may not be missing.
+
+    Raises:
+        DataFileError: a column is missing, two columns have one role, or a number without a unit
+            states one.
+    """
+    places: dict[str, int] = {}
+    stated: dict[str, str] = {}
+    for role, spellings in roles.items():
+        indices = [i for i, column in enumerate(named) if column.name in spellings]
+        if len(indices) > 1:
+            raise DataFileError(
+                f"{path} must have one column for {role}, got "
+                f"{', '.join(named[i].name for i in indices)}: leave out or rename the others"
+            )
+        for i in indices:
+            places[role], unit = i, named[i].unit
+            if role in _WITH_DIMENSION and unit:
+                stated[role] = unit
+            elif unit.lower() not in _NO_UNIT:
+                raise DataFileError(
+                    f"{path} must have plain numbers without a unit as {role}, got the unit "
+                    f"{unit}: convert the column"
+                )
+    require(path, named, [next(iter(roles[role])) for role in required if role not in places])
+    return places, stated
+
+
+def require(path: Path | str, named: Sequence[Column], missing: Sequence[str]) -> None:
+    """Refuses a table where columns are missing."""
+    if missing:
+        names = ", ".join(column.name for column in named[:12])
+        raise DataFileError(
+            f"{path} must have the columns {', '.join(missing)}, got {names or 'no names'}: name "
+            "the columns so, or export the file again"
+        )
+
+
+def read_table(
+    text: TextFile,
+    roles: Mapping[str, Iterable[str]],
+    named: Sequence[Column],
+    required: Iterable[str],
+    skip: int = 1,
+    separator: str | None = None,
+) -> Table:
+    """The columns of a text file that have a role; others may hold text.
+
+    Args:
+        roles: the names that a column of each role may have.
+        named: all columns, from the header.
+        required: roles that may not be missing.
+        skip: lines before the numbers.
+        separator: of the header, if it is that of the rows; else None.
+
+    Raises:
+        DataFileError: as `chosen`, or the rows do not fit the header.
+    """
+    places, stated = chosen(text.path, named, roles, required)
+    kept = [*places.values()]
+    rows = text.numbers(skip, separator=separator, count=len(named), kept=kept)
+    columns = {role: rows[:, k] for k, role in enumerate(places)}
+    return Table(columns, stated, tuple(named))
+
+
+def read_headed(path: Path, required: Iterable[str]) -> Table:
+    """The columns of a file whose first line is its header; arguments as in `read_table`."""
+    text = TextFile(path)
+    line = text.head(1)[0]
+    return read_table(text, NAMES, header(line), required, separator=separator_of(line))
+
+
+def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:
+    """Refuses infinite and huge numbers, and NaN unless it may be there."""
+    for name, values in columns.items():
+        wrong = np.isinf(values) if nan else ~np.isfinite(values)
+        if wrong.any() or largest(values) > LARGEST:
+            first = values[wrong | (np.abs(values) > LARGEST)][0]
+            raise DataFileError(
+                f"{path} must have a finite {name} of at most {LARGEST:g} in every row, got "
+                f"{first:g}: leave this row out"
+            )
+
+
+def in_one_unit(
+    path: Path | str, columns: Mapping[str, Float64], stated: Mapping[str, str]
+) -> tuple[dict[str, Float64], dict[str, Any], dict[str, str]]:
+    """Columns of one dimension in one unit, that of the first of them that states one.
+
+    A column that states no unit has that of the others.
+
+    Args:
+        stated: units by the names of columns.
+
+    Returns:
+        The columns; length_unit, time_unit and velocity_unit, None if unknown; and the facts
+        length_units and velocity_units of columns whose units differ.
+
+    Raises:
+        DataFileError: a unit cannot be converted to that of the others.
+    """
+    converted, of_vectors = dict(columns), dict[str, Any]()
+    facts = {}
+    for kind, names in GROUPS.items():
+        known = [(name, stated[name]) for name in names if name in columns and stated.get(name)]
+        base = of_vectors[kind] = known[0][1] if known else None
+        for name, unit in known:
+            ratio = 1.0 if unit == base else units.ratio(unit, str(base), f"{path}: {name}")
+            if ratio != 1:
+                converted[name] = columns[name] * ratio
+                facts[f"{kind}s"] = ", ".join(f"{name} [{unit}]" for name, unit in known)
+    return converted, of_vectors, facts
