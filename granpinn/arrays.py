@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -53,17 +52,12 @@ def plain_array(
     except (TypeError, ValueError, OverflowError, RuntimeError):
         array = np.empty(0, object)
     if array.dtype.kind not in kinds:
-        raise error(f"{name} must hold numbers, got something else: give an array of numbers")
+        found = type(values).__name__ if array.dtype.kind == "O" else f"the type {array.dtype}"
+        raise error(
+            f"{name} must hold numbers, got {found}: numpy.asarray must make numbers of it, of a "
+            "torch tensor after .detach().cpu()"
+        )
     return array
-
-
-def plain_fields(record: Any, error: type[BadInput]) -> None:
-    """Makes the arrays among the fields of a new dataclass plain; its other fields stay."""
-    for part in dataclasses.fields(record):
-        values = getattr(record, part.name)
-        foreign = hasattr(values, "__array__") and not isinstance(values, np.ndarray | np.generic)
-        if foreign or np.ma.isMaskedArray(values):
-            object.__setattr__(record, part.name, plain_array(values, part.name, error))
 
 
 def _unit(values: Any) -> str:
@@ -91,8 +85,5 @@ def _without_mask(values: Any) -> Any:
         data = data.astype(np.float64 if data.dtype.kind in "iub" else data.dtype)
         data[mask] = np.nan
         return data
-    if hasattr(values, "detach"):  # torch, which has masks, gradients, devices and short floats
-        tensor = values.to_tensor(np.nan) if hasattr(values, "get_mask") else values
-        short = str(tensor.dtype) == "torch.bfloat16"
-        return (tensor.float() if short else tensor).numpy(force=True)
-    return values
+    # Masked tensors of torch; others with gradients or on a GPU are for the user to detach.
+    return values.to_tensor(np.nan) if hasattr(values, "get_mask") else values

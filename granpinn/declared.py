@@ -17,6 +17,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 import numpy as np
 import numpy.typing as npt
 
+from granpinn.arrays import plain_array
 from granpinn.errors import BadInput
 
 P = ParamSpec("P")
@@ -60,13 +61,20 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def require_fields(record: Any, error: type[BadInput] = BadInput) -> None:
     """Refuse a dataclass that holds a value of another type than its field declares.
 
+    A masked array becomes a plain one in the record, with NaN under its mask.
+
     Raises:
         error: the sentence about the first such field.
     """
     owner = type(record)
     for name, kind in _types(owner).items():
-        if name in _fields(owner):
-            require(getattr(record, name), kind, f"{owner.__name__}.{name}", owner.__name__, error)
+        if name not in _fields(owner):
+            continue
+        value, title = getattr(record, name), f"{owner.__name__}.{name}"
+        if np.ma.isMaskedArray(value):
+            value = plain_array(value, title, error)
+            object.__setattr__(record, name, value)
+        require(value, kind, title, owner.__name__, error)
 
 
 def require(value: Any, kind: Any, name: str, owner: str, error: type[BadInput] = BadInput) -> None:

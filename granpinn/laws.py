@@ -22,6 +22,7 @@ import torch
 from torch import Tensor
 
 from granpinn.declared import checked
+from granpinn.arrays import plain_array
 from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS, LawParameter
 from granpinn.physics.laws import Law as _Law
@@ -162,7 +163,8 @@ def _in_torch(
         at, *values = (torch.as_tensor(value).to(tensors[0]) for value in (I, *theta))
         return work(at, tuple(values))
     with torch.no_grad():
-        at, *values = (torch.as_tensor(np.asarray(v, np.float64)) for v in (I, *theta))
+        plain = [plain_array(v, "a value").astype(np.float64) for v in (I, *theta)]
+        at, *values = map(torch.as_tensor, plain)
         return work(at, tuple(values)).numpy()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.arrays import Bool, Float32, Float64, Floats, Index
+from granpinn.arrays import Bool, Float32, Float64, Floats, Index, plain_array
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 from granpinn.output import html
@@ -204,8 +204,8 @@ class Flow:
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Float64:
         """Height of points above the origin, measured against gravity: -(g . r)/|g|."""
         g_x, g_y = self.gravity
-        along = g_x * np.asarray(x, dtype=np.float64) + g_y * np.asarray(y, dtype=np.float64)
-        return np.asarray(-along / math.hypot(g_x, g_y))
+        x, y = (plain_array(a, name).astype(np.float64) for name, a in (("x", x), ("y", y)))
+        return np.asarray(-(g_x * x + g_y * y) / math.hypot(g_x, g_y))
 
     @property
     def steady(self) -> bool:

@@ -16,7 +16,7 @@ import safetensors.torch as safetensors
 import torch
 from safetensors import SafetensorError
 
-from granpinn.arrays import Float32
+from granpinn.arrays import Float32, plain_array
 from granpinn.data import Flow
 from granpinn.data.symmetry import axes_of
 from granpinn.errors import BadInput
@@ -77,8 +77,9 @@ class TrainedNetwork:
             The variables of fields.h5 by name, without references, each in the common shape.
         """
         try:
-            points = self.model.scales.points_to_dimensionless(x, y, t)
-        except (TypeError, ValueError, RuntimeError) as error:
+            plain = (plain_array(a, name) for name, a in (("x", x), ("y", y), ("t", t)))
+            points = self.model.scales.points_to_dimensionless(*plain)
+        except ValueError as error:
             raise BadInput(
                 f"x, y and t must be numbers of shapes that broadcast: {error}"
             ) from None

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import plain_array
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.limits import require_room
 from granpinn.importers.npz import read_npz
@@ -47,9 +48,9 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         raise DataFileError(
             f"{path} has the unknown array {unknown[0]}: expected {', '.join(sorted(known))}"
         )
-    found = {n: _numbers(arrays[n], n, path) for n in (*REQUIRED, *OPTIONAL) if n in arrays}
+    found = {n: _numbers(arrays, n, path) for n in (*REQUIRED, *OPTIONAL) if n in arrays}
     require_room(sum(a.size for a in found.values()), 8, path)
-    values = {name: np.asarray(a, np.float64) for name, a in found.items()}
+    values = {name: a.astype(np.float64, copy=False) for name, a in found.items()}
     u, v = values["u"], values["v"]
     if u.shape != v.shape or u.ndim not in (1, 3):
         raise DataFileError(
@@ -60,25 +61,15 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
         **values,
         validity=_codes(arrays, np.isfinite(u) & np.isfinite(v), path),
         **{name: str(_one(arrays[name], name, path)) for name in TEXTS if name in arrays},
-        y_down=bool(_one(arrays["y_down"], "y_down", path)) if "y_down" in arrays else None,
-        facts={} if {"validity", "mask"} & set(arrays) else {"mask": GAPS},
+        y_down=bool(_one(_numbers(arrays, "y_down", path, "fiub"), "y_down", path))
+        if "y_down" in arrays
+        else None,
+        facts={} if {"validity", "mask", "c"} & arrays.keys() else {"mask": GAPS},
     )
 
 
-def _numbers(given: Any, name: str, path: str) -> Any:
-    """An array of real numbers; complex numbers and text are none."""
-    try:
-        found = np.ma.asarray(given) if np.ma.isMaskedArray(given) else np.asarray(given)
-        if found.dtype.kind == "O":  # such as a list that holds None
-            found = found.astype(np.float64)
-    except (TypeError, ValueError, OverflowError, RuntimeError):
-        found = np.empty(0, object)
-    if found.dtype.kind not in "fiub":
-        raise DataFileError(
-            f"{path}: {name} must hold numbers, got {type(given).__name__}: numpy.asarray must "
-            "take it, a torch tensor after .detach().cpu()"
-        )
-    return found
+def _numbers(arrays: Mapping[str, Any], name: str, path: str, kinds: str = "fiu") -> Any:
+    return plain_array(arrays[name], f"{path}: {name}", DataFileError, kinds=kinds)
 
 
 def _one(given: Any, name: str, path: str) -> Any:
@@ -90,20 +81,18 @@ def _one(given: Any, name: str, path: str) -> Any:
 
 
 def _codes(arrays: Mapping[str, Any], finite: Any, path: str) -> Any:
+    codes = np.where(finite, Validity.VALID, Validity.INVALID)
     if "validity" in arrays:
-        codes = _numbers(arrays["validity"], "validity", path)
+        codes = _numbers(arrays, "validity", path)
         if not np.isin(codes, list(Validity)).all():
             raise DataFileError(f"{path}: validity must be 0, 1, 2 or 3, got another number")
-        return codes
     if "mask" in arrays:
-        masked = _numbers(arrays["mask"], "mask", path).astype(bool)
-        inside = np.where(finite, Validity.VALID, Validity.INVALID)
-        if masked.shape != finite.shape:
+        masked = _numbers(arrays, "mask", path, "fiub").astype(bool)  # NaN, no value, is masked
+        if not masked.shape == codes.shape == finite.shape:
             raise DataFileError(
                 f"{path}: mask must have the shape {list(finite.shape)} of u, got "
                 f"{list(masked.shape)}"
             )
-        return np.where(masked, Validity.MASKED, inside)
-    if finite.ndim == 1:
-        return np.where(finite, Validity.VALID, Validity.INVALID)
-    return split_gaps(finite)
+        return np.where(masked, Validity.MASKED, codes)
+    known = {"validity", "c"} & arrays.keys() or finite.ndim == 1
+    return codes if known else split_gaps(finite)

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.arrays import Bool, Float64, Int8, plain_array, plain_fields
+from granpinn.arrays import Bool, Float64, Int8, plain_array
 from granpinn.data.flow import FlowFileWarning
 from granpinn.data.rules import FRACTION_TOLERANCE
+from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
 
@@ -90,7 +91,7 @@ class VectorFields:
     facts: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        plain_fields(self, DataFileError)
+        require_fields(self, DataFileError)
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
         for name, values in self.arrays().items():
             if values.shape != shape:

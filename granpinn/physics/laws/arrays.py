@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.arrays import plain_array
+
 LEAST_I = 1e-30
 """Added to an inertial number of which the logarithm is taken (csrc/math/scalar.h)."""
 
@@ -19,6 +21,6 @@ def together(*values: Any) -> tuple[Any, ...]:
     torch = sys.modules.get("torch")  # not loaded: no value is a tensor
     tensor = torch and next((v for v in values if isinstance(v, torch.Tensor)), None)
     if torch is None or tensor is None:
-        return (np, *(np.asarray(v, dtype=np.float64)[()] for v in values))
+        return (np, *(plain_array(v, "a value").astype(np.float64)[()] for v in values))
     dtype, device = tensor.dtype, tensor.device
     return (torch, *(torch.as_tensor(v, dtype=dtype, device=device) for v in values))
