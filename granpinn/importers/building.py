@@ -157,6 +157,11 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
         values = getattr(fields, name)
+        if values is not None and (values[usable] < 0).any():
+            raise DataFileError(
+                f"{name} must not be negative, got {np.nanmin(values[usable]):g}: give the "
+                "standard deviation of every vector, NaN where it is not known"
+            )
         good = None if values is None else usable & np.isfinite(values) & (values > 0)
         if values is None or good is None or not good.any():
             return {}

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.importers.columns import Column, read_table
+from granpinn.importers.columns import Column, in_one_unit, read_table
 from granpinn.importers.isolated import installed, read_isolated
 from granpinn.importers.mesh_files import check_folder, file_bytes
 from granpinn.importers.numerals import whole
@@ -63,8 +63,12 @@ def read_vc7(path: Path) -> VectorFields:
         raise DataFileError(f"{path} has no frames: choose another set")
     first = parts[0]
     for part in parts[1:]:
-        if part["x"].shape != first["x"].shape or part["y"].shape != first["y"].shape:
-            raise DataFileError(f"{path} mixes grids of different size: convert them one by one")
+        same = all(np.array_equal(part[name], first[name]) for name in ("x", "y"))
+        if not same or part["units"] != first["units"] or part["y_down"] != first["y_down"]:
+            raise DataFileError(
+                f"{path} must have one grid and one set of units, got another after the first "
+                "frame: convert them one by one"
+            )
     stacked: dict[str, Any] = {
         name: np.stack([part[name] for part in parts]) for name in ("u", "v", "validity")
     }
@@ -77,9 +81,7 @@ def read_vc7(path: Path) -> VectorFields:
         y=first["y"],
         x=first["x"],
         **stacked,
-        length_unit=first["length_unit"],
-        time_unit="s" if timed else "frame",
-        velocity_unit=first["velocity_unit"],
+        **first["units"] | {"time_unit": "s" if timed else "frame"},
         y_down=first["y_down"],
         facts=first["facts"],
     )
@@ -97,19 +99,20 @@ def _frame(path: Path, frame: dict[str, Any]) -> dict[str, Any]:
         "v": frame["v"],
     }
     codes, smoothed = _codes(frame)
-    unit = frame["velocity_unit"]
     for name in ("sigma_u", "sigma_v"):
         if name in frame:
             found[name] = np.where(frame[name] > 0, frame[name], np.nan)
+    stated = {"v": frame["units"]["u"], **frame["units"]}
+    pixels = {n: "px/frame" for n, u in stated.items() if n not in "xy" and u in ("pixel", "px")}
+    found, units, several = in_one_unit(path, found, stated | pixels)
     return {
         **found,
         "validity": codes,
         "t": _acquired(frame["acquired"]),
-        "length_unit": frame["length_unit"],
-        "velocity_unit": "px/frame" if unit in ("pixel", "px") else unit,
+        "units": units,
         # Both the slope of y and the sign of v follow the frame of the scales.
         "y_down": bool(frame["y_slope"] > 0),
-        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed},
+        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed} | several,
     }
 
 

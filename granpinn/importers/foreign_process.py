@@ -72,7 +72,7 @@ def _packed(meta: dict[str, Any], frames: list[dict[str, Any]]) -> memoryview:
 
 def read_mesh(pyvista: Any, request: dict[str, Any]) -> list[dict[str, Any]]:
     """For each time: `time`, `points` [n, 3], `velocity` [n, 2 or 3], and scalars `data/NAME` [n];
-    `names` of all data if there is no velocity."""
+    `names` of all data if there is no velocity, or of all velocities if there are several."""
     path = Path(request["path"])
     velocity = [request["velocity"]] if request["velocity"] else VELOCITY
     return [_mesh_frame(t, mesh, velocity) for t, mesh in _meshes(pyvista, path)]
@@ -93,7 +93,7 @@ def _meshes(pyvista: Any, path: Path) -> Any:
         return
     mesh = pyvista.read(str(path))
     value = mesh.field_data.get("TimeValue") if hasattr(mesh, "field_data") else None
-    yield (None if value is None or len(value) == 0 else float(value[0])), mesh
+    yield (None if value is None or len(value) != 1 else float(value[0])), mesh
 
 
 def _mesh_frame(t: float | None, mesh: Any, velocity: Any) -> dict[str, Any]:
@@ -102,17 +102,20 @@ def _mesh_frame(t: float | None, mesh: Any, velocity: Any) -> dict[str, Any]:
         mesh = mesh[inner] if inner else mesh.combine()
     for at_cells in (True, False):
         data = mesh.cell_data if at_cells else mesh.point_data
-        for name in velocity:
-            if name in data and np.ndim(data[name]) == 2 and np.shape(data[name])[1] >= 2:
-                scalars = {n: data[n] for n in data if np.ndim(data[n]) == 1}
-                points = mesh.cell_centers().points if at_cells else mesh.points
-                return {
-                    "time": t,
-                    "names": [*scalars],
-                    "points": np.array(points, np.float64),
-                    "velocity": np.array(data[name], np.float64),
-                    **{f"data/{k}": np.array(v) for k, v in enumerate(scalars.values())},
-                }
+        vectors = [n for n in velocity if n in data and np.ndim(data[n]) == 2]
+        vectors = [n for n in vectors if np.shape(data[n])[1] >= 2]
+        if len(vectors) > 1:
+            return {"time": t, "names": vectors}
+        if vectors:
+            scalars = {n: data[n] for n in data if np.ndim(data[n]) == 1}
+            points = mesh.cell_centers().points if at_cells else mesh.points
+            return {
+                "time": t,
+                "names": [*scalars],
+                "points": np.array(points, np.float64),
+                "velocity": np.array(data[vectors[0]], np.float64),
+                **{f"data/{k}": np.array(v) for k, v in enumerate(scalars.values())},
+            }
     return {"time": t, "names": [str(name) for name in (*mesh.cell_data, *mesh.point_data)]}
 
 
@@ -122,11 +125,14 @@ def read_davis(lvpyio: Any, request: dict[str, Any]) -> list[dict[str, Any]]:
     path = Path(request["path"])
     if path.suffix.lower() == ".set":
         with lvpyio.read_set(str(path)) as buffers:
-            return [_davis_frame(buffer[0]) for buffer in buffers]
-    return [_davis_frame(lvpyio.read_buffer(str(path))[0])]
+            return [_davis_frame(buffer) for buffer in buffers]
+    return [_davis_frame(lvpyio.read_buffer(str(path)))]
 
 
-def _davis_frame(frame: Any) -> dict[str, Any]:
+def _davis_frame(buffer: Any) -> dict[str, Any]:
+    if len(buffer) != 1:
+        raise ValueError(f"a buffer holds {len(buffer)} frames, export one vector field a file")
+    frame = buffer[0]
     if not hasattr(frame, "as_masked_array") or "U0" not in frame.components:
         return {"image": True}
     vectors, scales, grid = frame.as_masked_array(), frame.scales, frame.grid
@@ -139,7 +145,7 @@ def _davis_frame(frame: Any) -> dict[str, Any]:
         **{"x_slope": float(scales.x.slope), "x_offset": float(scales.x.offset)},
         **{"y_slope": float(scales.y.slope), "y_offset": float(scales.y.offset)},
         **{"x_step": float(grid.x), "y_step": float(grid.y)},
-        **{"length_unit": str(scales.x.unit), "velocity_unit": str(scales.i.unit)},
+        "units": {"x": str(scales.x.unit), "y": str(scales.y.unit), "u": str(scales.i.unit)},
         "acquired": str(frame.attributes.get("AcqTimeSeries", "")),
         "frame_dt": str(frame.attributes.get("FrameDt", "")),
     }
@@ -148,6 +154,7 @@ def _davis_frame(frame: Any) -> dict[str, Any]:
         for name, target in zip(names, ("sigma_u", "sigma_v"), strict=True):
             component = frame.components[name]
             found[target] = np.asarray(component[0], np.float64) * component.scale.slope
+            found["units"][target] = str(getattr(component.scale, "unit", ""))
     return found
 
 

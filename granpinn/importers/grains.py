@@ -9,10 +9,11 @@ import struct
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Bool, Bytes, Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.importers.gaps import grains_around
 from granpinn.importers.limits import open_file, require_room
 from granpinn.importers.series import expand
@@ -76,7 +77,7 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
     return replace(fields, validity=codes, u=u, v=v)
 
 
-def _picture(file: Path) -> Bytes:
+def _picture(file: Path) -> Any:
     """The grey levels of an image of moderate size, in one of the formats of cameras and masks."""
     from PIL import Image
 
@@ -85,7 +86,11 @@ def _picture(file: Path) -> Bytes:
             require_room(image.width * image.height, 1, file)
             if image.width * image.height > _MAX_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
-            return np.asarray(image.convert("L"))
+            if (count := getattr(image, "n_frames", 1)) > 1:
+                raise ValueError(f"it holds {count} images, save each in a file")
+            # To 8 bits, convert cuts off what lies above 255.
+            deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
+            return np.asarray(image if deep else image.convert("L"))
     except DataFileError:
         raise
     # Pillow raises all of these for damaged files, SyntaxError among them.
@@ -98,7 +103,7 @@ def _picture(file: Path) -> Bytes:
     raise DataFileError(f"{file} cannot be read as an image: {reason}")
 
 
-def _at_vectors(file: Path, picture: Bytes, fields: VectorFields) -> Bool:
+def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:
     found = []
     axes = {"y": (np.rint(fields.y), picture.shape[0]), "x": (np.rint(fields.x), picture.shape[1])}
     for name, (places, size) in axes.items():

@@ -49,6 +49,8 @@ class Matlab(Protocol):
     def number(self, name: str, default: float) -> float:
         """A single number, `default` if there is none."""
         matrix = self._numbers(name) if name in self else None
+        if matrix is not None and matrix.size != 1:
+            raise DataFileError(f"{self.path}: {name} must be one number, got {matrix.size}")
         return default if matrix is None else float(matrix.flat[0])
 
     def text(self, name: str) -> str:

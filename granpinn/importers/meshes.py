@@ -22,7 +22,7 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 from granpinn.regular import UnsafeFileError
 
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
-PRESSURE = ("p", "pressure")
+PRESSURE = re.compile(r"p|pressure")
 _XML = (b"<?xml", b"<VTKFile")
 _SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".vtkhdf", ".foam")
 _PIVLAB = re.compile(r"\[(px|m)/(frame|s)\]")
@@ -59,6 +59,8 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
         raise DataFileError(f"{path} holds no time with a velocity: check the case")
     timed = all(t is not None for t, _ in frames)
     times = [float(t) if timed and t is not None else float(k) for k, (t, _) in enumerate(frames)]
+    if any(columns.keys() != frames[0][1].keys() for _, columns in frames):
+        raise DataFileError(f"{path} must hold the same fields at all times: write it again")
     gridded = [_gridded(path, columns) for _, columns in frames]
     others: dict[str, Any] = {"time_unit": "s" if timed else "frame", "y_down": False}
     if path.suffix.lower() == ".vtk" and (found := _PIVLAB.search(_title(path))):
@@ -79,7 +81,7 @@ def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str
     """x, y, u, v of one mesh [n], and c and p if it has them."""
     if "velocity" not in frame:
         raise DataFileError(
-            f"{path} must hold a velocity, got {', '.join(frame['names'])}: name it with "
+            f"{path} must hold one velocity, got {', '.join(frame['names'])}: name it with "
             "--fields u=NAME"
         )
     centers, velocity = frame["points"], frame["velocity"]
@@ -91,11 +93,15 @@ def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str
     kept = centers[:, 2] <= centers[:, 2].min() + 1e-6 * (np.ptp(centers) or 1)
     columns = {"x": centers[:, 0], "y": centers[:, 1], "u": velocity[:, 0], "v": velocity[:, 1]}
     data = {name: frame[f"data/{k}"] for k, name in enumerate(frame["names"])}
-    fraction = next((name for name in data if _is(name, names.get("c"), FRACTION)), None)
-    pressure = next((n for n in (names.get("p"), *PRESSURE) if n is not None and n in data), None)
-    for role, name in (("c", fraction), ("p", pressure)):
-        if name is not None:
-            columns[role] = np.asarray(data[name], np.float64)
+    for role, usual in (("c", FRACTION), ("p", PRESSURE)):
+        found = [name for name in data if _is(name, names.get(role), usual)]
+        if len(found) > 1 or (not found and role in names):
+            raise DataFileError(
+                f"{path} must hold one field {names.get(role, role)}, got "
+                f"{', '.join(found or data)}: name it with --fields {role}=NAME"
+            )
+        if found:
+            columns[role] = data[found[0]].astype(np.float64)
     return {name: values[kept] for name, values in columns.items()}
 
 
@@ -126,7 +132,6 @@ def _stacked(path: Path, times: list[float], grids: Any, others: dict[str, Any])
 
 
 def _scattered(times: list[float], frames: Any, others: dict[str, Any]) -> VectorFields:
-    names = [name for name in frames[0] if all(name in frame for frame in frames)]
-    joined = {name: np.concatenate([frame[name] for frame in frames]) for name in names}
+    joined = {name: np.concatenate([frame[name] for frame in frames]) for name in frames[0]}
     t = np.repeat(times, [frame["x"].size for frame in frames])
     return vector_fields(t=t, **joined, **others)

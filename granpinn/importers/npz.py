@@ -56,6 +56,8 @@ def read_npz(path: Path) -> dict[str, Any]:
                 members = archive.infolist()
                 if len(members) > _MAX_MEMBERS:
                     raise ValueError(f"it holds {len(members)} arrays")
+                if len({_name(member) for member in members}) < len(members):
+                    raise ValueError("it holds two arrays of one name")
                 room = sum(_values(archive, member) for member in members)
                 require_room(room, 8, path)
                 return {_name(member): _array(archive, member) for member in members}

@@ -117,11 +117,17 @@ def _fields(
             )
         if not (np.array_equal(frame[0], x) and np.array_equal(frame[1], y)):
             raise DataFileError(f"{path} must have one grid, got another in frame {k + 1}")
-    if not (np.ptp(x, axis=0) <= 1e-6 * np.ptp(x)).all():
-        raise DataFileError(f"{path} must have one x in every column, got several: rotate nothing")
+    for name, values, axis in (("x", x, 0), ("y", y, 1)):
+        if not (np.ptp(values, axis=axis) <= 1e-6 * np.ptp(values)).all():
+            raise DataFileError(
+                f"{path} must have one {name} in every {('column', 'row')[axis]}, got several: "
+                "rotate nothing"
+            )
     u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
     types = [frame[4] for frame in frames]
     codes = None
+    if any(kind is not None for kind in types) and any(kind is None for kind in types):
+        raise DataFileError(f"{path} must have vector types in all frames or in none: export again")
     if all(kind is not None for kind in types):
         codes = np.full(u.shape, Validity.INVALID, np.int8)
         for kind, code in TYPES.items():

@@ -37,7 +37,7 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
         count = settings.times is not None or settings.time_unit == "frame"
         fields = read_vectors(source, settings.format, options, count=count)
     if settings.times is not None:
-        fields = _with_times(fields, settings.times, source)
+        fields = _with_times(fields, settings, settings.times, source)
     if settings.dimensionless and {fields.length_unit, fields.velocity_unit} - {None, "1", "-"}:
         raise DataFileError(
             f"--dimensionless contradicts the files, whose lengths are in {fields.length_unit} and "
@@ -54,7 +54,9 @@ def _names(text: str) -> dict[str, str]:
     return names
 
 
-def _with_times(fields: VectorFields, times: str, source: Source) -> VectorFields:
+def _with_times(
+    fields: VectorFields, settings: Settings, times: str, source: Source
+) -> VectorFields:
     """The vectors with times from a file or from the names of the files."""
     if TRACK_WINDOW in fields.facts:
         raise DataFileError(
@@ -68,12 +70,24 @@ def _with_times(fields: VectorFields, times: str, source: Source) -> VectorField
         files = expand([source] if isinstance(source, str | Path) else source)
         # The end of "out-0.25" is no suffix.
         stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
-        found = [_NUMBER.findall(stem) for stem in stems]
+        found = [[*_NUMBER.finditer(stem)] for stem in stems]
         if not all(found):
             raise DataFileError(f"{files[0]} must have a number in its name for --times name")
-        t = np.array([number(names[-1], f"the time in {stems[0]}") for names in found])
+        last = [numbers[-1] for numbers in found]
+        before = {n.string[: n.start()].endswith("-") for n in last}
+        if len(before) > 1:
+            raise DataFileError(
+                "--times name needs names with a '-' before all numbers or before none, as it may "
+                "be a minus: give the times in a file"
+            )
+        t = np.array([number(n[0], f"the time in {n.string}") for n in last])
     else:
         t, stated = _times_of(Path(times))
+        if stated and settings.time_unit not in (None, stated):
+            raise DataFileError(
+                f"--time-unit must be {stated}, which the first line of {times} states, got "
+                f"{settings.time_unit}: leave it out"
+            )
         unit = stated or unit
     old = np.unique(fields.t)
     if t.size != old.size:

@@ -87,9 +87,14 @@ def test_times_from_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(flow.t, [0.1, 0.9, 1.5])
     u = scene.velocity()[0][:, ::-1]
     np.testing.assert_allclose(flow.u[flow.valid], u[flow.valid], rtol=1e-6)
-    (tmp_path / "same.txt").write_text("1\n2\n2\n")
+    signed = [export(tmp_path / f"s_{t}.txt", k) for k, t in enumerate(("t-0.5", "t0.0", "t0.5"))]
+    with pytest.raises(DataFileError, match="'-' before all numbers or before none"):
+        read(signed, times="name", **settings, **material)
+    same = str(scene.write_lines(tmp_path / "same.txt", ["t [ms]", "1", "2", "2"]))
+    with pytest.raises(DataFileError, match="--time-unit must be ms, which the first line of"):
+        read(files, times=same, **settings, **material)
     with pytest.raises(DataFileError, match="another time for every frame, got one twice"):
-        read(files, times=str(tmp_path / "same.txt"), **settings, **material)
+        read(files, times=same, **settings | {"time_unit": None}, **material)
 
 
 def test_tracks_end_in_a_particle_file_that_can_be_trained_on(tmp_path: Path) -> None:

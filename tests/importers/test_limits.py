@@ -213,6 +213,21 @@ def test_the_limit_of_the_address_space_counts() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_negative_standard_deviations_are_refused() -> None:
+    sigma = np.full(arrays()["u"].shape, 0.1)
+    sigma[0, 0, 0] = -0.1
+    with pytest.raises(DataFileError, match="sigma_v must not be negative, got -0.1"):
+        read(arrays(sigma_u=np.abs(sigma), sigma_v=sigma), **PLAIN)
+
+
+def test_two_arrays_of_one_name_are_refused(tmp_path: Path) -> None:
+    path = npz(tmp_path / "a.npz")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("u", archive.read("v.npy"))
+    with pytest.raises(DataFileError, match="it holds two arrays of one name"):
+        read_vectors(path)
+
+
 def test_infinite_standard_deviations_are_none() -> None:
     shape = arrays()["u"].shape
     flow = read(arrays(sigma_u=np.full(shape, np.inf), sigma_v=np.full(shape, np.inf)), **PLAIN)

@@ -58,7 +58,7 @@ def test_points_of_vtk_and_scattered_cells(tmp_path: Path) -> None:
     cloud.point_data.clear()
     cloud.point_data["T"] = vectors[:, 0]
     cloud.save(tmp_path / "c.vtp")
-    with pytest.raises(DataFileError, match="must hold a velocity, got T: name it with --fields"):
+    with pytest.raises(DataFileError, match="must hold one velocity, got T: name it with --fields"):
         read_vectors(tmp_path / "c.vtp")
     deep = pyvista.ImageData(dimensions=(4, 4, 5))
     deep.cell_data["U"] = np.ones((deep.n_cells, 3))
@@ -68,6 +68,40 @@ def test_points_of_vtk_and_scattered_cells(tmp_path: Path) -> None:
     (tmp_path / "e.vtk").write_text("# vtk DataFile Version 3.0\nnothing\n")
     with pytest.raises(DataFileError, match=r"e.vtk"):
         read_vectors(tmp_path / "e.vtk")
+
+
+@pytest.mark.parametrize(
+    ("fields", "names", "message"),
+    [
+        (("U", "alpha.air", "alpha.grains"), {}, "must hold one field c, got alpha.air, alpha.gr"),
+        (("U", "velocity"), {}, "must hold one velocity, got U, velocity"),
+        (("U", "p", "pressure"), {}, "must hold one field p, got p, pressure"),
+        (("U", "alpha.grains"), {"c": "alpha.grain"}, "must hold one field alpha.grain, got alph"),
+        (("U", "alpha.air", "alpha.grains"), {"c": "alpha.grains"}, ""),
+        (("U", "velocity"), {"u": "velocity"}, ""),
+    ],
+)
+def test_one_of_several_fields_must_be_named(
+    tmp_path: Path, fields: tuple[str, ...], names: dict[str, str], message: str
+) -> None:
+    grid = pyvista.ImageData(dimensions=(10, 8, 2))
+    for name in fields:
+        shape = (grid.n_cells, 3) if name in ("U", "velocity") else grid.n_cells
+        grid.cell_data[name] = np.full(shape, 0.5 if name == "alpha.air" else 1.0)
+    grid.save(tmp_path / "a.vti")
+    if message:
+        with pytest.raises(DataFileError, match=message):
+            read_vectors(tmp_path / "a.vti", options={"names": names})
+    else:
+        found = read_vectors(tmp_path / "a.vti", options={"names": names})
+        assert found.c is None or (found.c == 1).all()
+
+
+def test_a_fraction_must_be_there_at_all_times(tmp_path: Path) -> None:
+    case = foam_case(tmp_path / "case")
+    (case / "0.2" / "alpha.grains").unlink()
+    with pytest.raises(DataFileError, match="must hold the same fields at all times"):
+        read_vectors(case)
 
 
 FOAM = """FoamFile

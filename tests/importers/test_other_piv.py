@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +11,6 @@ import pytest
 from granpinn.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
-from granpinn.importers import davis as davis_reader
-from granpinn.importers.foreign_process import read_davis
 from granpinn.importers.vectors import warn_of_zeros
 from tests.importers import scene
 
@@ -168,93 +164,6 @@ def test_wrong_input_is_refused(tmp_path: Path, write: Any, change: Any, message
     with pytest.raises(DataFileError, match=message) as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
-
-
-def test_vc7_without_lvpyio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "lvpyio", None)
-    (tmp_path / "B1.vc7").write_bytes(bytes(64))
-    with pytest.raises(DataFileError, match="needs LaVision's package lvpyio: pip install"):
-        read_vectors(tmp_path / "B1.vc7")
-
-
-class Component(list):  # type: ignore[type-arg]
-    """Planes of a component with the scale of its values."""
-
-    scale = type("Scale", (), {"slope": 0.5})
-
-
-def frame(choice: Any, **others: Any) -> Any:
-    """What lvpyio gives of a vector field of 2 x 3."""
-    from types import SimpleNamespace as Space
-
-    shape = (2, 3)
-    values = np.arange(1.0, 7).reshape(shape)
-    enabled = np.array([[1, 1, 0], [1, 1, 1]])
-    masks = np.array([[1, 1, 1], [1, 1, 0]], bool)
-    record = np.ma.zeros(shape, dtype=[("u", "f8"), ("v", "f8")])
-    record["u"], record["v"] = values, -values
-    record.mask = (
-        np.broadcast_to((~(enabled & masks).astype(bool))[..., None], (2, 3, 2))
-        .copy()
-        .view([("u", "?"), ("v", "?")])[..., 0]
-    )
-    plane = Space(slope=-0.1, offset=10.0, unit="mm")
-    return Space(
-        as_masked_array=lambda: record,
-        scales=Space(
-            x=Space(slope=0.1, offset=0.0, unit="mm"), y=plane, i=Space(unit="m/s", slope=0.5)
-        ),
-        grid=Space(x=16, y=16),
-        shape=shape,
-        enabled=[enabled],
-        masks=[masks],
-        active_choice=[np.asarray(choice)],
-        components={"U0": None, **others},
-        attributes={"FrameDt": "300 us", "AcqTimeSeries": "1500 µs"},
-    )
-
-
-def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Choice 4 is filled in, unless all vectors are: then the field was smoothed."""
-    from types import SimpleNamespace as Space
-
-    filled = [[0, 4, 0], [0, 1, 0]]
-    sigma = Component([np.array([[1.0, 1, 1], [0, 1, 1]])])
-    given = {"TS:Uncertainty Vx": sigma, "TS:Uncertainty Vy": sigma}
-    path = tmp_path / "B1.vc7"
-    path.write_bytes(bytes(64))
-    frames = iter([frame(filled, **given), frame(np.full((2, 3), 4))])
-    library = Space(read_buffer=lambda name: [next(frames)])
-    monkeypatch.setattr(davis_reader, "installed", lambda name: True)
-    monkeypatch.setattr(
-        davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
-    )
-    fields = read_vectors(path)
-    V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED  # noqa: E741
-    np.testing.assert_array_equal(fields.validity[0], [[V, V, M], [V, I, N]])
-    np.testing.assert_allclose(fields.u[0], [[4, 5, np.nan], [1, 2, np.nan]])
-    np.testing.assert_allclose(fields.y, [10 - 2.4, 10 - 0.8])
-    np.testing.assert_allclose(fields.sigma_u[0], [[np.nan, 0.5, 0.5], [0.5, 0.5, 0.5]])
-    assert fields.t == pytest.approx([1.5e-3])
-    smoothed = read_vectors(path)
-    assert smoothed.count(Validity.INTERPOLATED) == 0
-    assert smoothed.facts["smoothed"] == "yes"
-
-
-def test_vc7_samples() -> None:
-    """Only where lvpyio and the samples of pivpy 0.4.0 are, which are too large to keep here."""
-    pytest.importorskip("lvpyio")
-    folder = Path(os.environ.get("GRANPINN_VC7_SAMPLES", "no-such-folder"))
-    if not folder.is_dir():
-        pytest.skip("GRANPINN_VC7_SAMPLES names no folder with the .vc7 samples of pivpy")
-    jet = read_vectors(folder / "davis7_jet_B00001.VC7")
-    assert (jet.count(Validity.VALID), jet.count(Validity.INVALID)) == (15399, 985)
-    urban = read_vectors(folder / "davis_urban_canopy_B00001.vc7")
-    counts = [urban.count(kind) for kind in Validity]
-    assert counts == [4900, 14677, 2003, 20]
-    assert urban.sigma_u is not None
-    for fields in (jet, urban):
-        assert not ((fields.u == 0) & (fields.v == 0)).any()
 
 
 def test_a_mask_that_is_made_of_gaps_is_told(

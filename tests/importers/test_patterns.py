@@ -30,6 +30,7 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "meshes._PIVLAB": ("search", ("[px/", "[", "[m/frame")),
     "mesh_files._INCLUDE": ("findall", ("#", "# ", "#include", '#include "', "#include a;", " ")),
     "mesh_files._NAMED": ("findall", ('file="', "file=", "file ", "file='a' ", "Source = ")),
+    "meshes.PRESSURE": ("fullmatch", ("p", "pressure")),
     "meshes.FRACTION": ("fullmatch", ("alpha.", "a", "f")),
     "pivlab_text._FACTOR": ("search", ("conversion factor xy (px -> m):", " ", "1", "e")),
     "pivlab_text._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),

@@ -234,3 +234,33 @@ def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
         file["u2"] = 1
     with pytest.raises(DataFileError, match="u must be stored in the file itself"):
         read_vectors(path)
+
+
+def types_in_one_frame(m: dict[str, Any]) -> None:
+    m["typevector_filtered"][1, 0] = np.empty((0, 0))
+
+
+def turned(m: dict[str, Any]) -> None:
+    y = m["y"][0, 0] + 0.01 * m["x"][0, 0]
+    m["y"] = cell([y] * scene.FRAMES)
+
+
+def two_scales(m: dict[str, Any]) -> None:
+    m["calxy"] = np.array([[1e-3, 2e-3]])
+
+
+SEVERAL = {
+    "types": (types_in_one_frame, "vector types in all frames or in none"),
+    "rows": (turned, "must have one y in every row, got several"),
+    "scales": (two_scales, "calxy must be one number, got 2"),
+}
+
+
+@WRITERS
+@pytest.mark.parametrize("name", SEVERAL)
+def test_the_first_of_several_is_not_taken(tmp_path: Path, write: Writer, name: str) -> None:
+    change, message = SEVERAL[name]
+    variables = all_frames(0.5)
+    change(variables)
+    with pytest.raises(DataFileError, match=message):
+        read_vectors(write(tmp_path / "a.mat", variables))

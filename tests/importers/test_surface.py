@@ -182,6 +182,20 @@ def test_wrong_mask_images_are_refused(tmp_path: Path) -> None:
         read(in_pixels(length_unit="mm"), mask=small, **PHYSICAL)
 
 
+def test_masks_of_16_bits_are_dark_below_half_of_the_brightest(tmp_path: Path) -> None:
+    """Dark grey of 1,000 of 60,000 is no grain, and a stack is not its first image."""
+    from PIL import Image
+
+    grains = np.kron(C[1, ::-1] > 0.5, np.ones((10, 10))) > 0
+    Image.fromarray(np.where(grains, 60_000, 1_000).astype(np.uint16)).save(tmp_path / "m.tif")
+    flow = read(in_pixels(), mask=str(tmp_path / "m.tif"), **PHYSICAL)
+    np.testing.assert_array_equal(flow.c, np.stack([C[1] > 0.5] * 3))
+    pages = [Image.fromarray(np.full((80, 100), v, np.uint8)) for v in (200, 3)]
+    pages[0].save(tmp_path / "s.tif", save_all=True, append_images=pages[1:])
+    with pytest.raises(DataFileError, match="it holds 2 images, save each in a file"):
+        read(in_pixels(), mask=str(tmp_path / "s.tif"), **PHYSICAL)
+
+
 def line_file(path: Path, head: str, factor: float = 1.0, time: Any = None) -> str:
     rows = [head]
     for k, width in enumerate((5.0, 8.0, 10.0)):

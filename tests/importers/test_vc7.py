@@ -1,0 +1,145 @@
+"""LaVision's .vc7 and .set, through frames as lvpyio gives them."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.importers import DataFileError, Validity, read_vectors
+from granpinn.importers import davis as davis_reader
+from granpinn.importers.foreign_process import read_davis
+
+
+def test_vc7_without_lvpyio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "lvpyio", None)
+    (tmp_path / "B1.vc7").write_bytes(bytes(64))
+    with pytest.raises(DataFileError, match="needs LaVision's package lvpyio: pip install"):
+        read_vectors(tmp_path / "B1.vc7")
+
+
+class Component(list):  # type: ignore[type-arg]
+    """Planes of a component with the scale of its values."""
+
+    scale = type("Scale", (), {"slope": 0.5})
+
+
+def frame(choice: Any, y_unit: str = "mm", **others: Any) -> Any:
+    """What lvpyio gives of a vector field of 2 x 3."""
+    from types import SimpleNamespace as Space
+
+    shape = (2, 3)
+    values = np.arange(1.0, 7).reshape(shape)
+    enabled = np.array([[1, 1, 0], [1, 1, 1]])
+    masks = np.array([[1, 1, 1], [1, 1, 0]], bool)
+    record = np.ma.zeros(shape, dtype=[("u", "f8"), ("v", "f8")])
+    record["u"], record["v"] = values, -values
+    record.mask = (
+        np.broadcast_to((~(enabled & masks).astype(bool))[..., None], (2, 3, 2))
+        .copy()
+        .view([("u", "?"), ("v", "?")])[..., 0]
+    )
+    plane = Space(slope=-0.1, offset=10.0, unit=y_unit)
+    return Space(
+        as_masked_array=lambda: record,
+        scales=Space(
+            x=Space(slope=0.1, offset=0.0, unit="mm"), y=plane, i=Space(unit="m/s", slope=0.5)
+        ),
+        grid=Space(x=16, y=16),
+        shape=shape,
+        enabled=[enabled],
+        masks=[masks],
+        active_choice=[np.asarray(choice)],
+        components={"U0": None, **others},
+        attributes={"FrameDt": "300 us", "AcqTimeSeries": "1500 µs"},
+    )
+
+
+def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Choice 4 is filled in, unless all vectors are: then the field was smoothed."""
+    from types import SimpleNamespace as Space
+
+    filled = [[0, 4, 0], [0, 1, 0]]
+    sigma = Component([np.array([[1.0, 1, 1], [0, 1, 1]])])
+    given = {"TS:Uncertainty Vx": sigma, "TS:Uncertainty Vy": sigma}
+    path = tmp_path / "B1.vc7"
+    path.write_bytes(bytes(64))
+    frames = iter([frame(filled, **given), frame(np.full((2, 3), 4))])
+    library = Space(read_buffer=lambda name: [next(frames)])
+    monkeypatch.setattr(davis_reader, "installed", lambda name: True)
+    monkeypatch.setattr(
+        davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
+    )
+    fields = read_vectors(path)
+    V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED  # noqa: E741
+    np.testing.assert_array_equal(fields.validity[0], [[V, V, M], [V, I, N]])
+    np.testing.assert_allclose(fields.u[0], [[4, 5, np.nan], [1, 2, np.nan]])
+    np.testing.assert_allclose(fields.y, [10 - 2.4, 10 - 0.8])
+    np.testing.assert_allclose(fields.sigma_u[0], [[np.nan, 0.5, 0.5], [0.5, 0.5, 0.5]])
+    assert fields.t == pytest.approx([1.5e-3])
+    smoothed = read_vectors(path)
+    assert smoothed.count(Validity.INTERPOLATED) == 0
+    assert smoothed.facts["smoothed"] == "yes"
+
+
+@pytest.fixture
+def vc7(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Reads frames as if lvpyio had found them in the buffers of a set."""
+    from contextlib import nullcontext
+    from types import SimpleNamespace as Space
+
+    path = tmp_path / "B.set"
+    path.write_bytes(bytes(64))
+    path.with_suffix("").mkdir()
+
+    def read(*buffers: list[Any]) -> Any:
+        library = Space(read_set=lambda name: nullcontext(buffers))
+        monkeypatch.setattr(davis_reader, "installed", lambda name: True)
+        monkeypatch.setattr(
+            davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
+        )
+        return read_vectors(path)
+
+    return read
+
+
+def test_vc7_converts_every_scale_by_its_own_unit(vc7: Any) -> None:
+    sigma = Component([np.ones((2, 3))])
+    sigma.scale = type("Scale", (), {"slope": 1.0, "unit": "mm/s"})
+    given = {"TS:Uncertainty Vx": sigma, "TS:Uncertainty Vy": sigma}
+    one = vc7([frame(np.zeros((2, 3)))])
+    other = vc7([frame(np.zeros((2, 3)), "m", **given)])
+    np.testing.assert_allclose(other.y, 1e3 * one.y)
+    np.testing.assert_allclose(other.sigma_u, 1e-3)
+    assert (other.length_unit, other.velocity_unit) == ("mm", "m/s")
+
+
+def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
+    first, moved = frame(np.zeros((2, 3))), frame(np.zeros((2, 3)))
+    moved.scales.x.offset = 0.5
+    with pytest.raises(DataFileError, match="must have one grid and one set of units"):
+        vc7([first], [moved])
+    with pytest.raises(DataFileError, match="must have one grid and one set of units"):
+        vc7([first], [frame(np.zeros((2, 3)), "m")])
+    with pytest.raises(ValueError, match="a buffer holds 2 frames"):
+        vc7([first, first])
+
+
+def test_vc7_samples() -> None:
+    """Only where lvpyio and the samples of pivpy 0.4.0 are, which are too large to keep here."""
+    pytest.importorskip("lvpyio")
+    folder = Path(os.environ.get("GRANPINN_VC7_SAMPLES", "no-such-folder"))
+    if not folder.is_dir():
+        pytest.skip("GRANPINN_VC7_SAMPLES names no folder with the .vc7 samples of pivpy")
+    jet = read_vectors(folder / "davis7_jet_B00001.VC7")
+    assert (jet.count(Validity.VALID), jet.count(Validity.INVALID)) == (15399, 985)
+    urban = read_vectors(folder / "davis_urban_canopy_B00001.vc7")
+    counts = [urban.count(kind) for kind in Validity]
+    assert counts == [4900, 14677, 2003, 20]
+    assert urban.sigma_u is not None
+    for fields in (jet, urban):
+        assert not ((fields.u == 0) & (fields.v == 0)).any()
