@@ -17,7 +17,7 @@ from granpinn.importers.grains import FULL, Grains, below_line, grains_of
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError, VectorFields
 
-ROUNDING = 1e-9  # of the duration of the flow
+ROUNDING = 1e-6  # of times in float32
 
 
 def grid_flow(
@@ -79,7 +79,9 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
     """The points at the times of the frames, without those of frames that are left out."""
     if surface is None:
         return None
-    margin = ROUNDING * (t[-1] - t[0])
+    margin = ROUNDING * float(np.abs(t).max())
+    if t.size > 1:
+        margin = min(margin, float(np.diff(t).min()) / 2)
     inside = (surface.t >= t[0] - margin) & (surface.t <= t[-1] + margin)
     if not inside.any():
         raise DataFileError(

@@ -65,8 +65,9 @@ def header(line: str) -> list[Column]:
     """The columns that a line names; none if its quotes do not fit together."""
     text = line.strip(" \r\n").lstrip(_COMMENT)
     separator = separator_of(text)
-    *units_last, rest = text.split("]")
-    cells = [*(f"{cell}]" for cell in units_last), *rest.split()]  # between blanks
+    closing = "]" if "]" in text else ")"
+    *stated, rest = text.split(closing)
+    cells = [*(cell + closing for cell in stated), *rest.split()]  # between blanks
     if separator:
         try:
             cells = cells_of(text, separator)

@@ -49,6 +49,7 @@ FORMATS = {
     "pivlab-mat": Format(
         "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
     ),
+    "tracks": Format("tracks of particles, CSV or HDF5", tracks.sniff, tracks.read, ("window",)),
     "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
@@ -58,7 +59,6 @@ FORMATS = {
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
     "netcdf": Format("netCDF, zarr (needs xarray)", netcdf.sniff, netcdf.read),
     "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
-    "tracks": Format("tracks of particles, CSV or HDF5", tracks.sniff, tracks.read, ("window",)),
 }
 
 

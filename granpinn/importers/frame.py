@@ -35,6 +35,7 @@ class Frame:
             frames; or None.
         dimensionless: whether there are no units.
         counts: whether the times of the files are numbers of frames.
+        several: "length" and "velocity", where the columns of the files have several units.
     """
 
     length: float
@@ -51,6 +52,7 @@ class Frame:
     interval: float | None = None
     dimensionless: bool = False
     counts: bool = False
+    several: tuple[str, ...] = ()
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
@@ -76,6 +78,21 @@ class Frame:
         """Times in SI."""
         return (t - self.t0) * self.time + self.start
 
+    def moments(self, t: Float64, unit: str | None, what: str) -> Float64:
+        """Times in SI of a column with its unit; a time in its own unit counts from the release."""
+        if not unit:
+            return self.times(t)
+        if not units.has(unit, "frame"):
+            return t * self.factor(unit, "time", what)
+        if not self.counts or self.interval is None:
+            raise DataFileError(
+                f"{what} must be a time, as the vectors have times, got numbers of frames: give "
+                "a column t"
+            )
+        if unit == "frame":
+            return self.times(t)
+        return self.times(t * self.factor(unit, "time", what) / self.interval)
+
     def factor(self, unit: str | None, dimension: str, what: str) -> float:
         """SI units in one unit of a column; without a unit it has that of the vectors.
 
@@ -83,6 +100,10 @@ class Frame:
             dimension: length, time, velocity or pressure, which has no unit of the vectors.
             what: the column, for messages.
         """
+        if not unit and dimension in self.several:
+            raise DataFileError(
+                f"{what} must state its unit of {dimension}, as the vectors have several, got none"
+            )
         if not unit or (self.dimensionless and unit in ("1", "-")):
             return float(getattr(self, dimension, 1.0))
         if self.dimensionless:
@@ -123,8 +144,8 @@ class Frame:
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     """The settings that are missing for the units, one sentence part each."""
     if settings.dimensionless:
-        counted = fields.time_unit == "frame" and settings.frame_rate is None
-        return ["--times, or --frame-rate in frames per unit of time"] if counted else []
+        lacking = _counted(fields, settings) and settings.frame_rate is None
+        return ["--times, or --frame-rate in frames per unit of time"] if lacking else []
     length, time, velocity = _units(fields, settings)
     missing = [
         f"{flag} (the files do not say the unit of {what})"
@@ -154,13 +175,14 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         DataFileError: a unit is wrong.
     """
     up = -1 if settings.flip_y == "yes" or (settings.flip_y == "auto" and fields.y_down) else 1
+    counted = _counted(fields, settings)
     start = None
     pixel = frame = delay = None
     if settings.dimensionless:
         length = time = velocity = 1.0
         given = settings.gravity
         g = 1.0 if given == Settings.gravity else units.plain(given, "--gravity")
-        if fields.time_unit == "frame":
+        if counted:
             time = frame = 1 / units.positive(settings.frame_rate or "", "--frame-rate")
         if settings.start is not None:
             start = units.plain(settings.start, "--start")
@@ -192,7 +214,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     units.in_range(g, "--gravity", settings.gravity)
     angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
     t0 = float(fields.t.min())
-    if start is None and fields.time_unit == "frame" and frame is not None:
+    if start is None and counted and frame is not None:
         start = 0.0 if fields.scattered else HALF * frame
     if start is None:  # the times of the files
         t0 = start = 0.0
@@ -209,18 +231,26 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         delay=delay,
         interval=frame,
         dimensionless=settings.dimensionless,
-        counts=time == frame,
+        counts=counted,
+        several=tuple(kind.removesuffix("_unit") for kind in GROUPS if f"{kind}s" in fields.facts),
     )
+
+
+def _counted(fields: VectorFields, settings: Settings) -> bool:
+    """Whether the times are numbers of frames."""
+    return units.has(settings.time_unit or fields.time_unit, "frame")
 
 
 def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
     """Units of length, time and velocity, from the settings if they have them, else the files."""
     for kind in GROUPS:
         several = fields.facts.get(f"{kind}s")
-        if several and getattr(settings, kind):
+        given = [kind] + ["origin"] * (kind == "length_unit")
+        flags = [flag_of(name) for name in given if getattr(settings, name)]
+        if several and flags:
             raise DataFileError(
-                f"{flag_of(kind)} must not be given where columns have several units, got "
-                f"{several}: leave it out, or correct the units in the file"
+                f"{flags[0]} must not be given where columns have several units, got {several}: "
+                "leave it out, or export the file with one unit"
             )
     length = settings.length_unit or fields.length_unit
     time = settings.time_unit or fields.time_unit

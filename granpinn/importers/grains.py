@@ -88,6 +88,9 @@ def _picture(file: Path) -> Any:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
             if (count := getattr(image, "n_frames", 1)) > 1:
                 raise ValueError(f"it holds {count} images, save each in a file")
+            clear = image.has_transparency_data
+            if clear and np.asarray(image.convert("RGBA"))[..., 3].min() < 255:
+                raise ValueError("it is partly transparent, save it without transparency")
             # To 8 bits, convert cuts off what lies above 255.
             deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
             return np.asarray(image if deep else image.convert("L"))

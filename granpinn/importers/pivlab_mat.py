@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.matlab import Matlab, open_matlab
 from granpinn.importers.pivlab_text import TYPES
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -125,10 +126,12 @@ def _fields(
             )
     u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
     types = [frame[4] for frame in frames]
-    codes = None
     if any(kind is not None for kind in types) and any(kind is None for kind in types):
         raise DataFileError(f"{path} must have vector types in all frames or in none: export again")
+    facts = {"vector_types": "no", "mask": GAPS}
+    codes = split_gaps(np.isfinite(u) & np.isfinite(v))
     if all(kind is not None for kind in types):
+        facts = {"vector_types": "yes"}
         codes = np.full(u.shape, Validity.INVALID, np.int8)
         for kind, code in TYPES.items():
             codes[np.stack(types) == kind] = code
@@ -145,6 +148,5 @@ def _fields(
         time_unit="frame",
         velocity_unit=units[1],
         y_down=down,
-        facts={k: f"{n:g}" for k, n in calibration.items() if np.isfinite(n)}
-        | {"vector_types": "no" if codes is None else "yes"},
+        facts={k: f"{n:g}" for k, n in calibration.items() if np.isfinite(n)} | facts,
     )

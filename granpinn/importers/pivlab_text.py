@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.arrays import Float64, Int8
-from granpinn.importers.columns import NAMES, Column, Table, header, read_table
+from granpinn.importers.columns import Column, Table, header, read_table
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
@@ -48,9 +48,9 @@ TYPES = {
 def sniff(path: Path, head: bytes) -> bool:
     """Whether the file begins like a PIVlab export."""
     text = head.decode("utf-8", "replace").lstrip("\ufeff# ")
-    named = {column.name: column.unit for column in header(text.partition("\n")[0])}
-    tracks = named.keys() & {*NAMES["t"], *NAMES["frame"]}
-    own = {*"xyuv"} <= named.keys() and named["x"] in ("px", "m") and not tracks
+    first = text.splitlines()[0] if text.strip() else ""
+    named = {column.name: column.unit for column in header(first)}
+    own = {*"xyuv"} <= named.keys() and named["x"] in ("px", "m")
     return text.startswith(("PIVlab", "FRAME:")) or own
 
 

@@ -83,20 +83,13 @@ def from_table(path: Path, frame: Frame) -> Surface:
     columns = table.columns
     time = "t" if "t" in columns else "frame"
     require(path, table.named, [] if time in columns else ["t (or frame)"])
-    if time == "frame" and not frame.counts:
-        raise DataFileError(
-            f"{path} must have a column t, as the vectors have times and no numbers of frames, got "
-            "frame: give the times of the points"
-        )
     require_finite(path, {name: columns[name] for name in (time, "x", "y")})
     x, y = (
         columns[name] * frame.factor(table.units.get(name), "length", f"{path}: {name}")
         for name in ("x", "y")
     )
-    t = columns[time]
-    stated = table.units.get("t") if time == "t" else None
-    # A time in its own unit counts from the release, like those of the flow.
-    seconds = t * frame.factor(stated, "time", f"{path}: t") if stated else frame.times(t)
+    stated = table.units.get("t") if time == "t" else "frame"
+    seconds = frame.moments(columns[time], stated, f"{path}: {time}")
     return Surface(seconds, *frame.place(x / frame.length, y / frame.length))
 
 
@@ -113,4 +106,5 @@ def from_arrays(points: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
         shapes = ", ".join(str(list(values.shape)) for values in (t, x, y))
         raise DataFileError(f"surface must be t, x, y of one length [n], got {shapes}")
     require_finite("surface", {"t": t, "x": x, "y": y})
+    frame.factor(None, "length", "surface")  # one unit for x and y
     return Surface(frame.times(t), *frame.place(x, y))

@@ -56,8 +56,8 @@ def sniff(path: Path, head: bytes) -> bool:
     """A header line with x, y and frame or t; or the tables of pandas in HDF5."""
     if head.startswith(b"\x89HDF"):
         return path.suffix.lower() in (".h5", ".hdf5", ".hdf") and _has_tables(path)
-    first = head.decode("utf-8", "replace").split("\n", 1)[0]
-    names = {column.name for column in header(first)}
+    lines = head.decode("utf-8", "replace").lstrip("\ufeff").splitlines() or [""]
+    names = {column.name for column in header(lines[0])}
     x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
     return bool(x and y and (frame or t))
 

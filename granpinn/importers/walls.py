@@ -47,10 +47,10 @@ def from_table(path: Path, frame: Frame) -> Walls:
     si = {
         name: values * frame.factor(table.units.get(name), DIMENSIONS[name], f"{path}: {name}")
         for name, values in table.columns.items()
-        if name in DIMENSIONS
+        if name in DIMENSIONS and name != "t"
     }
-    if "t" in si and "t" not in table.units:
-        si["t"] = frame.times(table.columns["t"])
+    if "t" in table.columns:
+        si["t"] = frame.moments(table.columns["t"], table.units.get("t"), f"{path}: t")
     if "v" in si:
         si["v"] = frame.up * si["v"]
     x, y = frame.place(si["x"] / frame.length, si["y"] / frame.length)

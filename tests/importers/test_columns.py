@@ -47,6 +47,7 @@ TIMES = {
     "other columns last": ["t [ms],delay [us]", "10,5", "20,6", "40,7"],
     "blanks": ["# frame [-] t [ms]", "0 10", "1 20", "2 40"],
     "frames in another order": ["frame,t [ms]", "2,40", "0,10", "1,20"],
+    "round brackets": ["t (ms)", "10", "20", "40"],
     "quotes": ['"frame","t [ms]"', '"0","10"', '"1","20"', '"2","40"'],
 }
 
@@ -87,6 +88,7 @@ SURFACES = {
     "decimal commas": ("frame;x [mm];y [mm]", "{frame};{x};{y}"),
     "tabs": ("frame\tx [mm]\ty [mm]", "{frame}\t{x}\t{y}"),
     "own units": ("y [um],t [s],x [m]", "{y}e3,{ms}e-3,{x}e-3"),
+    "counted": ("t [frame],x,y", "{frame},{x},{y}"),
     "pixels": ("frame,x [px],y", "{frame},{x},{y}"),
     "cells at the end": ("t [ms],x [mm],y [mm],", "{ms},{x},{y},"),
 }
@@ -117,7 +119,7 @@ def test_pixels_of_a_line_are_pixels_where_vectors_are_in_millimeters(tmp_path: 
     assert surface is not None
     np.testing.assert_allclose([surface.x, surface.y], [[0.2] * 2] * 2)
     line = lines(tmp_path / "b.csv", "frame,x,y", "0,100,200", "1,100,200")
-    with pytest.raises(DataFileError, match="must have a column t, as the vectors have times"):
+    with pytest.raises(DataFileError, match="frame must be a time, as the vectors have times, got"):
         read_flow(given, line)
 
 

@@ -60,6 +60,19 @@ def test_plain_arrays_become_a_flow_in_si() -> None:
         np.testing.assert_allclose(getattr(flow.surface, name), getattr(HEAP.surface, name))
 
 
+def test_single_precision_and_counted_frames() -> None:
+    """Times in float32 lose no points of the surface, and a frame lies between two images."""
+    given = arrays(t=HEAP.t.astype(np.float32))
+    flow = granpinn.flow(**given, **UNITS, **MATERIAL, surface=surface())
+    assert flow.surface is not None
+    assert flow.surface.t.size == surface()[0].size
+    units = UNITS | {"time_unit": "frame", "velocity_unit": "mm/frame"}
+    counted = granpinn.flow(
+        **arrays(t=np.arange(HEAP.t.size)), **units, **MATERIAL, frame_rate="10 Hz"
+    )
+    np.testing.assert_allclose(counted.t, 0.05 + 0.1 * np.arange(HEAP.t.size))
+
+
 def test_a_data_set_brings_its_units_and_any_order_of_axes() -> None:
     same(granpinn.flow(dataset(), **MATERIAL))
     same(granpinn.flow(dataset().transpose("x", "t", "y"), **MATERIAL))

@@ -161,6 +161,11 @@ def test_a_setting_cannot_replace_several_units(tmp_path: Path) -> None:
     path = table(tmp_path / "a.csv", OWN_UNITS["y"])
     with pytest.raises(DataFileError, match=r"--length-unit must not .* got x \[mm\], y \[m\]"):
         read(path, length_unit="mm", **QUIET, **GRAINS)
+    with pytest.raises(DataFileError, match="--origin must not be given where columns have"):
+        read(path, origin="1,2", **QUIET, **GRAINS)
+    line = lines(tmp_path / "line.csv", "t [s],x,y [mm]", "0,1,30", "0.01,20,30")
+    with pytest.raises(DataFileError, match="line.csv: x must state its unit of length, as the"):
+        read(path, **QUIET | GRAINS | {"surface": line})
     other = table(tmp_path / "b.csv", {"t": ("s", 1)})
     with pytest.raises(DataFileError, match=r"must have the length unit x \[mm\], y \[m\] of"):
         read([path, other], **QUIET, **GRAINS)

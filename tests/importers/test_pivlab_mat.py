@@ -163,7 +163,7 @@ def test_one_frame(tmp_path: Path, write: Writer) -> None:
     assert fields.velocity_unit == "px/frame"
     untyped = {name: value for name, value in one.items() if name != "typevector"}
     codes = read_vectors(write(tmp_path / "b.mat", untyped)).validity
-    assert set(np.unique(codes)) == {Validity.VALID, Validity.INVALID}
+    assert set(np.unique(codes)) == {Validity.VALID, Validity.MASKED}
 
 
 def test_a_filled_mask_is_no_vector(tmp_path: Path) -> None:
@@ -247,6 +247,15 @@ def turned(m: dict[str, Any]) -> None:
 
 def two_scales(m: dict[str, Any]) -> None:
     m["calxy"] = np.array([[1e-3, 2e-3]])
+
+
+@WRITERS
+def test_without_types_the_gaps_show_the_mask(tmp_path: Path, write: Writer) -> None:
+    variables = all_frames()
+    del variables["typevector_filtered"], variables["typevector_original"]
+    fields = read_vectors(write(tmp_path / "a.mat", variables))
+    scene.check(fields, types=False)
+    assert fields.facts["mask"] == "gaps"
 
 
 SEVERAL = {

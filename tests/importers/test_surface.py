@@ -190,6 +190,11 @@ def test_masks_of_16_bits_are_dark_below_half_of_the_brightest(tmp_path: Path) -
     Image.fromarray(np.where(grains, 60_000, 1_000).astype(np.uint16)).save(tmp_path / "m.tif")
     flow = read(in_pixels(), mask=str(tmp_path / "m.tif"), **PHYSICAL)
     np.testing.assert_array_equal(flow.c, np.stack([C[1] > 0.5] * 3))
+    clear = Image.fromarray(np.full((80, 100), 255, np.uint8))
+    clear.putalpha(Image.fromarray(np.where(grains, 255, 0).astype(np.uint8)))
+    clear.save(tmp_path / "a.png")
+    with pytest.raises(DataFileError, match="it is partly transparent"):
+        read(in_pixels(), mask=str(tmp_path / "a.png"), **PHYSICAL)
     pages = [Image.fromarray(np.full((80, 100), v, np.uint8)) for v in (200, 3)]
     pages[0].save(tmp_path / "s.tif", save_all=True, append_images=pages[1:])
     with pytest.raises(DataFileError, match="it holds 2 images, save each in a file"):
