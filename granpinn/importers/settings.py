@@ -51,7 +51,7 @@ class Settings:
     times: str | None = _setting(
         None,
         "calibration",
-        "file with one time per frame, first line 't [s]' if it has units; or "
+        "file with one time per frame, first line such as 't [s]' or 'frame;t [ms]'; or "
         "'name': the last number in the name of each file",
     )
     length_unit: str | None = _setting(

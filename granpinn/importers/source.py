@@ -49,7 +49,8 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
 def _names(text: str) -> dict[str, str]:
     pairs = [part.partition("=") for part in text.split(",")]
     names = {key.strip(): value.strip() for key, _, value in pairs}
-    if not set(names) <= {"u", "v", "c", "p"} or not all(names.values()):
+    once = len(names) == len(pairs)
+    if not (set(names) <= {"u", "v", "c", "p"} and all(names.values()) and once):
         raise DataFileError(f"--fields must be like u=U,c=alpha.grains,p=p, got {text!r}")
     return names
 

@@ -216,6 +216,8 @@ def test_fields_of_a_simulation_are_chosen_by_one_name(tmp_path: Path) -> None:
         read_vectors(path)
     named = read_vectors(path, options={"names": {"c": "f"}})
     assert named.c is not None
+    with pytest.raises(DataFileError, match="--fields must be like u=U"):
+        read(path, fields="c=f,c=c", **GRAINS)
     with pytest.raises(DataFileError, match="must have the columns phi, got"):
         read_vectors(path, options={"names": {"c": "phi"}})
 
