@@ -21,8 +21,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn.declared import checked
 from granpinn.arrays import plain_array
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS, LawParameter
 from granpinn.physics.laws import Law as _Law
