@@ -42,7 +42,7 @@ from granpinn.data.source import source_at
 from granpinn.data.surface_line import SAME_TIME
 from granpinn.data.surface_strip import Strip, draw, strip_of, with_even_weights
 from granpinn.data.symmetry import axes_of
-from granpinn.data.wall_points import contradictions, walls_of, with_walls
+from granpinn.data.wall_points import walls_of, warn_of_contradictions, with_walls
 from granpinn.physics.axes import vertical_coordinate
 
 if TYPE_CHECKING:
@@ -91,8 +91,8 @@ def streamed_set(
         made.add_vectors(frames, own)
         made.add_edges(frames, own)
     facts = walls_of(seen)
-    for sentence in () if facts is None else contradictions(facts[2]):
-        warnings.warn(sentence, FlowFileWarning, stacklevel=2)
+    if facts is not None:
+        warn_of_contradictions(facts[2])
     return made.joined()
 
 

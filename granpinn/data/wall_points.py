@@ -25,7 +25,7 @@ from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
 from granpinn.data.points import TrainingSet, turned_and_rounded
 from granpinn.data.symmetry import axes_of
-from granpinn.data.walls import Segments, crossed, samples, segments_of
+from granpinn.data.walls import Segments, crossed, grid_spacing, samples, segments_of
 from granpinn.physics.terms import TERMS
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Touch:
 
 def touch_of(flow: Flow, segments: Segments) -> Touch:
     """The points of walls that grains touch, at the times of the frames."""
-    spacing = max(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
+    spacing = grid_spacing(flow)
     kept = np.flatnonzero(flow.after_start(flow.t))
     parts = [_touch_in(flow, int(k), segments.at(float(flow.t[k])), spacing) for k in kept]
     return Touch(
@@ -206,6 +206,7 @@ class WallFacts:
         return text + (f", pressure {self.pressure:.3g}" if self.pressure is not None else "")
 
 
+MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
@@ -216,25 +217,34 @@ def walls_of(flow: Flow) -> tuple[Touch, Conditions, list[WallFacts]] | None:
     segments = segments_of(flow.walls)
     touch = touch_of(flow, segments)
     held = conditions_of(touch)
-    facts = []
-    for wall in np.unique(segments.wall):
-        own = touch.wall == wall
-        stated, p = own & touch.sticks, touch.p[own]
-        facts.append(
-            WallFacts(
-                name=segments.name(int(wall)),
-                points=int(own.sum()),
-                stated=bool(segments.sticks[segments.wall == wall].any()),
-                sticks=_share(held.sticks[stated]),
-                closed=_share(held.closed[own]),
-                pressure=float(np.nanmean(p)) if np.isfinite(p).any() else None,
-            )
+    names, known = segments.names(), np.isfinite(touch.p)
+
+    def total(values: Bool | Float64, number: Index = touch.wall) -> Float64:
+        sums = np.bincount(number, values.astype(np.float64), minlength=len(names))
+        return np.asarray(sums, np.float64)
+
+    points, stated = total(np.ones(touch.wall.size)), total(touch.sticks)
+    sticks = _share(total(held.sticks & touch.sticks), stated, 1.0)
+    closed = _share(total(held.closed), points, 1.0)
+    pressure = _share(total(np.where(known, touch.p, 0.0)), total(known), np.nan)
+    without_slip = total(segments.sticks, segments.wall) > 0
+    facts = [
+        WallFacts(
+            name=name,
+            points=int(points[k]),
+            stated=bool(without_slip[k]),
+            sticks=float(sticks[k]),
+            closed=float(closed[k]),
+            pressure=None if np.isnan(pressure[k]) else float(pressure[k]),
         )
+        for k, name in enumerate(names)
+    ]
     return touch, held, facts
 
 
-def _share(those: Bool) -> float:
-    return float(those.mean()) if those.size else 1.0
+def _share(part: Float64, whole: Float64, without: float) -> Float64:
+    """part / whole [W]; `without` where there is nothing."""
+    return np.asarray(np.divide(part, whole, np.full(len(whole), without), where=whole > 0))
 
 
 def contradictions(facts: Sequence[WallFacts]) -> list[str]:
@@ -255,6 +265,15 @@ def contradictions(facts: Sequence[WallFacts]) -> list[str]:
     return found
 
 
+def warn_of_contradictions(facts: Sequence[WallFacts]) -> None:
+    """Warns of the first walls that the vectors contradict, and says how many more there are."""
+    sentences = contradictions(facts)
+    more = len(sentences) - MOST_WARNINGS
+    rest = [f"the vectors contradict {more} more walls: granpinn inspect --json lists them"]
+    for sentence in sentences[:MOST_WARNINGS] + (rest if more > 0 else []):
+        warnings.warn(sentence, FlowFileWarning, stacklevel=3)
+
+
 def with_walls(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
     """The training set with the velocities, and the known pressures, on the walls of the flow.
 
@@ -264,8 +283,7 @@ def with_walls(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet
     if found is None:
         return training
     touch, held, facts = found
-    for sentence in contradictions(facts):
-        warnings.warn(sentence, FlowFileWarning, stacklevel=2)
+    warn_of_contradictions(facts)
     axes, like = axes_of(flow), training.points
     points = turned_and_rounded(scales.points_to_dimensionless(touch.x, touch.y, touch.t), axes)
     velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes)

@@ -6,6 +6,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, FlowFileError, Walls
+from granpinn.data.walls import grid_spacing, segments_of
 
 # Farthest point of a wall from the grid, in units of the grid's extent: a wall may be much longer
 # than the picture, but one in other units is far away.
@@ -32,22 +33,16 @@ def check_walls(flow: Flow, walls: Walls) -> None:
             f"NaN in one of them alone at index {int(np.argmax(parts != np.isnan(walls.y)))}: "
             "set both to NaN or neither"
         )
-    _check_pieces(parts)
+    _check_pieces(parts, np.stack([walls.x, walls.y], 1))
     for name in ("x", "y"):
         _check_places(name, getattr(walls, name)[~parts], getattr(flow, name))
     _check_values(walls, parts)
     _check_times(flow, walls, parts)
-    if np.all(walls.x[~parts] == walls.x[~parts][0]) and np.all(
-        walls.y[~parts] == walls.y[~parts][0]
-    ):
-        raise FlowFileError(
-            "wall_x and wall_y must be lines, got the same point everywhere: give the ends of "
-            "every wall"
-        )
+    _check_length(flow, walls)
 
 
-def _check_pieces(parts: Bool) -> None:
-    """Every piece needs two points."""
+def _check_pieces(parts: Bool, place: Float64) -> None:
+    """Every piece needs two points [m, 2] that differ."""
     edges = np.flatnonzero(np.concatenate([[True], parts, [True]]))
     length = np.diff(edges) - 1
     if length.max() == 0 or (length == 1).any():
@@ -56,6 +51,31 @@ def _check_pieces(parts: Bool) -> None:
             "every piece of a wall must have at least two points, got "
             f"{'one' if length.max() else 'none'} at index {single} of wall_x: give both ends of "
             "the wall, and NaN between two pieces only"
+        )
+
+    piece, moves = np.cumsum(parts), (place[1:] != place[:-1]).any(axis=1)
+    moves &= ~parts[1:] & ~parts[:-1]
+    bare = np.flatnonzero(~parts & ~np.isin(piece, piece[1:][moves]))
+    if bare.size:
+        raise FlowFileError(
+            "wall_x and wall_y must be lines, got a piece whose points are all the same at index "
+            f"{bare[0]}: give the ends of every wall"
+        )
+
+
+def _check_length(flow: Flow, walls: Walls) -> None:
+    """Every spacing of a wall becomes a point of the training, in every frame."""
+    segments = segments_of(walls)
+    stays = np.isnan(segments.t)
+    _, number = np.unique(segments.t[~stays], return_inverse=True)
+    moving = np.bincount(number, segments.length[~stays], minlength=1)
+    longest = float(segments.length[stays].sum() + moving.max())
+    spacing = grid_spacing(flow)
+    if longest > MOST_POINTS * spacing:
+        raise FlowFileError(
+            f"wall_x and wall_y must be lines of at most {MOST_POINTS} times the grid spacing "
+            f"{spacing:g} at any one time, all together, got {longest:g}: leave out what no grains "
+            "touch, and lines that go to and fro"
         )
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Walls
+from granpinn.data.close_pairs import close_pairs
+from granpinn.data.flow import Flow, Walls
 
 SMOOTH = 0.85  # cosine of the largest turn between segments of a curved wall
 ON_WALL = 1e-9  # distance from a wall, over its extent, of a point that counts as on it
@@ -55,13 +55,17 @@ class Segments:
         """[K]."""
         return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
 
-    def name(self, wall: int) -> str:
-        """A wall in words, by its first and its last point."""
-        own = self.ends[self.wall == wall]
-        (x_0, y_0), (x_1, y_1) = own[0, 0], own[-1, 1]
-        if _same(own[0, 0], own[-1, 1], float(np.ptp(own, axis=(0, 1)).max())):
-            return f"the closed wall through ({x_0:.4g}, {y_0:.4g})"
-        return f"the wall from ({x_0:.4g}, {y_0:.4g}) to ({x_1:.4g}, {y_1:.4g})"
+    def names(self) -> list[str]:
+        """Every wall in words, by its first and its last point."""
+        order = np.argsort(self.wall, kind="stable")
+        ends, edges = self.ends[order], _edges(self.wall[order])
+        found = zip(ends[edges[:-1], 0], ends[edges[1:] - 1, 1], _closed(ends, edges), strict=True)
+        return [
+            f"the closed wall through ({a[0]:.4g}, {a[1]:.4g})"
+            if closed
+            else f"the wall from ({a[0]:.4g}, {a[1]:.4g}) to ({b[0]:.4g}, {b[1]:.4g})"
+            for a, b, closed in found
+        ]
 
 
 def segments_of(walls: Walls) -> Segments:
@@ -73,57 +77,71 @@ def segments_of(walls: Walls) -> Segments:
     t = unknown if walls.t is None else walls.t
     sticks = zero if walls.slip is None else 1.0 - walls.slip
     p, tau = (unknown if a is None else a.astype(np.float64) for a in (walls.p, walls.tau))
+    # A point that repeats the one before it is left out, and so is NaN, which parts two pieces.
     parts = np.isnan(walls.x)
-    edges = np.flatnonzero(np.concatenate([[True], parts, [True]]))
-    pieces = [slice(a, b - 1) for a, b in pairwise(edges) if b - a > 1]
-    found: list[list[np.ndarray]] = []
-    order: dict[float, int] = {}
-    for own in pieces:
-        keep = np.flatnonzero(np.append(True, np.any(np.diff(place[own], axis=0) != 0, axis=1)))
-        k = keep + own.start
-        if len(k) < 2:
-            continue
-        time = float(t[k[0]]) if np.isfinite(t[k[0]]) else np.inf  # NaN is not equal to itself
-        number = order.setdefault(time, 0)
-        order[time] += 1
-        pair = np.stack([k[:-1], k[1:]], 1)
-        found.append(
-            [
-                place[pair],
-                velocity[pair],
-                _normals(place[k]),
-                np.asarray((sticks[pair] > 0).all(axis=1)),
-                p[pair],
-                tau[pair],
-                t[k[:-1]],
-                np.full(len(pair), number),
-            ]
-        )
-    # A wall that moves is another one than those that stay.
-    stay = order.get(np.inf, 0)
-    for part in found:
-        part[-1] = part[-1] + (stay if np.isfinite(part[-2][0]) else 0)
-    return Segments(*(np.concatenate(a) for a in zip(*found, strict=True)))
+    new = np.append(True, np.any(place[1:] != place[:-1], axis=1))
+    k = np.flatnonzero(~parts & new)
+    piece = np.cumsum(parts)[k]
+    inside = piece[1:] == piece[:-1]
+    pair = np.stack([k[:-1], k[1:]], 1)[inside]
+    piece = np.unique(piece[1:][inside], return_inverse=True)[1]
+    return Segments(
+        place[pair],
+        velocity[pair],
+        _normals(place[pair], piece),
+        np.asarray((sticks[pair] > 0).all(axis=1)),
+        p[pair],
+        tau[pair],
+        t[pair[:, 0]],
+        _numbers(t[pair[_edges(piece)[:-1], 0]])[piece],
+    )
 
 
-def _normals(place: Float64) -> Float64:
-    """Unit normals at both ends of the segments between the points [n, 2]: [n - 1, 2, 2]."""
-    along = np.diff(place, axis=0)
+def _edges(number: Index) -> Index:
+    """Where groups of equal numbers [K] begin, and K."""
+    steps = np.flatnonzero(np.diff(number)) + 1
+    return np.concatenate([[0], steps, [len(number)]])[: len(number) + 1]
+
+
+def _numbers(t: Float64) -> Index:
+    """The number of the wall of each piece, by the times of the pieces.
+
+    A wall that moves is another one than those that stay, whose time is NaN.
+    """
+    time = np.where(np.isfinite(t), t, -np.inf)
+    order = np.argsort(time, kind="stable")
+    edges = _edges(np.unique(time[order], return_inverse=True)[1])
+    number = np.empty(len(t), np.intp)
+    number[order] = np.arange(len(t)) - np.repeat(edges[:-1], np.diff(edges))
+    stay = ~np.isfinite(t)
+    return number + np.where(stay, 0, stay.sum())
+
+
+def _normals(ends: Float64, piece: Index) -> Float64:
+    """Unit normals at both ends of segments [K, 2, 2], which are those of pieces in order [K]."""
+    along = ends[:, 1] - ends[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    before, after = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)
-    if not _same(place[0], place[-1], float(np.ptp(place, axis=0).max())):
-        before[0], after[-1] = along[0], along[-1]
-    ends = []
-    for other in (before, after):
+    edges = _edges(piece)
+    first, last, closed = edges[:-1], edges[1:] - 1, _closed(ends, edges)
+    before, behind = np.roll(along, 1, axis=0), np.roll(along, -1, axis=0)
+    before[first] = along[np.where(closed, last, first)]
+    behind[last] = along[np.where(closed, first, last)]
+    normals = []
+    for other in (before, behind):
         smooth = np.sum(along * other, axis=1, keepdims=True) > SMOOTH
         mean = along + np.where(smooth, other, along)
-        ends.append(mean / np.linalg.norm(mean, axis=1, keepdims=True))
-    x, y = np.stack(ends, 1)[..., 0], np.stack(ends, 1)[..., 1]
+        normals.append(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+    x, y = np.moveaxis(np.stack(normals, 1), 2, 0)
     return np.stack([-y, x], -1)
 
 
-def _same(a: Float64, b: Float64, extent: float) -> bool:
-    return bool(np.abs(a - b).max() <= ON_WALL * extent)
+def _closed(ends: Float64, edges: Index) -> Bool:
+    """Whether groups of segments [K, 2, 2] end where they begin."""
+    first, last = edges[:-1], edges[1:] - 1
+    low = np.minimum.reduceat(ends.min(axis=1), first)
+    extent = (np.maximum.reduceat(ends.max(axis=1), first) - low).max(axis=1)
+    gap = np.abs(ends[first, 0] - ends[last, 1]).max(axis=1)
+    return np.asarray(gap <= ON_WALL * extent)
 
 
 def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
@@ -132,22 +150,25 @@ def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
     A path that only begins or ends on a wall does not cross it.
     """
     found = np.zeros(len(start), bool)
-    if len(start) == 0 or len(segments.t) == 0:
-        return found
     low, high = np.minimum(start, end), np.maximum(start, end)
+    walls = np.sort(segments.ends, axis=1)
+    if len(start) == 0 or len(walls) == 0:
+        return found
     extent = float(np.ptp(np.concatenate([low, high]), axis=0).max())
     nearly = ON_WALL * max(extent, float(np.ptp(segments.ends, axis=(0, 1)).max()))
-    for a, b in segments.ends:
-        near = ((high >= np.minimum(a, b)) & (low <= np.maximum(a, b))).all(axis=1) & ~found
-        k = np.flatnonzero(near)
-        if k.size == 0:
-            continue
-        along = (b - a) / np.linalg.norm(b - a)
+    kept = (high >= walls[:, 0].min(axis=0)) & (low <= walls[:, 1].max(axis=0))
+    kept = np.flatnonzero(kept.all(axis=1))
+    for k, s in close_pairs(np.stack([start, end], 1)[kept], segments.ends):
+        k = kept[k]
+        near = (high[k] >= walls[s, 0]) & (low[k] <= walls[s, 1])
+        k, s = (a[near.all(axis=1) & ~found[k]] for a in (k, s))
+        a, b = segments.ends[s].swapaxes(0, 1)
+        along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
         one, two = (_cross(along, path[k] - a) for path in (start, end))
         apart = (np.minimum(one, two) < -nearly) & (np.maximum(one, two) > nearly)
         step = end[k] - start[k]
         first, last = _cross(step, a - start[k]), _cross(step, b - start[k])
-        found[k] = apart & (first * last <= 0)
+        found[k[apart & (first * last <= 0)]] = True
     return found
 
 
@@ -166,6 +187,11 @@ def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool
 
 def _cross(a: Float64, b: Float64) -> Float64:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def grid_spacing(flow: Flow) -> float:
+    """The larger one of the usual distances of columns and of rows."""
+    return max(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
 
 
 def samples(segments: Segments, spacing: float) -> tuple[Index, Float64]:

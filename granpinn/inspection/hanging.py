@@ -41,7 +41,7 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
     share, pair = _shares(pose, frame, upright.at(float(pose.t[frame])))
     if share.size == 0 or np.percentile(share, DEEP) <= LARGEST_SHARE:
         return None
-    left, right = (named.name(int(wall)) for wall in pair[int(np.argmax(share))])
+    left, right = (named.names()[wall] for wall in pair[int(np.argmax(share))])
     return (
         f"the grains hang between {left} and {right}: walls so near carry about "
         f"{np.percentile(share, DEEP):.0%} of the weight of the lowest grains, and how much they "

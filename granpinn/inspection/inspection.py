@@ -121,7 +121,7 @@ class Inspection:
         found["precision"] = None if self.precision is None else vars(self.precision)
         found["precision_refused_because"] = self.reason
         law = self.law.friction_law
-        found["walls"] = [dataclasses.asdict(wall) for wall in self.walls]
+        found["walls"] = [dict(vars(wall)) for wall in self.walls]
         found["friction_refused_because"] = self.undetermined
         found["momentum_balance"] = dataclasses.asdict(self.baseline)
         found["law"] = {"name": law.name, **dict(zip(law.names, self.law.theta, strict=True))}

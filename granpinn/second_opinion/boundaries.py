@@ -38,7 +38,7 @@ def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
     still = (walls.velocity == 0).all(axis=(1, 2))
     if bool((known & still).all()):
         return _open_floor(flow, x[floor], dx, dy)
-    name = walls.name(int(walls.wall[np.argmin(known & still)]))
+    name = walls.names()[walls.wall[np.argmin(known & still)]]
     return f"the simulator does not have {name} of the file"
 
 

@@ -35,7 +35,7 @@ def test_segments_of_pieces() -> None:
     np.testing.assert_array_equal(found.sticks, [True, False])
     np.testing.assert_array_equal(found.wall, [0, 1])
     np.testing.assert_array_equal(found.normal[0], [[0, 1], [0, 1]])
-    assert found.name(0) == "the wall from (0, 0) to (2, 0)"
+    assert found.names() == ["the wall from (0, 0) to (2, 0)", "the wall from (0, 0) to (0, 1)"]
 
 
 def test_a_wall_that_moves_is_one_wall() -> None:
