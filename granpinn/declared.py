@@ -20,6 +20,7 @@ import numpy.typing as npt
 from granpinn.arrays import plain_array
 from granpinn.errors import BadInput
 
+LONGEST = 200  # characters of a value in a message
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -92,6 +93,12 @@ def require(value: Any, kind: Any, name: str, owner: str, error: type[BadInput] 
     names = [(get_origin(part) or part).__name__ for part in _parts(kind)]
     advice = next((REMEDIES[k] for k in names if k in REMEDIES), f"help({owner}) explains it")
     raise error(f"{name} must be {words(kind)}, got {found}: {advice}")
+
+
+def shown(value: Any) -> str:
+    """A value on one line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 def fits(value: Any, kind: Any) -> bool:

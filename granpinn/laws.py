@@ -97,9 +97,10 @@ def Parameter(
     Raises:
         LawError: the bounds are no range.
     """
-    low, high = bounds
-    if not 0 < low < high < float("inf"):
-        raise LawError(f"the bounds of {name} must be positive and ascending, got {low} and {high}")
+    if len(bounds) != 2 or not 0 < bounds[0] < bounds[1] < float("inf"):
+        raise LawError(
+            f"the bounds of {name} must be two numbers, positive and ascending, got {bounds}"
+        )
     return LawParameter(
         name=name,
         symbol=symbol or rf"\mathrm{{{name}}}".replace("_", r"\_"),

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+from granpinn.declared import shown
 from granpinn.errors import BadInput
 
 C = TypeVar("C")
@@ -52,7 +53,7 @@ class Setting:
     def check(self, value: Any, name: str) -> None:
         """Refuses a value outside of the choices or the range; `name` is for the message."""
         if self.choices and value not in self.choices:
-            raise ConfigError(f"{name} must be {self.range_text}, got {value!r}")
+            raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
             raise ConfigError(

@@ -37,6 +37,7 @@ from granpinn.config.sections import (
     Weights,
 )
 from granpinn.config.values import typed
+from granpinn.declared import shown
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import Form
 
@@ -171,7 +172,7 @@ class Config:
             if values:
                 raise ConfigError(
                     "Config takes settings by their names, such as Config(steps=4000), or a dict "
-                    f"as Config(**settings), got {values[0]!r}"
+                    f"as Config(**settings), got {shown(values[0])}"
                 )
             flat = _resolve(given)
             for name in self.__dataclass_fields__:
@@ -207,7 +208,9 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
             single = {f"{name}.{inner}": item for inner, item in value.items()} | single
         else:
             kind = sections[name].__name__
-            raise ConfigError(f"{name} must be a granpinn.config.{kind} or a dict, got {value!r}")
+            raise ConfigError(
+                f"{name} must be a granpinn.config.{kind} or a dict, got {shown(value)}"
+            )
     for key in single:
         if key not in known:
             raise ConfigError(unknown(key, key, [*known, *sections]))

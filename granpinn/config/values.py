@@ -7,6 +7,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, get_args, get_origin
 
 from granpinn.config.fields import ConfigError, without_none
+from granpinn.declared import shown
 
 LARGEST = 10**300  # of a whole number; a float can hold it
 NONE = "none"  # "no value" in text, and in TOML, which has no word for it
@@ -82,4 +83,4 @@ def _wrong(name: str, kind: Any, value: Any) -> ConfigError:
     else:
         words = {bool: "true or false", str: "text", int: "a whole number", float: "a number"}
         expected = words[kind]
-    return ConfigError(f"{name} must be {expected}, got {value!r}")
+    return ConfigError(f"{name} must be {expected}, got {shown(value)}")

@@ -97,7 +97,7 @@ KNOWN_ATTRIBUTES = frozenset(
 
 def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a flow by the names of their datasets."""
-    own = grid_arrays_of(flow) if flow.particles is None else _particle_arrays_of(flow.particles)
+    own = grid_arrays_of(flow) if flow.particles is None else particle_arrays_of(flow.particles)
     own |= _arrays(("t", "x", "y", "p"), "surface_", flow.surface)
     return own | _arrays(("x", "y", "t", "u", "v", "slip", "p", "tau"), "wall_", flow.walls)
 
@@ -108,7 +108,8 @@ def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
     return _arrays(names, "", flow)
 
 
-def _particle_arrays_of(particles: Particles) -> dict[str, npt.NDArray[Any]]:
+def particle_arrays_of(particles: Particles) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of particles by the names of their datasets."""
     names = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
     return _arrays(names, f"{PARTICLES}/", particles)
 

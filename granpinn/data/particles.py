@@ -13,6 +13,8 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.data.flow import Flow, FlowFileError, Particles
+from granpinn.data.format import Layout, particle_arrays_of
+from granpinn.data.layout import check_layout
 from granpinn.data.memory import available
 from granpinn.declared import checked
 
@@ -78,7 +80,9 @@ def _require_memory(shape: tuple[int, int, int]) -> None:
 
 
 def check_particles(particles: Particles) -> None:
-    """Raises FlowFileError if a value is not finite or a standard deviation not positive."""
+    """Raises FlowFileError if shapes or types are wrong, or a value is impossible."""
+    arrays = particle_arrays_of(particles)
+    check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
     for name, values in vars(particles).items():
         if values is None:
             continue

@@ -88,6 +88,7 @@ class SwishNetwork(torch.nn.Module):
         """The outputs [N, K] at points [N, 3] = (x, y, t)."""
         return self.jet(points, 0).value
 
+    @checked
     def jet(self, points: Tensor, order: int = 2) -> Jet:
         """The outputs with their derivatives at points [N, 3] = (x, y, t).
 
@@ -95,6 +96,7 @@ class SwishNetwork(torch.nn.Module):
             order: 0: value; 1: and x, y, t; 2: and xx, xy, yy.
 
         Raises:
+            BadInput: `points` or `order` have another type.
             ValueError, TypeError: `points` have another shape, type or device than the kernels
                 take, or require a gradient.
         """

@@ -24,7 +24,7 @@ from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, Packer, packer
-from granpinn.regular import UnsafeFileError
+from granpinn.regular import MissingFileError, UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
@@ -195,11 +195,11 @@ def read_fields(path: str | Path, known: Fields | None = None) -> Fields:
         known: what was read of this file before; only variables that it lacks are read.
     """
     path = Path(path)
-    if not path.exists():
-        raise FieldsFileError(f"{path} does not exist")
     try:
         with open_hdf5(path, MAX_BYTES) as file:
             return _read(file, known)
+    except MissingFileError:
+        raise FieldsFileError(f"{path} does not exist") from None
     except UnsafeFileError as error:
         raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
 
