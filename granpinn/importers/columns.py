@@ -161,11 +161,13 @@ def read_table(
     return Table(columns, stated, tuple(named))
 
 
-def read_headed(path: Path, required: Iterable[str]) -> Table:
+def read_headed(
+    path: Path, required: Iterable[str], roles: Mapping[str, Iterable[str]] = NAMES
+) -> Table:
     """The columns of a file whose first line is its header; arguments as in `read_table`."""
     text = TextFile(path)
     line = text.head(1)[0]
-    return read_table(text, NAMES, header(line), required, separator=separator_of(line))
+    return read_table(text, roles, header(line), required, separator=separator_of(line))
 
 
 def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:

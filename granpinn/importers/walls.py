@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.data.flow import Walls
-from granpinn.importers.columns import NAMES, header, read_table, require_finite
+from granpinn.importers.columns import NAMES, read_headed, require_finite
 from granpinn.importers.frame import Frame
-from granpinn.importers.textfile import TextFile, separator_of
 from granpinn.importers.vectors import DataFileError
 
 # Quantities of the columns; a slip has none.
@@ -34,14 +33,12 @@ def from_table(path: Path, frame: Frame) -> Walls:
     Raises:
         DataFileError: the file is no such table.
     """
-    text = TextFile(path)
-    line = text.head(1)[0]
-    named = header(line)
-    table = read_table(text, ROLES, named, ("x", "y"), separator=separator_of(line))
-    if len(table.columns) < len(named):
+    table = read_headed(path, ("x", "y"), ROLES)
+    if len(table.columns) < len(table.named):
+        names = ", ".join(column.name for column in table.named)
         raise DataFileError(
             f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, "
-            f"tau, got {line[:60]!r}: leave out the other columns"
+            f"tau, got {names[:60]}: leave out the other columns"
         )
     require_finite(path, table.columns, nan=True)
     si = {
