@@ -84,6 +84,11 @@ KEPT_BY_TESTS = (
         ("tests/data/test_mutants.py", "tests/importers/test_damaged_files.py"),
     ),
     Gate("F-3", "no pickle, no eval, no shell, no network", ("tests/test_repository.py",)),
+    Gate(
+        "F-6",
+        "one flow in 2,900 forms of all formats gives one flow to rounding, or a refusal",
+        ("tests/importers/test_forms.py",),
+    ),
 )
 KEPT_BY_COMMANDS = (
     Attack(

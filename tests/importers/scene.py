@@ -7,6 +7,8 @@ flipped or exchanged array shows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,12 @@ def codes() -> Any:
     found[INTERPOLATED] = Validity.INTERPOLATED
     found[INVALID] = Validity.INVALID
     return found
+
+
+def fraction() -> Any:
+    """Volume fraction [T, Y, X] of a simulation: 1 in the grains, the cell above partly filled."""
+    above = np.arange(ROWS)[:, None] - (3 - 2 * np.linspace(1, 0, COLUMNS))
+    return np.broadcast_to(np.clip(above + 1, 0, 1), (FRAMES, ROWS, COLUMNS))
 
 
 def velocity() -> tuple[Any, Any]:
@@ -64,10 +72,55 @@ def check(
     assert not (fields.v == 0).any()
 
 
-def table(k: int) -> Any:
+# SI units in a unit of a file; a frame is the time between two images.
+SI = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "px": 0.5e-3, "s": 1.0, "ms": 1e-3}
+SI |= {"frame": 2e-3, "pix": 0.5e-3, "dt": 2e-3, "seconds": 1.0, "hours": 3600.0}
+
+
+def si(unit: str) -> float:
+    """SI units in one "mm" or "px/frame"."""
+    length, _, time = unit.partition("/")
+    return SI[length] / SI[time] if time else SI[length]
+
+
+@dataclass(frozen=True)
+class View:
+    """How an instrument sees the scene: the units of x, y, u, v, and whether y points up.
+
+    With y up the origin is the lower left vector, else it lies left of and above the image.
+    """
+
+    x: str = "px"
+    y: str = "px"
+    u: str = "px/frame"
+    v: str = "px/frame"
+    up: bool = False
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return astuple(self)[:4]
+
+    def axes(self) -> tuple[Any, Any]:
+        """x, and y from the top of the image, in the units of the file."""
+        x, y = (X - X[0], Y_DOWN[-1] - Y_DOWN) if self.up else (X, Y_DOWN)
+        return x * SI["px"] / si(self.x), y * SI["px"] / si(self.y)
+
+    def velocity(self) -> tuple[Any, Any]:
+        """u and v [T, Y, X], rows from the top of the image."""
+        u, v = velocity()
+        sign = -1 if self.up else 1
+        return u * si("px/frame") / si(self.u), sign * v * si("px/frame") / si(self.v)
+
+
+PIXELS = View()
+METERS = View("m", "m", "m/s", "m/s")
+
+
+def table(k: int, view: View = PIXELS) -> Any:
     """Rows x, y, u, v, code of frame k, x running first, from the top of the image."""
-    y, x = np.meshgrid(Y_DOWN, X, indexing="ij")
-    u, v = velocity()
+    x, y = view.axes()
+    y, x = np.meshgrid(y, x, indexing="ij")
+    u, v = view.velocity()
     columns = (x, y, u[k], v[k], codes()[k])
     return np.stack([np.ravel(column) for column in columns], axis=1)
 
@@ -75,3 +128,43 @@ def table(k: int) -> Any:
 def write_lines(path: Path, lines: list[str], newline: str = "\n") -> Path:
     path.write_bytes((newline.join(lines) + newline).encode())
     return path
+
+
+def write_table(
+    path: Path,
+    head: Sequence[str],
+    names: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    title: str = "{}",
+    delimiter: str = ",",
+    decimal: str = ".",
+    order: str = "",
+    quote: str = "",
+    newline: str = "\n",
+    mark: str = "",
+) -> Path:
+    """A table of text.
+
+    Args:
+        head: lines before the table.
+        names: of the columns, none = no line of names.
+        title: the line of names, without them.
+        decimal: sign in all numbers.
+        order: numbers of the columns that come first; the others follow.
+        quote: around all cells.
+        mark: at the beginning of the file.
+    """
+    first = [int(digit) for digit in order]
+    numbers = [[cell.replace(".", decimal) for cell in row] for row in rows]
+    lines = []
+    for cells in [names or numbers[0], *numbers]:
+        placed = [cells[i] for i in first] + [c for i, c in enumerate(cells) if i not in first]
+        lines.append(delimiter.join(f"{quote}{cell}{quote}" for cell in placed))
+    lines = [*head, *([title.format(lines[0])] if names else []), *lines[1:]]
+    return write_lines(path, [mark + lines[0], *lines[1:]], newline)
+
+
+def text(*numbers: float) -> list[str]:
+    """Cells of a table with ten digits."""
+    return [f"{number:.10g}" for number in numbers]

@@ -16,7 +16,6 @@ from tests.importers.test_in_memory import MATERIAL, UNITS, arrays
 from tests.importers.test_pivlab_text import export
 from tests.importers.test_simulation_files import basilisk
 from tests.importers.test_surface import PHYSICAL, in_pixels
-from tests.importers.test_tracks import motion, write_csv
 
 GRAINS = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 QUIET = {"surface": "none", "flip_y": "no"}
@@ -83,34 +82,6 @@ def test_times_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: st
         read(series(tmp_path), times=lines(tmp_path / "times.csv", *content), **CAMERA)
 
 
-SURFACES = {
-    "plain": ("t [ms],x [mm],y [mm]", "{ms},{x},{y}"),
-    "decimal commas": ("frame;x [mm];y [mm]", "{frame};{x};{y}"),
-    "tabs": ("frame\tx [mm]\ty [mm]", "{frame}\t{x}\t{y}"),
-    "own units": ("y [um],t [s],x [m]", "{y}e3,{ms}e-3,{x}e-3"),
-    "counted": ("t [frame],x,y", "{frame},{x},{y}"),
-    "pixels": ("frame,x [px],y", "{frame},{x},{y}"),
-    "cells at the end": ("t [ms],x [mm],y [mm],", "{ms},{x},{y},"),
-}
-
-
-@pytest.mark.parametrize("name", SURFACES)
-def test_points_of_the_surface_in_every_dialect_and_unit(tmp_path: Path, name: str) -> None:
-    head, row = SURFACES[name]
-    points = [(frame, x) for frame in (0, 2) for x in (15.5, 90.25)]
-    rows = [row.format(frame=frame, ms=10 * frame, x=x, y=65.5) for frame, x in points]
-    if "commas" in name or name == "tabs":
-        rows = [text.replace(".", ",") for text in rows]
-    flow = read(
-        in_pixels(y_down=False),
-        **PHYSICAL | {"surface": lines(tmp_path / "line.csv", head, *rows), "start": "0 ms"},
-    )
-    assert flow.surface is not None
-    np.testing.assert_allclose(flow.surface.t, [0, 0, 0.02, 0.02], atol=1e-12)
-    np.testing.assert_allclose(flow.surface.x, [0.0155, 0.09025] * 2, rtol=1e-9)
-    np.testing.assert_allclose(flow.surface.y, 0.0655, rtol=1e-9)
-
-
 def test_pixels_of_a_line_are_pixels_where_vectors_are_in_millimeters(tmp_path: Path) -> None:
     """And the numbers of frames are none where vectors have times."""
     given = arrays(**UNITS) | MATERIAL | {"scale": "2 mm/px"}
@@ -157,38 +128,6 @@ def test_walls_in_every_dialect_and_unit(tmp_path: Path) -> None:
         path = lines(tmp_path / "c.csv", f"x,y,{head}", "0,8,1", "90,8,1")
         with pytest.raises(DataFileError, match=message):
             read(in_pixels(), walls=path, **settings)
-
-
-def test_tracks_with_decimal_commas(tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "a.csv", motion())
-    comma = lines(
-        tmp_path / "b.csv", *path.read_text().replace(",", ";").replace(".", ",").splitlines()
-    )
-    one, other = read_vectors(path), read_vectors(comma)
-    np.testing.assert_array_equal(other.x, one.x)
-    np.testing.assert_array_equal(other.u, one.u)
-
-
-PIVLAB = {
-    "swapped": "x [px],y [px],v [px/frame],u [px/frame],Vector type [-]",
-    "types first": "Vector type [-],x [px],y [px],u [px/frame],v [px/frame]",
-    "types in the middle": "x,y,Vector type,u,v",
-}
-
-
-@pytest.mark.parametrize("name", PIVLAB)
-def test_pivlab_goes_by_the_names_of_its_header(tmp_path: Path, name: str) -> None:
-    path = export(tmp_path / "a.txt")
-    expected = read_vectors(path)
-    first, second, old, *rows = path.read_text().splitlines()
-    columns = [column.name for column in header(old)]
-    order = [columns.index(column.name) for column in header(PIVLAB[name])]
-    cells = [row.split(",") for row in rows]
-    turned = [",".join(row[i] for i in order) for row in cells]
-    found = read_vectors(scene.write_lines(path, [first, second, PIVLAB[name], *turned]))
-    np.testing.assert_array_equal(found.u, expected.u)
-    np.testing.assert_array_equal(found.v, expected.v)
-    np.testing.assert_array_equal(found.validity, expected.validity)
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,14 @@ from granpinn.importers.formats import detect
 from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
-from tests.importers.test_pivlab_mat import all_frames, matrices, version_73
+from tests.importers.test_pivlab_mat import all_frames, one_frame, version_73
 from tests.importers.test_simulation_files import dataset
 from tests.opened import watched
 from tests.results.test_fields import full
 
 
 def matlab(path: Path) -> Path:
-    return version_73(path, {name: frames[0] for name, frames in matrices().items()})
+    return version_73(path, one_frame())
 
 
 def cells(path: Path) -> Path:

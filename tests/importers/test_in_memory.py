@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import granpinn
-from granpinn.data import Flow, FlowFileWarning, check_flow
 from granpinn.importers import DataFileError
 from tests.flows import make_flow
 
@@ -24,11 +23,6 @@ def arrays(**changes: Any) -> dict[str, Any]:
     return given | {"c": HEAP.c} | changes
 
 
-def surface() -> tuple[Any, ...]:
-    assert HEAP.surface is not None
-    return HEAP.surface.t, HEAP.surface.x * 1e3, HEAP.surface.y * 1e3
-
-
 def dataset() -> Any:
     xarray = pytest.importorskip("xarray")
     units = {"t": "s", "y": "mm", "x": "mm", "u": "cm/s", "v": "cm/s", "c": "1"}
@@ -40,65 +34,11 @@ def dataset() -> Any:
     return found
 
 
-def same(flow: Flow) -> None:
-    check_flow(flow)
-    for name in "tyx":
-        np.testing.assert_allclose(getattr(flow, name), getattr(HEAP, name), rtol=1e-12)
-    for name in "uv":
-        np.testing.assert_allclose(getattr(flow, name), getattr(HEAP, name), rtol=1e-6)
-    np.testing.assert_allclose(flow.c, HEAP.c, rtol=1e-6)
-    assert (flow.grain_diameter, flow.density, flow.grain_density) == (0.025, 1500, 2500)
-    assert (flow.length_unit, flow.time_unit, flow.gravity) == ("m", "s", (0, -9.81))
-
-
-def test_plain_arrays_become_a_flow_in_si() -> None:
-    flow = granpinn.flow(**arrays(), **UNITS, **MATERIAL, surface=surface())
-    same(flow)
-    assert flow.surface is not None
-    assert HEAP.surface is not None
-    for name in "txy":
-        np.testing.assert_allclose(getattr(flow.surface, name), getattr(HEAP.surface, name))
-
-
-def test_single_precision_and_counted_frames() -> None:
-    """Times in float32 lose no points of the surface, and a frame lies between two images."""
-    given = arrays(t=HEAP.t.astype(np.float32))
-    flow = granpinn.flow(**given, **UNITS, **MATERIAL, surface=surface())
-    assert flow.surface is not None
-    assert flow.surface.t.size == surface()[0].size
-    units = UNITS | {"time_unit": "frame", "velocity_unit": "mm/frame"}
-    counted = granpinn.flow(
-        **arrays(t=np.arange(HEAP.t.size)), **units, **MATERIAL, frame_rate="10 Hz"
-    )
-    np.testing.assert_allclose(counted.t, 0.05 + 0.1 * np.arange(HEAP.t.size))
-
-
-def test_a_data_set_brings_its_units_and_any_order_of_axes() -> None:
-    same(granpinn.flow(dataset(), **MATERIAL))
-    same(granpinn.flow(dataset().transpose("x", "t", "y"), **MATERIAL))
-
-
-def test_arrays_of_xarray_bring_their_coordinates() -> None:
-    data = dataset()
-    same(granpinn.flow(u=data.u, v=data.v.transpose("x", "y", "t"), c=data.c, **MATERIAL))
-
-
 def test_arrays_without_units() -> None:
     plain = {name: getattr(HEAP, name) for name in ("t", "y", "x", "u", "v", "c")}
     flow = granpinn.flow(**plain, dimensionless=True, grain_diameter="0.025")
     assert (flow.length_unit, flow.grain_diameter, flow.gravity) == ("1", 0.025, (0, -1))
     np.testing.assert_array_equal(flow.u, HEAP.u)
-
-
-def test_scattered_vectors() -> None:
-    t, y, x = np.meshgrid(HEAP.t, HEAP.y, HEAP.x, indexing="ij")
-    inside = HEAP.valid
-    given = {"t": t, "y": y, "x": x, "u": HEAP.u, "v": HEAP.v}
-    columns = {name: values[inside] for name, values in given.items()}
-    with pytest.warns(FlowFileWarning, match="the free surface is not known"):
-        flow = granpinn.flow(**columns, dimensionless=True, grain_diameter="0.025")
-    assert flow.particles is not None
-    assert flow.particles.u.size == inside.sum()
 
 
 @pytest.mark.parametrize(

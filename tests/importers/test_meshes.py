@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,46 +14,61 @@ from tests.importers import scene
 
 pyvista = pytest.importorskip("pyvista")
 
-U, V = scene.velocity()
-CODES = scene.codes()
-GONE = np.isin(CODES, (Validity.MASKED, Validity.INVALID))
 
+def mesh(
+    k: int, view: scene.View, *, kind: str = "vti", at: str = "cells", whole: float | None = 1.0
+) -> Any:
+    """A frame of the scene as a mesh; without a fraction the velocity is NaN where none is known.
 
-def test_image_data_of_vtk(tmp_path: Path) -> None:
-    """Cells of a uniform grid, with fraction, pressure and the time."""
-    files = []
-    for k in range(2):
-        grid = pyvista.ImageData(dimensions=(10, 8, 2), spacing=(8, 8, 1), origin=(12, 20, 0))
-        u, v = U[k], V[k]
-        grid.cell_data["U"] = np.stack([u.ravel(), v.ravel(), 0 * u.ravel()], axis=1)
-        grid.cell_data["alpha.grains"] = np.where(CODES[k] == 0, 0.0, 1.0).ravel()
-        grid.cell_data["p"] = np.full(u.size, 3.0)
-        grid.field_data["TimeValue"] = [0.25 * (k + 1)]
-        files.append(tmp_path / f"a{k}.vti")
-        grid.save(files[-1])
-    fields = read_vectors(files)
-    np.testing.assert_allclose(fields.u, U[:2])
-    np.testing.assert_allclose(fields.y, scene.Y_DOWN)
-    np.testing.assert_allclose(fields.t, [0.25, 0.5])
-    assert (fields.c == (CODES[:2] != 0)).all()
-    assert fields.p is not None
-    assert (fields.p == 3).all()
-
-
-def test_points_of_vtk_and_scattered_cells(tmp_path: Path) -> None:
-    y, x = np.meshgrid(scene.Y_DOWN, scene.X, indexing="ij")
-    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], axis=1)
-    vectors = np.stack(
-        [np.where(GONE, np.nan, U)[0].ravel(), np.where(GONE, np.nan, V)[0].ravel(), 0 * x.ravel()],
-        axis=1,
+    Args:
+        kind: suffix of a file that holds such a mesh.
+        at: "cells" or "points".
+        whole: fraction of a full cell, None = no fraction.
+    """
+    x, y = view.axes()
+    shape, corner = (x.size, y.size), (x.min(), y.min())
+    step = (np.ptp(x) / (x.size - 1), np.ptp(y) / (y.size - 1))
+    if at == "cells":
+        shape = (x.size + 1, y.size + 1)
+        corner = (corner[0] - step[0] / 2, corner[1] - step[1] / 2)
+    made = pyvista.ImageData(
+        dimensions=(*shape, 1 + (at == "cells")), spacing=(*step, min(step)), origin=(*corner, 0)
     )
-    cloud = pyvista.PolyData(points)
-    cloud.point_data["velocity_vectors"] = vectors
-    cloud.save(tmp_path / "a.vtp")
-    fields = read_vectors(tmp_path / "a.vtp")
-    fields.__dict__["y_down"] = True
-    scene.check(fields, 1, types=False)
-    some = pyvista.PolyData(points[::2][:17])
+    upwards = slice(None, None, -1 if view.up else 1)
+    u, v = (a[k][upwards].ravel() for a in view.velocity())
+    c = scene.fraction()[k][upwards].ravel()
+    lost = scene.codes()[k][upwards].ravel() != Validity.VALID
+    if whole is None:
+        u, v = (np.where(lost, np.nan, a) for a in (u, v))
+    data = made.cell_data if at == "cells" else made.point_data
+    data["U"] = np.stack([u, v, 0 * u], axis=1)
+    if whole is not None:
+        data["alpha.grains"] = whole * c
+        data["p"] = np.full(u.size, 3.0)
+    casts = {
+        "vti": lambda: made,
+        "vtr": made.cast_to_rectilinear_grid,
+        "vts": made.cast_to_structured_grid,
+        "vtu": made.cast_to_unstructured_grid,
+        "vtk": made.cast_to_unstructured_grid,
+        "vtp": lambda: (
+            made.extract_surface(algorithm="geometry") if at == "cells" else _cloud(made)
+        ),
+    }
+    return casts[kind]()
+
+
+def _cloud(made: Any) -> Any:
+    cloud = pyvista.PolyData(made.points)
+    for name in made.point_data:
+        cloud.point_data[name] = made.point_data[name]
+    return cloud
+
+
+def test_scattered_points_and_other_meshes(tmp_path: Path) -> None:
+    cloud = mesh(0, scene.PIXELS, kind="vtp", at="points")
+    vectors = cloud.point_data["U"]
+    some = pyvista.PolyData(cloud.points[::2][:17])
     some.point_data["U"] = vectors[::2][:17] + 1
     some.save(tmp_path / "b.vtp")
     assert read_vectors(tmp_path / "b.vtp").scattered
@@ -114,8 +131,25 @@ FOAM = """FoamFile
 """
 
 
-def foam_case(case: Path, times: tuple[str, ...] = ("0.1", "0.2")) -> Path:
-    """A flat case of 2 x 2 cells, as blockMesh and a solver leave it."""
+# A velocity and a fraction in each cell, by the names of times.
+FoamFrames = dict[str, tuple[list[str], list[str]]]
+FOAM_FRAMES: FoamFrames = {
+    time: ([f"({float(time) + cell} {cell + 1} 0)" for cell in range(4)], ["1", "1", "0.5", "0"])
+    for time in ("0.1", "0.2")
+}
+
+
+def foam_case(
+    case: Path,
+    frames: FoamFrames = FOAM_FRAMES,
+    x: Sequence[float] = (0, 1, 2),
+    y: Sequence[float] = (0, 1, 2),
+) -> Path:
+    """A flat case, as blockMesh and a solver leave it.
+
+    Args:
+        x, y: edges of its cells.
+    """
     mesh = case / "constant" / "polyMesh"
     mesh.mkdir(parents=True)
     (case / "system").mkdir()
@@ -123,16 +157,17 @@ def foam_case(case: Path, times: tuple[str, ...] = ("0.1", "0.2")) -> Path:
     (case / "system" / "controlDict").write_text(
         control + "startTime 0; endTime 1; deltaT 0.1; writeFormat ascii;\n"
     )
-    points = [(x, y, z) for z in (0, 1) for y in range(3) for x in range(3)]
+    columns, rows = len(x) - 1, len(y) - 1
+    points = [(i, j, z) for z in (0, x[1] - x[0]) for j in y for i in x]
 
-    def vertex(x: int, y: int, z: int) -> int:
-        return points.index((x, y, z))
+    def vertex(i: int, j: int, k: int) -> int:
+        return (k * len(y) + j) * len(x) + i
 
     inner, outer = [], []
     owner, neighbour, outer_owner = [], [], []
-    for j in range(2):
-        for i in range(2):
-            cell = 2 * j + i
+    for j in range(rows):
+        for i in range(columns):
+            cell = columns * j + i
             right = [vertex(i + 1, j, 0), vertex(i + 1, j + 1, 0)]
             right += [vertex(i + 1, j + 1, 1), vertex(i + 1, j, 1)]
             top = [vertex(i, j + 1, 0), vertex(i, j + 1, 1)]
@@ -143,7 +178,10 @@ def foam_case(case: Path, times: tuple[str, ...] = ("0.1", "0.2")) -> Path:
             front += [vertex(i + 1, j + 1, 1), vertex(i, j + 1, 1)]
             back = [vertex(i, j, 0), vertex(i, j + 1, 0)]
             back += [vertex(i + 1, j + 1, 0), vertex(i + 1, j, 0)]
-            for face, there, other in ((right, i < 1, cell + 1), (top, j < 1, cell + 2)):
+            for face, there, other in (
+                (right, i < columns - 1, cell + 1),
+                (top, j < rows - 1, cell + columns),
+            ):
                 if there:
                     inner.append(face)
                     owner.append(cell)
@@ -167,17 +205,17 @@ def foam_case(case: Path, times: tuple[str, ...] = ("0.1", "0.2")) -> Path:
     write("neighbour", "labelList", [str(cell) for cell in neighbour])
     patch = f"walls {{ type wall; nFaces {len(outer)}; startFace {len(inner)}; }}"
     write("boundary", "polyBoundaryMesh", [patch])
-    for time in times:
+    for time, (velocity, fraction) in frames.items():
         (case / time).mkdir()
-        u = [f"({float(time) + cell} {cell + 1} 0)" for cell in range(4)]
         for name, kind, items, dimensions in (
-            ("U", "volVectorField", u, "[0 1 -1 0 0 0 0]"),
-            ("alpha.grains", "volScalarField", ["1", "1", "0.5", "0"], "[0 0 0 0 0 0 0]"),
+            ("U", "volVectorField", velocity, "[0 1 -1 0 0 0 0]"),
+            ("alpha.grains", "volScalarField", fraction, "[0 0 0 0 0 0 0]"),
         ):
             inside = "vector" if name == "U" else "scalar"
             (case / time / name).write_text(
                 FOAM.format(kind=kind, name=name)
-                + f"dimensions {dimensions};\ninternalField nonuniform List<{inside}> 4\n("
+                + f"dimensions {dimensions};\n"
+                + f"internalField nonuniform List<{inside}> {len(items)}\n("
                 + "\n".join(items)
                 + ");\nboundaryField { walls { type zeroGradient; } }\n"
             )

@@ -111,37 +111,6 @@ def test_millimeters_and_milliseconds(tmp_path: Path, demo: Flow) -> None:
     assert_same(dimensionless(read_flow(tmp_path / "flow.h5")), expected)
 
 
-def test_pixels_and_frames_with_y_down(demo: Flow) -> None:
-    """20 px/mm, 500 frames/s; the image is 4000 px high. The frame decides where t begins."""
-    px_per_mm, height = 20.0, 4000.0
-    ms_per_frame = float(np.diff(demo.t).mean()) * MILLISECONDS
-    speed = px_per_mm * ms_per_frame
-    image = measured(
-        demo,
-        t=np.arange(demo.t.size),
-        x=measured(demo)["x"] * px_per_mm + 37,
-        y=(height - measured(demo)["y"] * px_per_mm)[::-1],
-        u=(measured(demo)["u"] * speed)[:, ::-1],
-        v=(-measured(demo)["v"] * speed)[:, ::-1],
-        c=measured(demo)["c"][:, ::-1],
-        y_down=True,
-        length_unit="px",
-        time_unit="frame",
-        velocity_unit="px/frame",
-    )
-    flow = read(
-        image,
-        scale=f"{px_per_mm} px/mm",
-        frame_rate=f"{1e3 / ms_per_frame:.17g} Hz",
-        start=f"{demo.t[0] * MILLISECONDS:.17g} ms",
-        origin=f"37,{height}",
-        surface="none",
-        **material(),
-    )
-    same = replace(demo, surface=None, attributes={})  # a camera knows of no solver's cell
-    assert_same(dimensionless(flow, "V0"), dimensionless(same, "V0"))
-
-
 def scattered(demo: Flow, tilt: float) -> dict[str, Any]:
     """The vectors of the demonstration as a camera sees them that is turned by `tilt`.
 

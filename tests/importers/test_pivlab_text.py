@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,99 +12,49 @@ from granpinn.importers import DataFileError, Validity, read_vectors
 from tests.importers import scene
 
 KIND = {Validity.VALID: 1, Validity.INTERPOLATED: 2, Validity.INVALID: 2, Validity.MASKED: 0}
-DELIMITERS = {"comma": ",", "tab": "\t", "blank": " "}
 
 
 def export(
     path: Path,
     k: int = 0,
     *,
-    delimiter: str = ",",
+    view: scene.View = scene.PIXELS,
     info: bool = True,
     header: bool = True,
     types: bool = True,
     derivatives: bool = False,
-    calibration: tuple[float, float] = (1.0, 1.0),
+    gone: str = "NaN",
     newline: str = "\r\n",
-    mark: str = "",
+    **style: str,
 ) -> Path:
-    """A frame as PIVlab's "ASCII chart" export writes it: y runs first."""
-    lines = []
-    xy, uv = calibration
-    if info:
-        lines.append(f"{mark}PIVlab, ASCII chart output - 01-Jan-2026")
-        lines.append(
-            f"FRAME: {k + 1}, filenames: a, 1.tif & b.tif, conversion factor xy (px -> m): {xy}, "
-            f"conversion factor uv (px/frame -> m/s): {uv}"
-        )
-    px = xy == uv == 1
-    units = ["px", "px", "px/frame", "px/frame"] if px else ["m", "m", "m/s", "m/s"]
-    names = [f"{name} [{unit}]" for name, unit in zip("xyuv", units, strict=True)]
+    """A frame as PIVlab's "ASCII chart" export writes it: y runs first.
+
+    Args:
+        gone: u and v where there is no vector.
+        style: of `scene.write_table`.
+    """
+    xy, uv = (1, 1) if view.x == "px" else (scene.SI["px"], scene.si("px/frame"))
+    head = [
+        "PIVlab, ASCII chart output - 01-Jan-2026",
+        f"FRAME: {k + 1}, filenames: a, 1.tif & b.tif, conversion factor xy (px -> m): {xy}, "
+        f"conversion factor uv (px/frame -> m/s): {uv}",
+    ]
+    names = [f"{name} [{unit}]" for name, unit in zip("xyuv", view.units, strict=True)]
     names += ["Vector type [-]"] if types else []
     more = [
         "shear rate (magnitude of the rate-of-strain tensor) [1/frame]",
         "uncertainty [px/frame]",
     ]
     names += more if derivatives else []
-    if header:
-        lines.append(delimiter.join(names))
-    rows = scene.table(k)
-    for x, y, u, v, code in rows[np.lexsort((rows[:, 1], rows[:, 0]))]:
-        gone = code in (Validity.MASKED, Validity.INVALID)
-        cells = [f"{xy * x:.10g}", f"{xy * y:.10g}"]
-        cells += ["NaN", "NaN"] if gone else [f"{uv * u:.10g}", f"{uv * v:.10g}"]
+    rows = []
+    columns = scene.table(k, view).reshape(scene.ROWS, scene.COLUMNS, 5).swapaxes(0, 1)
+    for x, y, u, v, code in columns.reshape(-1, 5):
+        filled = code == Validity.VALID or (types and code == Validity.INTERPOLATED)
+        cells = scene.text(x, y) + (scene.text(u, v) if filled else [gone, gone])
         cells += [str(KIND[Validity(int(code))])] if types else []
-        cells += ["0.5", "NaN"] if derivatives else []
-        lines.append(delimiter.join(cells))
-    return scene.write_lines(path, lines, newline)
-
-
-VARIANTS = [
-    pytest.param(
-        {"delimiter": d, "info": i, "header": h, "types": t, "derivatives": e},
-        id=f"{n}-{i}{h}{t}{e}",
-    )
-    for (n, d), i, h, t, e in product(DELIMITERS.items(), *[(True, False)] * 4)
-    if h or not e
-]
-
-
-@pytest.mark.parametrize("options", VARIANTS)
-def test_every_variant(tmp_path: Path, options: dict[str, Any]) -> None:
-    fields = read_vectors(export(tmp_path / "PIVlab_0001.txt", **options))
-    scene.check(fields, 1, types=options["types"])
-    assert fields.y_down is True
-    expected = ("px", "px/frame") if options["header"] else (None, None)
-    assert (fields.length_unit, fields.velocity_unit) == expected
-
-
-@pytest.mark.parametrize("mark", ["", "\ufeff"])
-@pytest.mark.parametrize("newline", ["\r\n", "\n", "\r"])
-def test_line_ends_and_marks(tmp_path: Path, newline: str, mark: str) -> None:
-    fields = read_vectors(export(tmp_path / "a.txt", newline=newline, mark=mark))
-    scene.check(fields, 1)
-
-
-def test_calibrated(tmp_path: Path) -> None:
-    fields = read_vectors(export(tmp_path / "a.txt", calibration=(1e-4, 0.05)))
-    scene.check(fields, 1, scale=0.05)
-    assert (fields.length_unit, fields.velocity_unit) == ("m", "m/s")
-    np.testing.assert_allclose(fields.x, 1e-4 * scene.X)
-
-
-def test_calibrated_with_y_upwards(tmp_path: Path) -> None:
-    """PIVlab can turn y: then rows still run from the top of the image, and v is turned too."""
-    path = export(tmp_path / "a.txt", info=False)
-    head, *rows = path.read_text().splitlines()
-    turned = []
-    for row in rows:
-        cells = row.split(",")
-        cells[1] = f"{100 - float(cells[1])}"
-        cells[3] = f"{-float(cells[3])}"
-        turned.append(",".join(cells))
-    fields = read_vectors(scene.write_lines(path, [head, *turned]))
-    assert fields.y_down is False
-    scene.check(fields, 1)
+        rows.append(cells + (["0.5", "NaN"] if derivatives else []))
+    names = names if header else []
+    return scene.write_table(path, head if info else [], names, rows, newline=newline, **style)
 
 
 def test_a_series_is_sorted_by_number(tmp_path: Path) -> None:
@@ -180,7 +129,7 @@ def test_wrong_input_is_refused(tmp_path: Path, change: Any, message: str) -> No
 
 def test_mixed_grids_and_formats_are_refused(tmp_path: Path) -> None:
     one = export(tmp_path / "a1.txt")
-    other = export(tmp_path / "a2.txt", 1, calibration=(1e-3, 1e-3))
+    other = export(tmp_path / "a2.txt", 1, view=scene.METERS)
     with pytest.raises(DataFileError, match="a2.txt must have the length unit px of .*, got m"):
         read_vectors([one, other])
     text = export(tmp_path / "a3.txt", 1).read_text().replace("80,", "81,")

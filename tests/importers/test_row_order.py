@@ -74,7 +74,7 @@ def test_the_order_of_rows_does_not_matter(tmp_path: Path, name: str, kind: str)
 
 def test_calibrated_rows_in_another_order_ask_for_the_direction(tmp_path: Path) -> None:
     """Lengths in meters say nothing of the direction either."""
-    files = [export(tmp_path / f"a{k}.txt", k, calibration=(1e-3, 0.5)) for k in range(3)]
+    files = [export(tmp_path / f"a{k}.txt", k, view=scene.METERS) for k in range(3)]
     settings = {"frame_rate": "500 Hz", **MATERIAL}
     expected = read(files, **settings)
     rows = files[0].read_text().splitlines()

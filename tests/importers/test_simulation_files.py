@@ -28,26 +28,6 @@ ARRAYS: dict[str, Any] = {
 }
 
 
-def test_arrays_in_memory_and_in_a_file(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", **ARRAYS)
-    for fields in (from_arrays(ARRAYS), read_vectors(tmp_path / "a.npz")):
-        scene.check(fields, types=False)
-        assert (fields.length_unit, fields.velocity_unit) == ("px", "px/s")
-        np.testing.assert_array_equal(fields.t, ARRAYS["t"])
-    coded = from_arrays(ARRAYS | {"u": U, "v": V, "validity": CODES})
-    scene.check(coded)
-    masked = from_arrays(ARRAYS | {"mask": CODES == Validity.MASKED})
-    scene.check(masked, types=False)
-
-
-def test_scattered_arrays() -> None:
-    points = {name: np.arange(4.0) for name in ("t", "y", "x", "u")}
-    fields = from_arrays(points | {"v": [1, 2, np.nan, 4]})
-    assert fields.scattered
-    assert fields.count(Validity.INVALID) == 1
-    assert np.isnan(fields.u[2])
-
-
 WRONG_ARRAYS = {
     "no v": ({"v": None}, "got no v"),
     "shapes": ({"v": V[:, 1:]}, "u and v must be \\[T, Y, X\\]"),
@@ -80,38 +60,43 @@ def test_damaged_npz_is_refused(tmp_path: Path) -> None:
         read_vectors(tmp_path / "b.npz")
 
 
-def dataset(**extras: Any) -> Any:
-    """In the schema of pivpy, dimensions in its order (y, x, t); 0 where chc says nothing is."""
+PIVPY = scene.View("pix", "pix", "pix/dt", "pix/dt")
+
+
+def dataset(
+    view: scene.View = PIVPY,
+    *,
+    time: str = "frame",
+    dims: str = "y x t",
+    types: bool = True,
+    gone: float = 0.0,
+    c: Any = None,
+) -> Any:
+    """In the schema of pivpy: `chc` is the kind of a vector, `gone` stands where there is none.
+
+    Args:
+        time: the unit of t, "" = no times.
+        c: volume fraction [T, Y, X].
+    """
     xarray = pytest.importorskip("xarray")
-    chc = np.select([CODES == Validity.VALID, CODES == Validity.INTERPOLATED], [1, 5], 0)
-    chc[CODES == Validity.INVALID] = -1
-    dims = ("y", "x", "t")
-    data = {
-        "u": (dims, np.moveaxis(np.where(GONE, 0.0, U), 0, -1), {"units": "pix/dt"}),
-        "v": (dims, np.moveaxis(np.where(GONE, 0.0, V), 0, -1), {"units": "pix/dt"}),
-        "chc": (dims, np.moveaxis(chc, 0, -1)),
-        **{name: (dims, np.moveaxis(value, 0, -1)) for name, value in extras.items()},
-    }
-    axes = {"x": ("x", scene.X, {"units": "pix"}), "y": ("y", scene.Y_DOWN, {"units": "pix"})}
-    axes["t"] = ("t", np.arange(3.0), {"units": "frame"})
-    return xarray.Dataset(data, axes)
-
-
-@pytest.mark.parametrize("kind", ["nc", "zarr"])
-def test_netcdf_and_zarr(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / f"a.{kind}"
-    data = dataset(sigma_u=0.1 + U, sigma_v=0.2 + V)
-    if kind == "nc":
-        data.to_netcdf(path, engine="h5netcdf")
-    else:
-        pytest.importorskip("zarr")
-        data.to_zarr(path, zarr_format=2, consolidated=True)
-    fields = read_vectors(path)
-    fields.__dict__["y_down"] = True
-    scene.check(fields)
-    assert (fields.length_unit, fields.velocity_unit) == ("pix", "pix/frame")
-    assert fields.sigma_v is not None
-    np.testing.assert_allclose(fields.sigma_v, 0.2 + V)
+    # The air of a simulation has a velocity too.
+    codes = CODES if c is None else np.where(scene.fraction() < 1, Validity.VALID, CODES)
+    lost = ~np.isin(codes, (Validity.VALID, Validity.INTERPOLATED)[: 1 + types])
+    arrays = {n: np.where(lost, gone, a) for n, a in zip("uv", view.velocity(), strict=True)}
+    chc = np.select([codes == Validity.VALID, codes == Validity.INTERPOLATED], [1, 5], 0)
+    chc[codes == Validity.INVALID] = -1
+    arrays |= {"chc": chc} if types else {}
+    arrays |= {} if c is None else {"c": c}
+    x, y = view.axes()
+    t = np.arange(3.0)
+    if time != "frame":
+        t = (0.5 + t) * 2e-3 / scene.SI[time.partition(" ")[0] or "s"]
+    units = dict(zip("xyuv", view.units, strict=True)) | {"t": time, "c": "1", "chc": "1"}
+    axes = {"x": x, "y": y} | ({"t": t} if time else {})
+    return xarray.Dataset(
+        {n: (("t", "y", "x"), a, {"units": units[n]}) for n, a in arrays.items()},
+        {n: (n, a, {"units": units[n]}) for n, a in axes.items()},
+    ).transpose(*dims.split())
 
 
 def test_netcdf_of_another_layout_is_refused(tmp_path: Path) -> None:
@@ -150,36 +135,46 @@ def test_missing_packages_are_named(
         read_vectors(tmp_path / name)
 
 
-def basilisk(path: Path, k: int = 0) -> Path:
-    """x is the outer loop; nodata prints as inf."""
-    lines = ["# 1:x 2:y 3:f 4:p 5:u.x 6:u.y"]
-    rows = scene.table(k)
-    rows[:, 1] = 100 - rows[:, 1]
-    for x in scene.X:
-        column = rows[rows[:, 0] == x]
-        for _, y, u, v, code in column[np.argsort(column[:, 1])]:
-            inside = code not in (Validity.MASKED, Validity.INVALID)
-            values = (
-                f"{0.9 + 0.1 * (x > 20):.9g} 2.5 {u:.9g} {-v:.9g}" if inside else "inf inf inf inf"
-            )
-            lines.append(f"{x:g} {y:g} {values}")
-        lines.append("")
-    return scene.write_lines(path, lines)
+def basilisk(
+    path: Path,
+    k: int = 0,
+    *,
+    view: scene.View = scene.View(up=True),  # noqa: B008 - frozen
+    fields: str = "f p u.x u.y",
+    whole: float = 1.0,
+    outside: str = "inf",
+    rows_first: bool = False,
+    **style: str,
+) -> Path:
+    """x is the outer loop; nodata prints as inf.
+
+    Args:
+        fields: names of the columns after x and y; u.x, u.y, p, and any other for the fraction.
+        whole: the fraction of a full cell.
+        rows_first: y is the outer loop.
+    """
+    title = "# 1:x 2:y " + " ".join(f"{i}:{name}" for i, name in enumerate(fields.split(), 3))
+    x, y = view.axes()
+    u, v = view.velocity()
+    c = scene.fraction()
+    lines: list[list[str]] = []
+    for i, j in np.ndindex(x.size, y.size) if not rows_first else np.ndindex(y.size, x.size):
+        row, column = (i, j) if rows_first else (y.size - 1 - j, i)
+        place = k, row, column
+        values = {"u.x": u[place], "u.y": v[place], "p": 2.5}
+        cells = scene.text(*(values.get(name, whole * c[place]) for name in fields.split()))
+        cells = cells if c[place] > 0 else [outside] * len(cells)
+        lines.append(scene.text(x[column], y[row]) + cells)
+    return scene.write_table(path, [title], [], lines, **{"delimiter": " ", **style})
 
 
 def test_basilisk(tmp_path: Path) -> None:
-    fields = read_vectors([basilisk(tmp_path / f"out-{k}.txt", k) for k in range(scene.FRAMES)])
-    expected = CODES[:, ::-1].copy()
-    expected[expected == Validity.INVALID] = Validity.MASKED
-    expected[expected == Validity.INTERPOLATED] = Validity.VALID
-    np.testing.assert_array_equal(fields.validity, expected)
+    fields = read_vectors(basilisk(tmp_path / "out-0.txt"))
     assert fields.c is not None
     assert fields.p is not None
     there = fields.usable
-    np.testing.assert_allclose(fields.v[there], -V[:, ::-1][there], rtol=1e-6)
-    assert set(np.unique(fields.c)) == {0.0, 0.9, 1.0}
-    assert np.isnan(fields.p[~there]).all()
     assert (fields.p[there] == 2.5).all()
+    assert np.isnan(fields.p[~there]).all()
     named = read_vectors(tmp_path / "out-0.txt", options={"names": {"p": "f"}})
     assert named.p is not None
     assert np.nanmax(named.p) == 1

@@ -235,21 +235,6 @@ def test_given_line_in_the_units_of_the_vectors(tmp_path: Path) -> None:
     np.testing.assert_array_equal((flow.c == 1)[clear], inside[clear])
 
 
-def test_given_line_in_units_of_its_own(tmp_path: Path) -> None:
-    """Frames and centimeters of a line for vectors in pixels; the origin is at the bed."""
-    path = line_file(tmp_path / "a.csv", "frame,x [cm],y [cm]")
-    text = (tmp_path / "a.csv").read_text().split("\n")
-    turned = [text[0]]
-    for row in text[1:]:
-        t, x, y = row.split(",")
-        turned.append(f"{t},{x},{8 - float(y)}")  # in the image y is down
-    (tmp_path / "a.csv").write_text("\n".join(turned))
-    flow = read(in_pixels(), surface=path, origin="0,80", **PHYSICAL)
-    assert line_error(flow, 0.01) < 1e-6
-    assert flow.surface is not None
-    np.testing.assert_allclose(np.unique(flow.surface.t), flow.t)
-
-
 def test_wrong_lines_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("1,2,3\n")
     with pytest.raises(DataFileError, match="must have the columns x, y, got 1, 2, 3"):

@@ -10,7 +10,7 @@ import pytest
 
 from granpinn.data import FlowFileError, Walls, check_flow
 from granpinn.importers import DataFileError, read
-from tests.importers.test_surface import PHYSICAL, X, arrays, in_pixels
+from tests.importers.test_surface import PHYSICAL, X, arrays
 
 PLAIN: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1", "surface": "none"}
 CAMERA = PHYSICAL | {"surface": "none"}
@@ -25,41 +25,6 @@ def walls_of(path: Path, text: str, data: Any = None, settings: Any = None) -> W
     check_flow(flow)
     assert flow.walls is not None
     return flow.walls
-
-
-def test_pieces_motion_slip_and_pressure(tmp_path: Path) -> None:
-    text = "x,y,slip,u,v,p\n0,0,0,0,0,nan\n10,0,0,0,0,nan\nnan,nan,nan,nan,nan,nan\n"
-    walls = walls_of(tmp_path, text + "0,8,1,2,3,20\n10,8,1,2,3,20\n")
-    np.testing.assert_array_equal(walls.x, [0, 10, np.nan, 0, 10])
-    np.testing.assert_array_equal(walls.y, [0, 0, np.nan, 8, 8])
-    np.testing.assert_array_equal(walls.slip, np.float32([0, 0, np.nan, 1, 1]))
-    assert walls.u is not None
-    assert walls.v is not None
-    np.testing.assert_array_equal(walls.u[3:], [2, 2])
-    np.testing.assert_array_equal(walls.v[3:], [3, 3])
-    np.testing.assert_array_equal(walls.p, np.float32([np.nan, np.nan, np.nan, 20, 20]))
-    assert walls.t is None
-
-
-def test_pixels_of_an_image_point_down(tmp_path: Path) -> None:
-    """The origin of an image is its lower left vector; y and v change their sign."""
-    walls = walls_of(tmp_path, "x,y,u,v\n5,75,0,1\n95,75,0,1\n", in_pixels(), CAMERA)
-    mm = walls_of(tmp_path, "x [px],y [px],u [px/frame],v\n5,75,0,1\n95,75,0,1\n", in_pixels(),
-                  CAMERA)  # fmt: skip
-    pixel = np.diff(walls.x)[0] / 90
-    assert pixel > 0
-    np.testing.assert_allclose(walls.y, 0, atol=1e-12)
-    assert walls.v is not None
-    assert (walls.v < 0).all()
-    np.testing.assert_allclose(mm.x, walls.x, rtol=1e-12)
-    np.testing.assert_allclose(mm.v, walls.v, rtol=1e-12)
-
-
-def test_own_units(tmp_path: Path) -> None:
-    text = "x [mm],y [mm],t [ms]\n0,0,15\n1,0,15\n"
-    walls = walls_of(tmp_path, text, in_pixels(), CAMERA)
-    np.testing.assert_allclose(np.diff(walls.x), 1e-3)
-    np.testing.assert_allclose(walls.t, 0.015)
 
 
 BROKEN = {

@@ -125,19 +125,14 @@ def tracks_hdf5(folder: Path) -> None:
 
 
 def vtk(folder: Path) -> None:
-    import numpy as np
-    import pyvista
-
-    from tests.importers import scene
+    from tests.importers.scene import PIXELS
+    from tests.importers.test_meshes import mesh
 
     for k in range(2):
-        grid = pyvista.ImageData(dimensions=(10, 8, 2), spacing=(8, 8, 1), origin=(12, 20, 0))
-        u, v = (part[k] for part in scene.velocity())
-        grid.cell_data["U"] = np.stack([u.ravel(), v.ravel(), 0 * u.ravel()], axis=1)
-        grid.cell_data["alpha.grains"] = np.where(scene.codes()[k] == 0, 0.0, 1.0).ravel()
-        grid.field_data["TimeValue"] = [0.25 * (k + 1)]
-        grid.save(folder / f"a{k}.vti")
-        grid.cast_to_rectilinear_grid().save(folder / f"b{k}.vtk", binary=False)
+        for kind, name in (("vti", f"a{k}.vti"), ("vtr", f"b{k}.vtk")):
+            grid = mesh(k, PIXELS, kind=kind)
+            grid.field_data["TimeValue"] = [0.25 * (k + 1)]
+            grid.save(folder / name, binary=kind == "vti")
 
 
 def foam(folder: Path) -> None:

@@ -1,0 +1,13 @@
+"""One physical flow in every form that granpinn reads."""
+
+from tests.importers.forms import beside, containers, files, memory, meshes, tables, texts
+
+FAMILIES = {
+    **texts.FAMILIES,
+    **memory.FAMILIES,
+    **containers.FAMILIES,
+    **meshes.FAMILIES,
+    **tables.FAMILIES,
+    **beside.FAMILIES,
+    **files.FAMILIES,
+}
