@@ -17,6 +17,7 @@ from granpinn.regular import UnsafeFileError
 # Attributes that change the meaning of the numbers, and the unit.
 NUMBERS = ("_FillValue", "missing_value", "scale_factor", "add_offset")
 TEXTS = ("_Unsigned", "dtype", "units")
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable."
 
 
 def read_variables(
@@ -37,10 +38,15 @@ def read_variables(
         found = {}
         for name in names:
             dataset = file.open_dataset(name)
-            if dataset is not None:
+            if dataset is not None and not _only_a_dimension(dataset):
                 dims = _dimensions(dataset, scales)
                 found[name] = (dims, dataset.read(), _attributes(dataset.attributes, TEXTS))
         return found, _attributes(file.attributes, facts)
+
+
+def _only_a_dimension(dataset: Dataset) -> bool:
+    """Whether a dataset stands for an axis without coordinates, and holds no numbers."""
+    return (dataset.attributes.any_text("NAME") or "").startswith(_NO_VARIABLE)
 
 
 def _dimensions(dataset: Dataset, scales: dict[int, str]) -> tuple[str, ...]:

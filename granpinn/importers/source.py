@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.importers import units
 from granpinn.importers.arrays import from_arrays
 from granpinn.importers.columns import NAMES, header, read_table, require_finite
 from granpinn.importers.numerals import number, whole
@@ -34,7 +35,7 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
         options: dict[str, Any] = {"window": settings.track_window}
         if settings.fields:
             options["names"] = _names(settings.fields)
-        count = settings.times is not None or settings.time_unit == "frame"
+        count = settings.times is not None or units.has(settings.time_unit, "frame")
         fields = read_vectors(source, settings.format, options, count=count)
     if settings.times is not None:
         fields = _with_times(fields, settings, settings.times, source)
@@ -64,7 +65,7 @@ def _with_times(
             "--times must not be given for tracks, whose velocities follow from the times in their "
             "table: write a column t there"
         )
-    unit = fields.time_unit if fields.time_unit != "frame" else None
+    unit = None if units.has(fields.time_unit, "frame") else fields.time_unit
     if times == "name":
         if isinstance(source, VectorFields | Mapping):
             raise DataFileError("--times name needs files, got arrays: give t with them")
