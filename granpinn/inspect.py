@@ -28,6 +28,7 @@ from granpinn.config.fields import flag_of, settings_of
 from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.data.reader import is_flow_file
+from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text
@@ -67,7 +68,9 @@ def _run(argv: Sequence[str]) -> int:
     if options["json"]:
         print(json.dumps(numbers, indent=2, allow_nan=False))
         return 0
-    if found.flow.t.size < flow.t.size:
+    if (mean := said(found.flow)) is not None:
+        print(mean)
+    elif found.flow.t.size < flow.t.size:
         print(
             f"large flow: measured in {found.flow.t.size} of {flow.t.size} frames, from t = "
             f"{found.flow.t[0]:.4g} to {found.flow.t[-1]:.4g}; checked in all"

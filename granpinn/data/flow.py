@@ -142,6 +142,7 @@ class Flow:
             `wall_gap` the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
+        averaged: number of frames whose mean the flow is (`steady.steady_mean`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
         starts: the first frame of every run, in a flow of runs of frames that stand for a large
@@ -174,6 +175,7 @@ class Flow:
     truth: Truth | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
     layer: bool = False
+    averaged: int = 1
     source: Source | None = None
     starts: tuple[int, ...] = ()
     sha256: str = ""

@@ -31,7 +31,8 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     The noise of a vector does not depend on missing vectors elsewhere.
 
     Args:
-        sd: standard deviation relative to the largest speed over the grains; 0 = no noise.
+        sd: standard deviation relative to the largest speed over the grains; 0 = no noise. A mean
+            over frames gets the noise of such a mean.
         seed: 0 to 2**64 - 1.
     """
     if not (math.isfinite(sd) and sd >= 0):
@@ -40,7 +41,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
         raise ValueError(f"seed of the noise must be from 0 to 2**64 - 1, got {seed}")
     if sd == 0:
         return flow
-    sigma = sd * max_speed(flow)
+    sigma = sd * max_speed(flow) / math.sqrt(flow.averaged)
     surface = _noisy_surface(flow.surface, sd, seed)
     if flow.particles is not None:
         return _on_particles(flow, flow.particles, sigma, seed, surface)

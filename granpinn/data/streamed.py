@@ -182,7 +182,7 @@ class _Streamed:
                 continue
             line = of_frames(self.surface, self.flow.t, np.array([frames.start + k]))
             same = np.isclose(line.t, frame.t[0], rtol=SAME_TIME, atol=SAME_TIME * self.scales.time)
-            line = chosen(line, same | self.flow.steady)
+            line = chosen(line, same)
             full = training_set(frame, self.scales, "V1", self.dtype, line)
             if self.level != "V0" and line.t.size:
                 self.strips.append(strip_of(full, frame, self.scales))

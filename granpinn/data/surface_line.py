@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, Index
 
 SAME_TIME = 1e-6  # relative difference of times that are one
 STEEP = 2.0  # slope of the line from which it has no single height within a cell
@@ -49,11 +49,11 @@ def folded(
     return found
 
 
-def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Bool]]:
-    """The frames that have a line, and the choice of its points [n] (`line_heights`)."""
+def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
+    """The frames that have a line, and the indices of its points (`line_heights`)."""
     frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
-    for k, time in enumerate(t):
-        times = line_t[frame == k]
-        if times.size:
-            nearest = times[np.argmin(np.abs(times - time))]
-            yield k, (frame == k) & np.isclose(line_t, nearest, rtol=SAME_TIME, atol=0.0)
+    order = np.argsort(frame, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1) if order.size else ():
+        k, times = int(frame[own[0]]), line_t[own]
+        nearest = times[np.argmin(np.abs(times - t[k]))]
+        yield k, own[np.isclose(times, nearest, rtol=SAME_TIME, atol=0.0)]

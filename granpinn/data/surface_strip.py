@@ -137,8 +137,7 @@ def _below(
     times, frame = np.unique(points[:, 2], return_inverse=True)
     order = np.argsort(frame, kind="stable")
     ends = np.searchsorted(frame[order], np.arange(len(times) + 1))
-    for k, line in points_of(np.unique(surface[:, 2]) if steady else times, surface[:, 2]):
-        here = np.flatnonzero(line)
+    for k, here in points_of(np.unique(surface[:, 2]) if steady else times, surface[:, 2]):
         t = float(surface[here[0], 2])
         if not steady and abs(times[k] - t) > SAME_TIME * max(abs(t), 1.0):
             continue

@@ -11,9 +11,8 @@ gives the number of independent vectors.
 Where most of these differences are missing, as they cross gaps, both come from pairs of vectors
 (`pairs.py`), and so they do for particles.
 
-In a steady flow the estimate is that in space, and every vector counts as independent: the frames
-are means over a time in which the whole flow may drift, and a drift is no noise of vectors. First
-differences in time, $\sqrt{2}\,\sigma$, show it. A flow of one frame has none.
+In one frame, such as the mean of a steady flow, the estimate is that in space, and every vector
+counts as independent.
 
 This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
@@ -63,20 +62,20 @@ class Noise:
 def grid_noise(view: View) -> Noise:
     """The noise of vectors on a grid."""
     pair = [np.where(view.there, values, np.nan) for values in (view.u, view.v)]
-    in_time = [np.diff(values, _order_in_time(view), axis=0) for values in pair]
-    time = [_spread(values, _growth(_order_in_time(view))) for values in in_time]
+    in_time = [np.diff(values, ORDER, axis=0) for values in pair]
     factor = _growth(ORDER)
+    time = [_spread(values, factor) for values in in_time]
     space = [_spread(np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2), factor**2) for a in pair]
-    chosen = space if view.steady or None in time else time
+    chosen = space if None in time else time
     found = Noise(
         sigma=_rms(chosen),
         u=chosen[0],
         v=chosen[1],
         in_time=_rms(time),
         in_space=_rms(space),
-        vectors_per_independent=1.0 if view.steady else _per_independent(in_time),
+        vectors_per_independent=_per_independent(in_time),
     )
-    if view.steady or not _gaps(view, in_time[0]):
+    if not _gaps(view, in_time[0]):
         return found
     k, j, i = np.nonzero(view.there)
     return of_pairs(found, view.t[k], view.x[i], view.y[j], view.u[k, j, i], view.v[k, j, i])
@@ -98,11 +97,6 @@ def _gaps(view: View, in_time: Float64) -> bool:
     return bool(np.isfinite(in_time).sum() < LEAST_SHARE * whole)
 
 
-def _order_in_time(view: View) -> int:
-    """Of the differences in time that leave nothing but noise."""
-    return 1 if view.steady else ORDER
-
-
 def _growth(order: int) -> float:
     """Factor on the standard deviation of white noise in differences of an order."""
     return math.sqrt(math.comb(2 * order, order))
@@ -110,14 +104,13 @@ def _growth(order: int) -> float:
 
 def noise_map(view: View) -> Float64:
     """Noise of every cell [Y, X] from its differences in time, NaN where they are few."""
-    order = _order_in_time(view)
     squares = np.zeros(view.count.shape[1:])
     enough = np.ones(squares.shape, bool)
     for values in (view.u, view.v):
-        size = np.abs(np.diff(np.where(view.there, values, np.nan), order, axis=0))
+        size = np.abs(np.diff(np.where(view.there, values, np.nan), ORDER, axis=0))
         enough &= np.isfinite(size).sum(axis=0) >= 5
         middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
-        squares += (NORMAL * middle / _growth(order)) ** 2
+        squares += (NORMAL * middle / _growth(ORDER)) ** 2
     return np.where(enough, np.sqrt(squares / 2), np.nan)
 
 

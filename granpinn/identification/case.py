@@ -28,6 +28,7 @@ from granpinn.data.flow import Surface
 from granpinn.data.memory import available
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
+from granpinn.data.steady import said, steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.data.variants import training_sets
 from granpinn.estimates.facts import Facts
@@ -83,14 +84,14 @@ class Case:
 
     @property
     def sampled(self) -> str | None:
-        """Which parts of a large flow are used for what, in words."""
+        """What of a large flow is used for what, or that a flow is a mean, in words."""
         if self.whole is None:
-            return None
+            return said(self.flow)
         runs = len(self.seen.starts)
         return (
-            f"{len(self.member.data.points):,} vectors of all {self.whole.t.size} frames train; "
-            f"noise, symmetries and momentum balance are those of {self.seen.t.size} frames in "
-            f"{runs} runs; fields, figures and errors are those of {self.flow.t.size} frames"
+            f"large flow: {len(self.member.data.points):,} vectors of all {self.whole.t.size} "
+            f"frames train; noise, symmetries and momentum balance are those of "
+            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of {self.flow.t.size} frames"
         )
 
 
@@ -125,7 +126,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
 
 
 def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
-    """A flow that was read and checked, marked as a layer if it is one, and its likely slips.
+    """A flow that was read and checked (a steady one as its mean), and its likely slips.
 
     Raises:
         FlowFileError: as `pose`.
@@ -134,8 +135,8 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
         check_flow(flow)
     else:
         flow = read_flow(flow)
-    flow = with_layer(flow)
-    return flow, tuple(refuse_slips(flow))
+    slips = tuple(refuse_slips(flow := with_layer(flow)))
+    return steady_mean(flow), slips
 
 
 def posed(

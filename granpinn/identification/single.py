@@ -185,7 +185,7 @@ def start(
     many += f"{walls} points on walls, " if walls else ""
     for sampled in dict.fromkeys(case.sampled for case in cases):
         if sampled is not None:
-            progress.message(f"large flow: {sampled}")
+            progress.message(sampled)
     for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
         if words:
             progress.message("; ".join(words))

@@ -15,6 +15,7 @@ from granpinn.data import Flow, with_partial_cells
 from granpinn.data.large import middle
 from granpinn.data.noise import max_speed
 from granpinn.data.scaling import scales_of
+from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
 from granpinn.data.wall_points import WallFacts, walls_of
 from granpinn.estimates.facts import Facts
@@ -156,10 +157,11 @@ def inspect(
     """Inspects a flow without training; the precision is that of `law`.
 
     Of a large flow, all but slips and fall is that of one run of frames (`large.middle`), which is
-    then the flow of the inspection.
+    then the flow of the inspection; of a steady flow, its mean over time (`steady.steady_mean`).
     """
     law = law or AssumedLaw()
-    whole = with_layer(flow)
+    filmed = with_layer(flow)
+    whole = steady_mean(filmed)
     flow, scales = middle(whole), scales_of(whole)
     facts = Facts(flow, scales)
     view, noise, found = facts.view, facts.noise, facts.slopes
@@ -171,7 +173,7 @@ def inspect(
     precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
     inertia = numbers.summary(law)
-    likely = slips(whole) or ([] if inertia is None else not_dense(inertia.q50))
+    likely = slips(filmed) or ([] if inertia is None else not_dense(inertia.q50))
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
     if refused is not None:
         precision, reason = None, refused

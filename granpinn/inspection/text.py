@@ -61,7 +61,10 @@ def _noise(found: Inspection, unit: str) -> str:
     if n.vectors_per_independent > 1.5:
         text += f"; {n.vectors_per_independent:.1f} neighbors share one error"
     if found.stated_sigma is not None:
-        text += f"; the file states {found.stated_sigma * found.scales.velocity:.3g}"
+        whose = (
+            "the file states" if found.flow.averaged == 1 else "the mean has a standard error of"
+        )
+        text += f"; {whose} {found.stated_sigma * found.scales.velocity:.3g}"
     return text
 
 

@@ -22,6 +22,7 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, WALL_GAP
 from granpinn.data.norms import rms
+from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.physics.laws import Law
 from granpinn.results.findings import Resimulation
@@ -245,7 +246,7 @@ def resimulate(
     Raises:
         SimulationError: a solve did not converge.
     """
-    flow = with_layer(flow)
+    flow = steady_mean(with_layer(flow))
     posed = scene_of(flow, law, theta, cells, wall_friction)
     if isinstance(posed, str):
         return Resimulation(posed), None

@@ -113,14 +113,13 @@ def _noise(found: Inspection) -> list[str]:
     relative = found.relative_noise
     if relative is None or relative < NEGLIGIBLE_NOISE:
         return lines
-    steady = found.view.steady
-    if steady and n.in_time and n.in_space and n.in_time > 2 * n.in_space:
+    mean, error = found.flow.averaged > 1, found.stated_sigma
+    if mean and error and n.in_space and error > 2 * n.in_space:
         lines.append(
-            f"The frames of this steady flow differ by {n.in_time / n.in_space:.1f} times the "
-            "noise of their vectors: the flow still drifts, or the frames are means over too short "
-            "a time."
+            f"The frames of this steady flow differ by {error / n.in_space:.1f} times the noise of "
+            "their vectors: the flow still drifts, or the record is too short for a mean."
         )
-    if not steady and n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
+    if n.in_time and n.in_space and not 0.5 < n.in_time / n.in_space < 2:
         larger = n.in_time > n.in_space
         lines.append(
             f"Noise seen in time is {n.in_time / n.in_space:.1f} times that in space: "
@@ -133,12 +132,11 @@ def _noise(found: Inspection) -> list[str]:
             )
         )
     if (
-        found.stated_sigma
-        and not 0.67
-        < found.stated_sigma * found.scales.velocity / (relative * found.motion.speed)
-        < 1.5
+        error
+        and not mean
+        and not 0.67 < error * found.scales.velocity / (relative * found.motion.speed) < 1.5
     ):
-        ratio = relative * found.motion.speed / (found.stated_sigma * found.scales.velocity)
+        ratio = relative * found.motion.speed / (error * found.scales.velocity)
         lines.append(
             f"The file states a standard deviation that the vectors contradict: they scatter "
             f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."

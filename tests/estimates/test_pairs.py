@@ -138,8 +138,6 @@ def test_differences_are_used_where_gaps_are_few(
     scales = scales_of(flow)
     for part in (1.0, 0.9):
         assert Facts(thinned(flow, part, seed), scales).noise.sigma is not None
-    steady = replace(thinned(flow, 0.1, seed), attributes={"steady": 1})
-    assert Facts(steady, scales).noise.vectors_per_independent == 1
 
 
 def test_particles_that_share_errors(seed: int) -> None:

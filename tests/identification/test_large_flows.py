@@ -47,7 +47,8 @@ def test_the_result_says_what_was_sampled(run: tuple[Identification, Path, list[
     assert data["sampled"] == found.data.sampled
     assert f"{data['n_points']:,} vectors of all 60 frames train" in data["sampled"]
     assert "20 frames in 2 runs; fields, figures and errors are those of 20" in data["sampled"]
-    assert f"large flow: {data['sampled']}" in messages
+    assert data["sampled"].startswith("large flow: ")
+    assert data["sampled"] in messages
 
 
 def test_fields_are_those_of_some_frames(run: tuple[Identification, Path, list[str]]) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from granpinn import results
 from granpinn.config import Config
-from granpinn.data import Flow, write_flow
+from granpinn.data import Flow, add_noise, write_flow
 from granpinn.identification.batch import identify_many
 from granpinn.identification.case import pose
 from granpinn.identification.single import identify
@@ -21,6 +21,7 @@ from granpinn.results.zones import after_start
 from granpinn.second_opinion.resimulation import resimulate
 from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.train import main
+from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
 from granpinn.uncertainty.of_training import judge
 from tests.examples import make_result
@@ -64,11 +65,30 @@ def test_every_column_of_a_chute_is_the_same(tmp_path: Path) -> None:
     fields = read_fields(tmp_path / "run" / "fields.h5")
     assert fields.steady
     assert after_start(fields).all()
+    assert fields.t.size == 1
     for name in ("u", "v", "p", "tau_xy", "momentum_residual_x"):
-        frames = [fields.frame(name, k) for k in range(2)]
-        np.testing.assert_array_equal(frames[0], frames[1])
-        np.testing.assert_array_equal(frames[0], np.broadcast_to(frames[0][:, :1], frames[0].shape))
+        found = fields.frame(name, 0)
+        np.testing.assert_array_equal(found, np.broadcast_to(found[:, :1], found.shape))
     assert result.error_percent.pressure is not None
+
+
+def test_a_film_of_a_steady_flow_trains_on_its_mean(tmp_path: Path, seed: int) -> None:
+    """Found or stated; a run of one cannot go on as the other."""
+    film = add_noise(make_chute(frames=20, attributes={"period_x": 32.0}), 0.05, seed)
+    listener = Messages()
+    found = identify(film, tiny(), run_dir=tmp_path / "run", progress=listener)
+    assert found.data.sampled in listener.said
+    assert "the mean over its 20 frames is used" in str(found.data.sampled)
+    assert (found.data.symmetries, found.data.n_frames) == (BOTH, 1)
+    more = tiny(resume=True)
+    moving = dataclasses.replace(film, attributes=film.attributes | {"steady": 0})
+    with pytest.raises(CheckpointError, match="another flow file|input scale"):
+        identify(moving, more, run_dir=tmp_path / "run")
+    stated = dataclasses.replace(film, attributes=film.attributes | {"steady": 1})
+    same = identify(stated, tiny())
+    assert {n: p.value for n, p in same.parameters.items()} == {
+        n: p.value for n, p in found.parameters.items()
+    }
 
 
 def test_frames_before_zero_are_scored_in_a_steady_flow() -> None:

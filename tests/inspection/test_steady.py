@@ -26,9 +26,9 @@ def test_noise_and_slopes_of_a_steady_flow(frames: int, seed: int) -> None:
     found = inspect(add_noise(flow, sd, seed))
     assert found.noise.sigma is not None
     assert found.noise.sigma * found.scales.velocity == pytest.approx(
-        sd * max_speed(flow), rel=0.25
+        sd * max_speed(flow) / np.sqrt(frames), rel=0.25
     )
-    assert (found.noise.in_time is None) == (frames == 1)
+    assert found.noise.in_time is None
     assert (found.gradients.du[:, 0] == 0).all()
     assert (found.gradients.sd[:, 0] == 0).all()
     assert found.motion.cells_per_frame is None
@@ -45,6 +45,23 @@ def test_frames_that_drift_are_named(seed: int) -> None:
     assert found.noise.sigma == pytest.approx(inspect(flow).noise.sigma, rel=0.3)
     assert any("still drifts" in sentence for sentence in verdict(found))
     assert not any("still drifts" in sentence for sentence in verdict(inspect(flow)))
+
+
+def test_a_film_of_a_steady_flow_is_inspected_as_its_mean(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], seed: int
+) -> None:
+    """What was found is one line; `steady = 0` in the file keeps the frames."""
+    film = add_noise(make_chute(frames=20, rows=40, columns=48, attributes={}), 0.05, seed)
+    film = replace(film, sigma_u=None, sigma_v=None)
+    write_flow(film, tmp_path / "film.h5")
+    assert main([str(tmp_path / "film.h5")]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("the mean over its 20 frames is used") == 1
+    assert "the mean has a standard error of 0.0" in printed
+    assert "contradict" not in printed
+    write_flow(replace(film, attributes={"steady": 0}), tmp_path / "film.h5")
+    assert main([str(tmp_path / "film.h5")]) == 0
+    assert "mean over its" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("frames", [1, 2])

@@ -123,9 +123,10 @@ def pressure_score(fields: Path, reference: Path) -> dict[str, float | None]:
     except (OSError, FieldsFileError) as error:
         raise ExperimentError(str(error)) from None
     p = np.stack([predicted.frame("p", k) for k in range(len(predicted.t))]).astype(float)
+    if predicted.steady:  # one frame, the mean
+        p = np.broadcast_to(p, known["p"].shape)
     flowing = known["used"] & (known["I"] > SLOWEST) & np.isfinite(p)
-    steady = len(predicted.t) == 2
-    size = (2 if steady else BLOCK[0], *BLOCK[1:])
+    size = (len(p) if predicted.steady else BLOCK[0], *BLOCK[1:])
     mean_p, mean_known = (_block_means(a, flowing, size) for a in (p, known["p"]))
     frame = np.arange(len(predicted.t))[:, None, None]
     even, odd = (
