@@ -67,7 +67,7 @@ def require_fields(record: Any, error: type[BadInput] = BadInput) -> None:
     Raises:
         error: the sentence about the first such field.
     """
-    owner = type(record)
+    owner: Any = type(record)
     for name, kind in _types(owner).items():
         if name not in _fields(owner):
             continue

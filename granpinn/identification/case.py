@@ -91,7 +91,8 @@ class Case:
         return (
             f"large flow: {len(self.member.data.points):,} vectors of all {self.whole.t.size} "
             f"frames train; noise, symmetries and momentum balance are those of "
-            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of {self.flow.t.size} frames"
+            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
+            f"{self.flow.t.size} frames"
         )
 
 
