@@ -34,7 +34,7 @@ def modules_of(tree: ast.AST) -> set[str]:
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_are_short(path: Path) -> None:
     lines = path.read_text().splitlines()
-    assert len(lines) <= 300
+    assert len(lines) <= 400
     if path.suffix != ".py":  # ruff measures those
         assert max(map(len, lines), default=0) <= 100
 
