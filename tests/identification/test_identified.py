@@ -258,7 +258,7 @@ def test_impossible_figures_are_refused(run: Run) -> None:
         run.result.plot.fields(names=["q"])
     with pytest.raises(BadInput, match="axes must be 2 axes of matplotlib, got 1"):
         run.result.plot.fields(axes=[Figure().subplots()])
-    with pytest.raises(BadInput, match="axes must be 1 axes"):
+    with pytest.raises(BadInput, match="ax must be a Axes or None, got str"):
         run.result.plot.law(ax="here")  # type: ignore[arg-type]
 
 
