@@ -49,7 +49,7 @@ def read(path: Path) -> VectorFields:
     if zone and chc.size != whole(zone[1], f"{path}: I") * whole(zone[2], f"{path}: J"):
         raise DataFileError(
             f"{path} must hold {zone[1]} x {zone[2]} vectors as its ZONE says, got {chc.size}: "
-            "the file was cut off; export it again"
+            "the file was cut off; export it from Insight again"
         )
     codes = np.where(chc == 1, Validity.VALID, Validity.INTERPOLATED)
     codes[~(chc > 0)] = Validity.INVALID

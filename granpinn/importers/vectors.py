@@ -92,6 +92,8 @@ class VectorFields:
 
     def __post_init__(self) -> None:
         require_fields(self, DataFileError)
+        if self.time_unit in ("frames", "fr"):
+            object.__setattr__(self, "time_unit", "frame")
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
         for name, values in self.arrays().items():
             if values.shape != shape:

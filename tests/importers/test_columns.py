@@ -58,6 +58,17 @@ def test_times_are_those_of_the_column_t(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.04])
 
 
+def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
+    """Whatever the frames of the vectors are called; a setting states the unit."""
+    given = lines(tmp_path / "times.csv", "10", "20", "40")
+    vectors = in_pixels(time_unit="frames", velocity_unit="px/s")
+    settings = PHYSICAL | {"surface": "none", "times": given}
+    with pytest.raises(DataFileError, match=r"--time-unit \(the files do not say the unit of t\)"):
+        read(vectors, **settings)
+    flow = read(vectors, **settings, time_unit="ms")
+    np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.04])
+
+
 NO_TIMES = {
     "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "separate columns"),
     "several columns": (["frame;temps [s]", "1;0,5", "2;0,6", "3;0,7"], "must have the columns t"),
