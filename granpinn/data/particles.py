@@ -116,10 +116,9 @@ def _cell_size(particles: Particles, frame: Index, n_frames: int) -> float:
 
     distances = []
     for k in np.unique(np.linspace(0, n_frames - 1, _SAMPLED_FRAMES).astype(int)):
-        points = np.stack([particles.x, particles.y], -1)[frame == k]
+        points = np.unique(np.stack([particles.x, particles.y], -1)[frame == k], axis=0)
         if len(points) > 1:
-            nearest = cKDTree(points).query(points, k=2)[0][:, 1]
-            distances.append(nearest[nearest > 0])
+            distances.append(cKDTree(points).query(points, k=2)[0][:, 1])
     found = np.concatenate(distances) if distances else np.empty(0)
     width, height = (float(np.ptp(a)) for a in (particles.x, particles.y))
     if found.size == 0 or not width > 0 or not height > 0:

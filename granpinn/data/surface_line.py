@@ -38,22 +38,32 @@ def folded(
 ) -> Bool:
     """Where the line is vertical or folds: its points within a column differ by more than `STEEP`
     columns in height [T, X]. Arguments as in `line_heights`."""
-    found = np.zeros((len(t), len(along)), bool)
     limit = STEEP * float(np.median(np.diff(along)))
-    for k, now in points_of(t, line_t):
-        column = np.searchsorted((along[1:] + along[:-1]) / 2, line_along[now])
-        low, high = np.full(along.size, np.inf), np.full(along.size, -np.inf)
-        np.minimum.at(low, column, line_up[now])
-        np.maximum.at(high, column, line_up[now])
-        found[k] = high - low > limit
-    return found
+    point, edges = _by_frame(t, line_t)
+    frame = np.repeat(np.arange(len(t)), np.diff(edges))
+    column = np.searchsorted((along[1:] + along[:-1]) / 2, line_along[point])
+    low, high = np.full((len(t), len(along)), np.inf), np.full((len(t), len(along)), -np.inf)
+    np.minimum.at(low, (frame, column), line_up[point])
+    np.maximum.at(high, (frame, column), line_up[point])
+    return high - low > limit
 
 
 def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
-    """The frames that have a line, and the indices of its points (`line_heights`)."""
+    """The frames that have a line, and the numbers of its points [k] (`line_heights`)."""
+    point, edges = _by_frame(t, line_t)
+    for k in np.flatnonzero(np.diff(edges)):
+        yield int(k), point[edges[k] : edges[k + 1]]
+
+
+def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
+    """The points of all lines, frame by frame, and where the frames begin among them [T + 1]."""
     frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
-    order = np.argsort(frame, kind="stable")
-    for own in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1) if order.size else ():
-        k, times = int(frame[own[0]]), line_t[own]
-        nearest = times[np.argmin(np.abs(times - t[k]))]
-        yield k, own[np.isclose(times, nearest, rtol=SAME_TIME, atol=0.0)]
+    gap = np.abs(line_t - t[frame])
+    order = np.lexsort((gap, frame))
+    nearest = np.full(len(t), np.nan)
+    first = order[np.unique(frame[order], return_index=True)[1]]
+    nearest[frame[first]] = line_t[first]
+    same = np.abs(line_t - nearest[frame]) <= SAME_TIME * np.abs(nearest[frame])
+    point = np.flatnonzero(same)
+    point = point[np.argsort(frame[point], kind="stable")]
+    return point, np.searchsorted(frame[point], np.arange(len(t) + 1))

@@ -58,12 +58,13 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
 
 def _normals(points: Float64, up: Float64) -> Float64:
     """Directions of the least spread of the nearest points [n, 2]; `up` for too few points."""
-    if len(points) < 3:
+    places, place = np.unique(points, axis=0, return_inverse=True)  # points may repeat
+    if len(places) < 3:
         return np.broadcast_to(up, points.shape)
-    near = cKDTree(points).query(points, min(ON_LINE, len(points)))[1]
-    around = points[near] - points[near].mean(axis=1, keepdims=True)
+    near = places[cKDTree(places).query(places, min(ON_LINE, len(places)))[1]]
+    around = near - near.mean(axis=1, keepdims=True)
     spread = np.einsum("nki,nkj->nij", around, around)
-    return np.asarray(np.linalg.eigh(spread)[1][:, :, 0])
+    return np.asarray(np.linalg.eigh(spread)[1][:, :, 0])[place]
 
 
 def _vectors(flow: Flow) -> tuple[Float64, list[Float64]]:

@@ -84,7 +84,10 @@ def strip_of(training: TrainingSet, flow: Flow, scales: Scales) -> Strip:
     dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
     thickest = THICKEST * max(dx, dy)
     points, surface = (a.double().numpy() for a in (training.points, training.surface_points))
-    nearest, width = _below(points, surface, thickest, flow.steady)
+    # Points that repeat share the width of their place.
+    places, place, count = np.unique(surface, axis=0, return_inverse=True, return_counts=True)
+    nearest, width = _below(points, places, thickest, flow.steady)
+    nearest, width = nearest[place], (width / count)[place]
     depth = np.hypot(*(surface[:, :2] - nearest).T)
     depth = np.where(depth <= thickest, depth, 0.0)  # NaN: no vector at this time
     if flow.walls is not None:

@@ -53,50 +53,53 @@ def body_of(flow: Flow) -> Body:
         some = np.s_[::1, ::1]
     y, x = flow.y[some[0]], flow.x[some[1]]
     weight = np.gradient(y)[:, None] * np.gradient(x)
-    t, frames = [], []
-    for time, u, v, c in zip(flow.t, flow.u, flow.v, flow.c, strict=True):
-        u, v, c = (np.asarray(a[some], np.float64) for a in (u, v, c))
+    frames = max(1, MOST_CELLS // weight.size)
+    parts = []
+    for first in range(0, flow.t.size, frames):
+        k = slice(first, first + frames)
+        u, v, c = (np.asarray(a[k][:, *some], np.float64) for a in (flow.u, flow.v, flow.c))
         there = (c >= 1) & np.isfinite(u) & np.isfinite(v)
-        if not there.any():
-            continue
-        t.append(time)
-        frames.append(_frame(x, y, u, v, c * weight, np.where(there, weight, 0.0)))
-    place, velocity, energy, area, extent, sides = zip(*frames, strict=True)
+        seen = there.any(axis=(1, 2))
+        own = [a[seen] for a in (u, v, c * weight, np.where(there, weight, 0.0))]
+        parts.append({"t": flow.t[k][seen]} | _sums(x, y, *own))
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return Body(
-        t=np.array(t),
-        place=np.array(place),
-        velocity=np.array(velocity),
-        energy=np.array(energy),
-        area=np.array(area),
-        extent=np.array(extent),
+        sides={name: found.pop(name) for name in INWARD},
         spacing=max(float(np.median(np.diff(axis))) for axis in (x, y)),
-        sides={name: np.array([side[name] for side in sides]) for name in INWARD},
+        **found,
     )
 
 
-def _frame(
+def _sums(
     x: Float64, y: Float64, u: Float64, v: Float64, grains: Float64, weight: Float64
-) -> tuple[Float64, Float64, float, float, Float64, dict[str, Float64]]:
-    """The numbers of one frame, in the order of Body, from the area of grains and of vectors."""
-    total, area = grains.sum(), weight.sum()
-    place = np.array([grains.sum(axis=0) @ x, grains.sum(axis=1) @ y]) / total
+) -> dict[str, Float64]:
+    """The numbers of Body for frames [K], from the area of grains and of vectors [K, Y, X]."""
+    area = weight.sum(axis=(1, 2))
+    place = np.stack([grains.sum(axis=1) @ x, grains.sum(axis=2) @ y], 1)
     u, v = (np.where(weight > 0, a, 0.0) for a in (u, v))
-    mean = np.array([(u * weight).sum(), (v * weight).sum()]) / area
-    energy = float((weight * (u**2 + v**2)).sum() / area / 2)
-    ends = [_ends(axis, weight.sum(axis=k)) for k, axis in enumerate((x, y))]
-    extent = np.array([high - low for low, high in ends])
+    mean = np.stack([(a * weight).sum(axis=(1, 2)) / area for a in (u, v)], 1)
+    ends = [_ends(axis, weight.sum(axis=k)) for axis, k in ((x, 1), (y, 2))]
     sides = {}
     for name, (d_x, d_y) in INWARD.items():
         axis, (low, high) = (x, ends[0]) if d_x else (y[:, None], ends[1])
+        low, high = low[:, None, None], high[:, None, None]
         deep = LAYER * (high - low)
         near: Bool = axis <= low + deep if d_x + d_y > 0 else axis >= high - deep
         here = near & (weight > 0)
-        few = np.full(2, np.nan)
-        sides[name] = few if here.sum() < FEWEST else np.array([u[here].mean(), v[here].mean()])
-    return place, mean, energy, float(area), extent, sides
+        count = here.sum(axis=(1, 2))
+        means = [np.where(here, a, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1) for a in (u, v)]
+        sides[name] = np.where((count < FEWEST)[:, None], np.nan, np.stack(means, 1))
+    return sides | {
+        "place": place / grains.sum(axis=(1, 2))[:, None],
+        "velocity": mean,
+        "energy": (weight * (u**2 + v**2)).sum(axis=(1, 2)) / area / 2,
+        "area": area,
+        "extent": np.stack([high - low for low, high in ends], 1),
+    }
 
 
-def _ends(axis: Float64, cells: Float64) -> tuple[float, float]:
-    """The places between which all but EDGE of the cells at either end lie."""
-    share = np.cumsum(cells) / cells.sum()
-    return float(axis[np.searchsorted(share, EDGE)]), float(axis[np.searchsorted(share, 1 - EDGE)])
+def _ends(axis: Float64, cells: Float64) -> tuple[Float64, Float64]:
+    """The places between which all but EDGE of the cells [K, n] at either end lie [K]."""
+    share = np.cumsum(cells, axis=1) / cells.sum(axis=1, keepdims=True)
+    low, high = ((share < part).sum(axis=1) for part in (EDGE, 1 - EDGE))
+    return axis[low], axis[high]

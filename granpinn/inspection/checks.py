@@ -10,6 +10,7 @@ import numpy as np
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.estimates.gradients import Gradients
+from granpinn.estimates.robust import quantiles
 from granpinn.estimates.view import View
 
 # Between two frames the fastest grains should move less than this, in units of H0: the shear
@@ -103,13 +104,11 @@ def counts(flow: Flow, view: View) -> Counts:
 
 def _repeated(view: View) -> tuple[int, ...]:
     """Frames with the same vectors as the frame before, unless all are zero."""
-    found = []
-    for k in range(1, view.t.size):
-        there = view.there[k]
-        same = all(np.array_equal(a[k], a[k - 1]) for a in (view.u, view.v, view.count))
-        if same and (view.u[k][there].any() or view.v[k][there].any()):
-            found.append(k)
-    return tuple(found)
+    same = np.logical_and.reduce(
+        [(a[1:] == a[:-1]).all(axis=(1, 2)) for a in (view.u, view.v, view.count)]
+    )
+    moves = (((view.u != 0) | (view.v != 0)) & view.there).any(axis=(1, 2))
+    return tuple(map(int, np.flatnonzero(same & moves[1:]) + 1))
 
 
 def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
@@ -123,10 +122,7 @@ def motion(flow: Flow, view: View, found: Gradients, speed: float) -> Motion:
         return Motion(speed, None, None, None, acceleration, tilt)
     # Of the smoothed velocity: that of single vectors contains noise.
     size = np.hypot(found.u, found.v)
-    frame = found.index[0]
-    fastest = np.zeros(view.t.size)
-    for k in np.unique(frame):
-        fastest[k] = np.quantile(size[frame == k], FASTEST)
+    fastest = quantiles(size, found.index[0], view.t.size, FASTEST)
     moves = np.diff(view.t) * np.maximum(fastest[1:], fastest[:-1])
     cell = min(view.steps[1:])
     return Motion(

@@ -1,0 +1,87 @@
+"""Time in proportion: many small frames and repeated points cost no more than others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from granpinn.config import Config
+from granpinn.data import Flow, Surface
+from granpinn.data.surface_offset import outward_normals
+from granpinn.estimates.robust import quantiles
+from granpinn.identification.case import pose
+from granpinn.inspection import inspect
+from tests.flows import make_flow
+
+
+def many_frames() -> Flow:
+    """30,000 frames of 3 x 3 vectors."""
+    t, side = np.linspace(0, 10, 30_000), np.array([0.1, 0.2, 0.3])
+    T, Y, _ = np.meshgrid(t, side, side, indexing="ij")
+    noise = 0.01 * np.random.default_rng(0).normal(size=(2, *T.shape))
+    u, v = np.float32(np.sin(T) * Y + noise[0]), np.float32(noise[1])
+    line = Surface(np.repeat(t, 3), np.tile(side, len(t)), np.full(3 * len(t), 0.32))
+    made = make_flow(t=t, x=side, y=side, u=u, v=v, c=np.ones_like(u), p=None, surface=line)
+    return replace(made, grain_diameter=0.01)
+
+
+def repeated(count: int = 300_000) -> Flow:
+    """A surface line of which nearly all points repeat four of them."""
+    flow = make_flow(frames=8, rows=27, columns=23)
+    line = flow.surface
+    assert line is not None
+    some = np.random.default_rng(0).integers(0, 4, count - line.t.size)
+    k = np.concatenate([np.arange(line.t.size), some])
+    return replace(flow, surface=Surface(line.t[k], line.x[k], line.y[k]))
+
+
+def normals(flow: Flow) -> object:
+    assert flow.surface is not None
+    return outward_normals(flow, flow.surface)
+
+
+@pytest.mark.parametrize(
+    ("flow", "work"),
+    [
+        (many_frames(), inspect),
+        (repeated(), inspect),
+        (repeated(), lambda flow: pose(flow, Config())),
+        (repeated(), normals),
+    ],
+    ids=["30,000 frames", "repeated points", "training on repeated points", "moved line"],
+)
+def test_it_takes_at_most_3_s(flow: Flow, work: Callable[[Flow], object]) -> None:
+    begin = time.process_time()
+    work(flow)
+    assert time.process_time() - begin < 3
+
+
+def test_points_that_repeat_have_the_normals_of_the_line() -> None:
+    flow, line = repeated(400), make_flow(frames=8, rows=27, columns=23).surface
+    assert line is not None
+    expected = outward_normals(flow, line)
+    assert flow.surface is not None
+    np.testing.assert_array_equal(outward_normals(flow, flow.surface)[: line.t.size], expected)
+
+
+def test_repeated_points_weigh_as_one() -> None:
+    """The points in the strip below the line are as many."""
+    once, often = repeated(99), repeated(5000)
+    parts = [pose(flow, Config()).member.data.strip for flow in (once, often)]
+    assert len(parts[0]) > 0
+    assert len(parts[1]) == pytest.approx(len(parts[0]), rel=0.02)
+
+
+def test_quantiles_of_groups_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(3)
+    values, group = rng.normal(size=500), rng.integers(0, 40, 500)
+    group[group == 7] = 8
+    found = quantiles(values, group, 41, 0.99)
+    expected = [
+        np.quantile(own, 0.99) if (own := values[group == k]).size else 0 for k in range(41)
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
