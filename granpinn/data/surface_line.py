@@ -45,7 +45,8 @@ def folded(
     low, high = np.full((len(t), len(along)), np.inf), np.full((len(t), len(along)), -np.inf)
     np.minimum.at(low, (frame, column), line_up[point])
     np.maximum.at(high, (frame, column), line_up[point])
-    return high - low > limit
+    steep: Bool = high - low > limit
+    return steep
 
 
 def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
