@@ -1,8 +1,8 @@
 """The command `python -m granpinn.collect RUN...`: many finished runs as one table.
 
 A word is a run folder, or a folder with runs below it. The terminal gets a line for each run: its
-friction in the middle of its range of log I, and the verdict. `--out` writes a CSV with the row of
-each results.csv, and with the run and the verdict before it.
+friction in the middle of its range of log I, and the grade of its assessment. `--out` writes a CSV
+with the row of each results.csv, and with the run before it.
 
 Exit codes: 0 done; 2 bad input; 1 a run could not be read, or the table cannot be written.
 """
@@ -27,7 +27,6 @@ from granpinn.errors import BadInput
 from granpinn.output import objection_to_file, write_text
 from granpinn.results import ResultsFileError, read_results
 from granpinn.results.results_csv import Cell, row
-from granpinn.uncertainty.of_result import headline
 
 RESULTS = "results.json"
 # Columns of results.csv: I in the middle of its range, and mu there with its band.
@@ -93,8 +92,7 @@ def collected(folders: Sequence[Path]) -> tuple[list[dict[str, Cell]], list[str]
         except ResultsFileError as error:
             unread.append(str(error))
             continue
-        verdict = headline(result, run / "history.csv")
-        rows.append({"run": str(run), "verdict": verdict, **row(result)})
+        rows.append({"run": str(run), **row(result)})
     return rows, unread
 
 
@@ -128,7 +126,7 @@ def line(cells: dict[str, Cell]) -> str:
         words += f"mu = {mu:.3f} at I = {I:.2g}, error not determined"
     else:
         words += f"mu = {mu:.3f} ({low:.3f} to {high:.3f}) at I = {I:.2g}"
-    return f"{words}; {cells['verdict']}"
+    return f"{words}; {cells['assessment']}"
 
 
 if __name__ == "__main__":

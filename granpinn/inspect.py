@@ -33,11 +33,11 @@ from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import expected, facts
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5
-      numbers and a verdict
+      numbers, and what they tell of a law
   python -m granpinn.inspect flow.h5 --out inspection
       and inspect.json with maps of the gaps, the speed, the noise and the inertial numbers
   python -m granpinn.inspect flow.h5 --I0 0.28 --mu-s 0.3 --mu-2 0.6
@@ -61,8 +61,8 @@ def _run(argv: Sequence[str]) -> int:
         warnings.simplefilter("ignore", FlowFileWarning)
         flow = read_flow(data)
     found = inspect(flow, options["law"], options["side_walls"])
-    sentences = verdict(found)
-    numbers = found.numbers() | {"verdict": sentences}
+    sentences = facts(found)
+    numbers = found.numbers() | {"expected_sd": expected(found), "facts": sentences}
     if options["out"] is not None:
         write(found, numbers, options["out"])
     if options["json"]:

@@ -31,7 +31,7 @@ from granpinn.results.baseline import Baseline, Difference, LawFit, Point
 from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
-from granpinn.results.records import ErrorBars, Members, Verdict
+from granpinn.results.records import ErrorBars, Members
 
 PARAMETERS = Parameters(
     mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),
@@ -44,7 +44,7 @@ BASELINE = Baseline(
     law=LawFit(0.4, 0.63, 0.3, 0.01, 0.04),
     window=2,
     parts={"scatter": 0.01, "window": 0.0, "depth": 0.01, "model": 0.02},
-    network=(Difference(0.05, 1.5, 2.5, False),),
+    network=(Difference(0.05, 1.5, 2.5),),
 )
 LAW = IdentifiedLaw(
     "mu_of_i",
@@ -52,7 +52,6 @@ LAW = IdentifiedLaw(
     Curve((0.01, 0.045, 0.2), (0.42, 0.44, 0.49), (0.4, 0.42, 0.46), (0.44, 0.46, 0.52)),
     StressPoints((0.02, 0.1), (0.42, 0.46), (0.4, 0.43), (0.44, 0.5), (40, 50)),
 )
-RATIOS: dict[str, float | None] = {"momentum": 0.9, "constitutive": 1.1}
 # Changes that leave everything unknown that may be.
 SPARSE: dict[str, Any] = {
     "truth": None,
@@ -62,7 +61,6 @@ SPARSE: dict[str, Any] = {
     "members": None,
     "residuals": None,
     "error_bars": None,
-    "verdict": None,
     "baseline": None,
     "determined": None,
     "law": IdentifiedLaw(),
@@ -95,7 +93,6 @@ def make_result(**changes: Any) -> Result:
         members=Members(
             (7, 11, 13),
             {"mu_s": (0.4, 0.41, 0.5), "mu_2": (0.6, 0.61, 0.7)},
-            (False, False, True),
             1,
             1,
         ),
@@ -107,14 +104,9 @@ def make_result(**changes: Any) -> Result:
             continuity=0.02,
             constitutive=0.03,
         ),
-        error_bars=ErrorBars(
-            (0.004, 0.01), (0.011, 0.017), (8.5, 9.5), (1.8, 1.9), "made up", True
-        ),
-        verdict=Verdict(True, "nothing contradicts mu(I): a made-up example", RATIOS),
+        error_bars=ErrorBars((0.011, 0.017), 8.0, 1.86, "made up", (0.008, 0.02), (0.004, 0.01)),
         baseline=BASELINE,
-        determined=Determined(
-            0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46), {"mu_s": 1.5, "mu_2": 9.0}
-        ),
+        determined=Determined(0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46)),
     )
     return replace(result, **changes)
 

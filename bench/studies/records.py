@@ -20,7 +20,6 @@ def records_of(result: Result) -> dict[str, Any]:
         "measured_noise": result.data.measured_noise,
         "independent": result.data.independent,
         "steps": result.timing.steps,
-        "drift": result.drift,
         "baseline": balance_of(result.baseline),
         "failure": result.failure,
     }

@@ -12,7 +12,8 @@ from granpinn.results.attempt import PENDING
 class Answer:
     """Prints results of one run that grow: only lines that were not printed before.
 
-    Parts that are still pending have no line. Later rows of the table get its heading again.
+    Parts that are still pending have no line, nor has the assessment, which they may change. Later
+    rows of the table get its heading again.
     """
 
     def __init__(self) -> None:
@@ -21,7 +22,7 @@ class Answer:
     def show(self, result: Result) -> None:
         """Print the lines of a result that are new."""
         made = tuple(part for part in result.not_done if part.why != PENDING)
-        heading, *lines = str(dataclasses.replace(result, not_done=made)).splitlines()
+        heading, *lines, _ = str(dataclasses.replace(result, not_done=made)).splitlines()
         table = set(takewhile(lambda line: len(line) == len(heading), lines))
         new = [line for line in lines if line not in self._printed]
         if table.intersection(new):

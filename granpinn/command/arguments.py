@@ -20,7 +20,7 @@ from granpinn.config.values import NONE, convert
 from granpinn.physics.laws import LAWS
 
 # `python -m granpinn.train` without arguments: the collapse that comes with the package, in fewer
-# steps than by default, but not fewer than the error bars were calibrated for.
+# steps than by default.
 DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "6000")
 # The settings in --help, which has --config and --help-all too; --help-all has the others.
 USUAL = (

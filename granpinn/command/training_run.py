@@ -41,7 +41,6 @@ from granpinn.second_opinion.law_runs import LawRuns
 from granpinn.second_opinion.resimulation import Column
 from granpinn.simulation import progress as simulation_progress
 from granpinn.training import parallel, progress
-from granpinn.uncertainty.of_result import headline
 from granpinn.uncertainty.unknown_I0 import with_unknown_I0
 
 
@@ -188,8 +187,8 @@ def _conclude(
         results.write_results(result, folder / "results.json")
         answer.show(result)
     else:
-        print(f"verdict: {headline(result, folder / 'history.csv')}")
         print(f"report: {page}")
+    print(f"assessment: {result.assessment}")
     require_kept(folder)
     return result
 

@@ -10,7 +10,7 @@ from granpinn.data.flow import (
     Truth,
     Walls,
 )
-from granpinn.data.noise import add_noise, known_sd, redraw
+from granpinn.data.noise import add_noise, known_sd
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
@@ -34,7 +34,6 @@ __all__ = [
     "known_sd",
     "particle_flow",
     "read_flow",
-    "redraw",
     "test_grid",
     "training_set",
     "with_collocation",

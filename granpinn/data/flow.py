@@ -219,6 +219,11 @@ class Flow:
         """Whether the flow repeats along x: the file states `period_x`, or the flow is a layer."""
         return self.layer or self.stated(PERIOD_X) is not None
 
+    @property
+    def of_solver(self) -> bool:
+        """Whether a solver made the data, as the file states; else they are of real grains."""
+        return any(self.stated(name) is not None for name in (SOLVER_CELL, SOLVER_MEAN))
+
     def after_start(self, t: npt.NDArray[np.floating[Any]]) -> Bool:
         """Whether data at the times t [n] count: those with t > 0, or all of a steady flow.
 

@@ -20,7 +20,6 @@ from granpinn.data.particles import grid_view
 from granpinn.declared import checked
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
-_STREAMS = 3
 Vectors = TypeVar("Vectors", Flow, Particles)
 
 
@@ -46,7 +45,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if flow.particles is not None:
         return _on_particles(flow, flow.particles, sigma, seed, surface)
     return replace(
-        _noisy_vectors(flow, sigma, sigma, seed),
+        _noisy_vectors(flow, sigma, seed),
         sigma_u=_in_quadrature(flow.sigma_u, sigma),
         sigma_v=_in_quadrature(flow.sigma_v, sigma),
         surface=surface,
@@ -56,7 +55,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
 def _on_particles(
     flow: Flow, particles: Particles, sigma: float, seed: int, surface: Surface | None
 ) -> Flow:
-    noisy = _noisy_vectors(particles, sigma, sigma, seed)
+    noisy = _noisy_vectors(particles, sigma, seed)
     sigma_u, sigma_v = flow.sigma_u, flow.sigma_v
     if particles.sigma_u is not None and particles.sigma_v is not None:
         pair = np.stack([particles.sigma_u, particles.sigma_v]).astype(np.float64)
@@ -66,23 +65,6 @@ def _on_particles(
         sigma_u, sigma_v = _in_quadrature(sigma_u, sigma), _in_quadrature(sigma_v, sigma)
     view = grid_view(noisy)
     return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
-
-
-def redraw(flow: Flow, sd: float, seed: int, part: int = 0) -> Flow:
-    """The flow with its known noise added a second time.
-
-    Args:
-        flow: sigma_u and sigma_v are the noise of its velocity, and stay as they are.
-        sd: of the surface pressure, relative to the largest |p| there.
-        seed: 0 to 2**64 - 1.
-        part: number of a part of a large flow, which has random numbers of its own.
-    """
-    surface = _noisy_surface(flow.surface, sd, seed) if sd else flow.surface
-    sigma_u, sigma_v = stated_sigmas(flow)
-    if flow.particles is not None:
-        again = _noisy_vectors(flow.particles, sigma_u, sigma_v, seed, part)
-        return replace(flow, **grid_view(again), particles=again, surface=surface)
-    return replace(_noisy_vectors(flow, sigma_u, sigma_v, seed, part), surface=surface)
 
 
 def known_sd(flow: Flow) -> float:
@@ -119,12 +101,10 @@ def max_speed(flow: Flow) -> float:
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
 
 
-def _noisy_vectors(
-    vectors: Vectors, sigma_u: Any, sigma_v: Any, seed: int, part: int = 0
-) -> Vectors:
+def _noisy_vectors(vectors: Vectors, sigma: float, seed: int) -> Vectors:
     """A flow or particles with noise on u and v."""
-    u = _noisy(vectors.u, sigma_u, seed, _STREAMS * part + _STREAM_U)
-    return replace(vectors, u=u, v=_noisy(vectors.v, sigma_v, seed, _STREAMS * part + _STREAM_V))
+    u = _noisy(vectors.u, sigma, seed, _STREAM_U)
+    return replace(vectors, u=u, v=_noisy(vectors.v, sigma, seed, _STREAM_V))
 
 
 def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:
@@ -135,11 +115,8 @@ def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | N
     return replace(surface, p=_noisy(surface.p, sigma, seed, _STREAM_P))
 
 
-def _noisy(values: Floats, sigma: Any, seed: int, stream: int) -> Float32:
-    """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order.
-
-    `sigma` is one number or has the shape of `values`.
-    """
+def _noisy(values: Floats, sigma: float, seed: int, stream: int) -> Float32:
+    """values + sigma * normal deviates; NaN stays NaN. One stream per array, in (t, y, x) order."""
     # Philox has a key of 128 bits: the seed is its low half, the stream its high half.
     generator = np.random.Generator(np.random.Philox(key=seed + (stream << 64)))
     noisy = values.astype(np.float64)

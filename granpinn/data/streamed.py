@@ -24,7 +24,7 @@ from granpinn.arrays import Float64
 from granpinn.data.collocation import lowest_row, points_between, without_row
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface
 from granpinn.data.large import chosen, of_frames, slabs, some_frames
-from granpinn.data.noise import inverse_variance, redraw
+from granpinn.data.noise import inverse_variance
 from granpinn.data.outline import highest_rows, outline_above
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import (
@@ -73,7 +73,6 @@ def streamed_set(
     level: str,
     collocation: float,
     dtype: torch.dtype,
-    seed: int | None = None,
 ) -> TrainingSet:
     """The points of a fit of a large flow, as `variants.training_sets` makes those of others.
 
@@ -81,13 +80,12 @@ def streamed_set(
         flow: without reference pressure.
         seen: runs of it, with its partly filled cells.
         collocation: points between the vectors for each vector.
-        seed: of a second draw of the known noise; None: none.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
     made = _Streamed(flow, seen, scales, level, collocation, dtype)
-    for frames, own in _filled(flow, seed):
+    for frames, own in _filled(flow):
         made.add_vectors(frames, own)
         made.add_edges(frames, own)
     facts = walls_of(seen)
@@ -96,11 +94,10 @@ def streamed_set(
     return made.joined()
 
 
-def _filled(flow: Flow, seed: int | None) -> Iterator[tuple[slice, Flow]]:
+def _filled(flow: Flow) -> Iterator[tuple[slice, Flow]]:
     """Slabs of frames, with one frame more up to which cells reach, and partly filled cells."""
-    for number, k in enumerate(slabs(flow)):
+    for k in slabs(flow):
         own = some_frames(flow, slice(k.start, min(k.stop + 1, flow.t.size)))
-        own = own if seed is None else redraw(own, 0.0, seed, number)
         yield k, with_partial_cells(own)
 
 

@@ -4,7 +4,7 @@ An offset is a distance along the outward normal, the same for the whole line. I
 
 - **Stated.** The file says it (`surface_sd`, 0 for an exact line).
 - **A solver.** The surface is sharp and known to half a cell of the solver; errors of this size are
-  in the calibration of the error bars, so the standard deviation is 0. It is the distance between
+  in the error model, so the standard deviation is 0. It is the distance between
   the line and the place where c falls through 1/2, if that distance is larger.
 - **Grains.** A surface of grains is defined to half a grain. The same distance counts if it is
   larger. Where c is a mask (0 or 1), the line may lie anywhere between two rows of vectors: half a

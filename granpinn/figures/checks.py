@@ -56,7 +56,7 @@ def profile_of_I0(profile: Profile, result: Result) -> Drawing:
     values.set_yscale("log")
     values.set_xlabel("$I_0$, held fixed")
     values.set_title("(b) identified values")
-    return Drawing(figure, f"{profile.verdict}. Dotted: the I0 of the run.")
+    return Drawing(figure, f"{profile.answer}. Dotted: the I0 of the run.")
 
 
 @styled

@@ -16,14 +16,9 @@ from granpinn.inspection.confined import undetermined
 from granpinn.physics.laws import Law
 from granpinn.results import Parameters, Result
 from granpinn.results.baseline import Baseline, Difference, Point
-from granpinn.results.records import Verdict
 from granpinn.results.summary import friction_sd
 
-STANDARD_ERRORS = 2.0  # of a difference that warns
-CARRIED = (
-    "no error bars and no verdict: more than the base carries the grains, and the forces of walls "
-    "are not known; do not trust this law"
-)
+CARRIED = "more than the base carries the grains, and the forces of walls are not known"
 
 
 class Balance:
@@ -54,34 +49,33 @@ def beside(balance: Balance, result: Result) -> Baseline:
     found = balance.at(I0 if name is None else result.parameters[name].value)
     if undetermined(balance.flow, cast(Level, result.level)) is not None:
         return found  # the network's law has no meaning
-    differences = tuple(_difference(point, result) for point in found.shown)
+    differences = tuple(difference(point, result) for point in found.shown)
     return dataclasses.replace(found, network=differences)
 
 
 def judged(result: Result, found: Baseline) -> Result:
-    """The result with the baseline; no error bars and verdict where walls carry the grains.
+    """The result with the baseline; no error bars where walls carry the grains.
 
     The equations hold there too, but nothing is known of the forces of the walls: the law was wrong
     by a factor of two in a silo (bench/studies/grains/note.md).
     """
     result = dataclasses.replace(result, baseline=found)
-    if not found.carried or result.verdict is None:
+    if not found.carried:
         return result
     parameters = {
         name: dataclasses.replace(p, std=None, interval_90=None)
         for name, p in result.parameters.items()
     }
-    verdict = Verdict(None, CARRIED, dict.fromkeys(result.verdict.ratios))
     return dataclasses.replace(
         result,
         parameters=Parameters(parameters),
         covariance=None,
         error_bars=None,
-        verdict=verdict,
+        law=dataclasses.replace(result.law, reason=CARRIED),
     )
 
 
-def _difference(point: Point, result: Result) -> Difference:
+def difference(point: Point, result: Result) -> Difference:
     """Without error bars of the result, the balance has all of the standard error."""
     at = np.array([point.I])
     mu = float(result.friction_law.friction(at, *result.theta)[0])
@@ -90,4 +84,4 @@ def _difference(point: Point, result: Result) -> Difference:
         sd = float(friction_sd(at, result, result.covariance)[0])
     percent = 100 * (mu / point.mu - 1)
     se = 100 * float(np.hypot(sd / point.mu, mu * point.se / point.mu**2))
-    return Difference(point.I, percent, se, abs(percent) > STANDARD_ERRORS * se)
+    return Difference(point.I, percent, se)

@@ -216,5 +216,5 @@ def _std_of_friction(result: Result, k: int) -> float | None:
     curve, bars = result.law.curve, result.error_bars
     if curve is None or curve.low is None or curve.high is None:
         return None
-    half_width = max(bars.half_width) if bars else NORMAL_90
+    half_width = bars.half_width if bars else NORMAL_90
     return (curve.high[k] - curve.low[k]) / (2 * half_width)

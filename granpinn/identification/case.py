@@ -20,7 +20,6 @@ from granpinn.data import (
     known_sd,
     large,
     read_flow,
-    redraw,
     streamed,
     with_partial_cells,
 )
@@ -65,7 +64,6 @@ class Case:
         of_flow: what is made of `flow` alone; all members of one flow share it.
         facts: what the vectors of `seen` show; members of one flow share it.
         balance: the momentum balance of `seen`; members of one flow share it.
-        redrawn: whether a second draw of the known noise was added to its data.
     """
 
     flow: Flow
@@ -80,7 +78,6 @@ class Case:
     of_flow: OfFlow
     facts: Facts
     balance: Balance
-    redrawn: bool = False
 
     @property
     def sampled(self) -> str | None:
@@ -194,14 +191,12 @@ def require_room(flow: Flow, config: Config) -> None:
             f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
             f"{flow.c.size:,}: leave it out, or choose fewer frames"
         )
-    redrawn = config.members // 2 if known_sd(large.spread(flow)) > 0 else 0
     parts = HOST_BYTES * large.most_cells(flow) / large.MOST_CELLS
-    need, free = parts + (1 + redrawn) * streamed.MOST_BYTES, available()
+    need, free = parts + streamed.MOST_BYTES, available()
     if need > free:
-        fewer = "fewer --members or " if redrawn else ""
         raise ConfigError(
-            f"a flow of {flow.c.size:,} cells needs {need / 1e9:.3g} GB of memory beside its file "
-            f"with these settings, got {free / 1e9:.3g} GB: use {fewer}a larger machine"
+            f"a flow of {flow.c.size:,} cells needs {need / 1e9:.3g} GB of memory beside its file, "
+            f"got {free / 1e9:.3g} GB: use a larger machine"
         )
 
 
@@ -226,20 +221,19 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
 
 
 def training_data(
-    flow: Flow, scales: Scales, config: Config, whole: Flow | None = None, seed: int | None = None
+    flow: Flow, scales: Scales, config: Config, whole: Flow | None = None
 ) -> TrainingSet:
     """The points of a fit: the data of a flow, points between them for the equations alone, and
     points of its walls.
 
     Args:
         whole: the large flow, if `flow` is runs of one.
-        seed: of a second draw of the noise of `whole`.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
     if whole is not None:
-        return streamed.streamed_set(whole, flow, scales, *of_points(config), seed)
+        return streamed.streamed_set(whole, flow, scales, *of_points(config))
     variant = flow, surface_of(flow, config.level)
     return training_sets([variant], flow, scales, *of_points(config))[0]
 
@@ -256,20 +250,11 @@ def of_points(config: Config) -> tuple[str, float, torch.dtype]:
 
 
 def members(case: Case) -> list[Case]:
-    """The ensemble of a case: its first member, and others that differ in their seeds.
-
-    If the noise of the data is known, the data of the second half of the members get a second draw
-    of it (granpinn/uncertainty/error_bars.py).
-    """
+    """The ensemble of a case: its first member, and others that differ in their seeds."""
     config, made = case.config, [case]
     for k in range(1, config.members):
         member = dataclasses.replace(case.member, seed=member_seed(config.seed, k))
-        redrawn = case.known_sd > 0 and 2 * k >= config.members
-        if redrawn:
-            seen = redraw(case.seen, config.noise, member.seed)
-            data = training_data(seen, case.scales, config, case.whole, member.seed)
-            member = dataclasses.replace(member, data=data)
-        made.append(dataclasses.replace(case, member=member, redrawn=redrawn))
+        made.append(dataclasses.replace(case, member=member))
     return made
 
 

@@ -1,4 +1,4 @@
-"""From trained networks to a result: the center of the ensemble, its error bars, the verdict."""
+"""From trained networks to a result: the center of the ensemble and its error bars."""
 
 from __future__ import annotations
 
@@ -7,28 +7,22 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from granpinn import results
-from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN
 from granpinn.identification import prediction, scoring
 from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.identification.law_curve import inertial_range
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.records import ErrorBars, Members, Verdict
-from granpinn.training.history import Row
+from granpinn.results.records import ErrorBars, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import of_training
-from granpinn.uncertainty.held import Held, Pair, ends_of
-
-LAST_PART = 0.1  # of the steps, in which the law should no longer change
-PLACES = 20  # inertial numbers at which laws are compared, evenly in log I
+from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
@@ -36,7 +30,7 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
 
     Members that diverged are left out. If all did, the first is kept in its last good state.
     """
-    config, law = cases[0].config, LAWS[cases[0].config.law]
+    law = LAWS[cases[0].config.law]
     places = range(len(cases))
     sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
     theta = [
@@ -45,10 +39,9 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
     members = Members(
         seed=tuple(cases[k].member.seed for k in sound),
         values={name: tuple(t[law.names.index(name)] for t in theta) for name in law.free},
-        redrawn=tuple(cases[k].redrawn for k in sound),
         diverged=sum(first + k in run.trainer.diverged for k in places),
     )
-    shown = of_training.shown(members, config)
+    shown = nearest(members, law)
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 
@@ -69,13 +62,17 @@ def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
     return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
 
 
-def held_by(case: Case, residuals: Residuals, I_range: Pair | None) -> Held | None:
-    """What the data of a case hold, for the error bars of mu(I); None without a range of I."""
-    I0 = case.member.fixed.get("I0")
-    if I_range is None or I0 is None:
-        return None
+def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) -> Known:
+    """What a run of so many steps knows of the accuracy of its law.
+
+    Args:
+        x: I/(I + I0) at both ends of the range of I.
+        mu: mu_s and mu_2.
+    """
     noise = residuals.noise or measured_noise(case) or 0.0
-    return Held(ends_of(I_range, I0), noise, case.facts.independent())
+    outline, real = case.config.level == "V0", not case.flow.of_solver
+    fit = residuals.velocity, residuals.constitutive
+    return Known(x, mu, *fit, noise, case.facts.independent(), steps, outline, real)
 
 
 def measured_noise(case: Case) -> float | None:
@@ -92,8 +89,6 @@ def _rms_speed(case: Case) -> float:
 def data_of(case: Case) -> results.DataSummary:
     """What the data of a case are, and what they show."""
     flow, data = case.flow, case.member.data
-    grain = flow.grain_diameter
-    cell = flow.stated(SOLVER_CELL) or flow.stated(SOLVER_MEAN)
     return results.DataSummary(
         n_points=len(data.points),
         n_surface=len(data.surface_points),
@@ -104,9 +99,6 @@ def data_of(case: Case) -> results.DataSummary:
         slips=case.slips,
         measured_noise=measured_noise(case),
         independent=case.facts.independent(),
-        height=case.scales.length / grain,
-        spacing=float(np.median(np.diff(flow.y))) / grain,
-        solver_cell=None if cell is None else cell / grain,
     )
 
 
@@ -141,7 +133,6 @@ def result(
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
-        law=IdentifiedLaw(model.law.name, I_range),
         settings=dataclasses.asdict(config),
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
@@ -149,28 +140,7 @@ def result(
         loss=loss,
         members=members,
         residuals=residuals,
-        drift=drift_of(run.histories[e].rows, model.law, I_range),
     )
-
-
-def drift_of(rows: Sequence[Row], law: Law, I_range: Pair | None) -> float | None:
-    """Largest relative change of mu over a range of I in the last tenth of the steps.
-
-    Args:
-        rows: of the history, the last one at the last step.
-
-    Returns:
-        None without two rows, without a range of I, or where friction is not finite.
-    """
-    if len(rows) < 2 or I_range is None:
-        return None
-    last = rows[-1]
-    before = min(rows[:-1], key=lambda row: abs(row.step - (1 - LAST_PART) * last.step))
-    I = np.geomspace(*I_range, PLACES)  # noqa: E741
-    then, now = (np.asarray(law.friction(I, *row.parameters), np.float64) for row in (before, last))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = float(np.max(np.abs(now / then - 1)))
-    return change if math.isfinite(change) else None
 
 
 class _Law(NamedTuple):
@@ -179,7 +149,7 @@ class _Law(NamedTuple):
     parameters: Parameters
     covariance: Covariance | None
     error_bars: ErrorBars | None
-    verdict: Verdict
+    law: IdentifiedLaw
     assumptions: tuple[Assumed, ...]
 
 
@@ -192,24 +162,28 @@ def _law(
     assumed: tuple[Assumed, ...],
     I_range: Pair | None,
 ) -> _Law:
-    """The law of an ensemble with its error bars and the verdict on it."""
-    symmetries, fixed = case.member.problem.symmetries, case.member.fixed
+    """The law of an ensemble with its error bars, or why it has none."""
+    I0, known = case.member.fixed.get("I0"), None
+    of_mu_of_I = LAWS[case.config.law] is DEFAULT
+    if of_mu_of_I and residuals is not None and I_range is not None and I0 is not None:
+        mu_s, mu_2 = center(members)
+        known = known_by(case, residuals, steps, ends_of(I_range, I0), (mu_s, mu_2))
     judged = of_training.judge(
         members,
         residuals,
-        steps,
+        known,
         case.config,
         diverged,
-        symmetries,
+        case.member.problem.symmetries,
         assumed,
-        lambda: measured_noise(case),
-        None if residuals is None else held_by(case, residuals, I_range),
     )
+    fixed = case.member.fixed
     parameters = Parameters(
         (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
         for name in LAWS[case.config.law].names
     )
-    return _Law(parameters, judged.covariance, judged.bars, judged.verdict, assumed)
+    law = IdentifiedLaw(case.config.law, I_range, reason=judged.reason)
+    return _Law(parameters, judged.covariance, judged.bars, law, assumed)
 
 
 def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:

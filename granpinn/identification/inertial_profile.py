@@ -171,7 +171,7 @@ def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -
         correlation=_correlation(np.array(grid), mu_2, excluded),
         mu_2_by_I0=_derivative(grid, mu_2.mean(axis=1), at),
         status=status,
-        verdict=_verdict(status, allowed, estimate, (low, high)),
+        answer=_answer(status, allowed, estimate, (low, high)),
     )
 
 
@@ -240,7 +240,7 @@ def _derivative(grid: Sequence[float], mu_2: Float64, at: int) -> float:
     return float((mu_2[after] - mu_2[before]) / (grid[after] - grid[before]))
 
 
-def _verdict(
+def _answer(
     status: str,
     allowed: tuple[float | None, float | None],
     estimate: float | None,

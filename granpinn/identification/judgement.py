@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 
 from granpinn.arrays import Floats
-from granpinn.data.flow import SOLVER_CELL
 from granpinn.identification import balance, comparison
 from granpinn.identification.case import Case
 from granpinn.identification.law_curve import Shear, with_law_curve
@@ -23,8 +22,7 @@ from granpinn.results.attempt import (
     lacking,
 )
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import of_kind
-from granpinn.uncertainty.determined import applied, determined, range_of, unfixed
+from granpinn.uncertainty.determined import applied, determined, unfixed
 
 
 def with_law(
@@ -55,8 +53,7 @@ def with_law(
 
 def _with_free_band(result: Result, case: Case, run: TrainingLoop, place: int) -> Result:
     """The result with the band of its curve, if its law is the free curve."""
-    kind = _kind(result, case)
-    made = attempt(LAW_CURVE, lambda: comparison.with_free_band(result, case, run, place, kind))
+    made = attempt(LAW_CURVE, lambda: comparison.with_free_band(result, case, run, place))
     return lacking(result, made) if isinstance(made, NotDone) else made
 
 
@@ -68,7 +65,7 @@ def _with_laws_compared(
     def made() -> Result:
         if (reason := undetermined(case.seen, case.config.level)) is not None:
             raise comparison.ComparisonError(reason)
-        return comparison.compared(result, case, run, of_laws, _kind(result, case))
+        return comparison.compared(result, case, run, of_laws)
 
     found = attempt(COMPARISON, made)
     return lacking(result, found) if isinstance(found, NotDone) else having(found, COMPARISON)
@@ -76,8 +73,6 @@ def _with_laws_compared(
 
 def _with_range(result: Result, case: Case, number: Floats) -> Result:
     """The result without the parameters that its range of I, or its walls, do not determine.
-
-    Kinds of flows with a known model error get their error bars first.
 
     Args:
         number: I of the grains that shear [n]; the loss weights every vector alike.
@@ -87,29 +82,11 @@ def _with_range(result: Result, case: Case, number: Floats) -> Result:
         weight, reason = np.ones(number.shape), undetermined(case.seen, case.config.level)
         if reason is not None:
             return applied(result, unfixed(result, number, weight, reason))
-        made = _with_model_error(result, case, number)
-        found = determined(made, number, weight)
-        return made if found is None else applied(made, found)
+        found = determined(result, number, weight)
+        return result if found is None else applied(result, found)
 
     made = attempt(DETERMINED, of_shear)
     return lacking(result, made) if isinstance(made, NotDone) else having(made, DETERMINED)
-
-
-def _with_model_error(result: Result, case: Case, number: Floats) -> Result:
-    """The result with the error bars of its kind of flow; `number`: I of the grains that shear."""
-    if (I0 := result.parameters.get("I0")) is None:
-        return result
-    shear = range_of(number, np.ones(number.shape), I0.value)
-    if shear is None:
-        return result
-    return of_kind.with_model_error(result, case.config, _kind(result, case), shear)
-
-
-def _kind(result: Result, case: Case) -> str | None:
-    carried = result.baseline is not None and result.baseline.carried
-    return of_kind.kind_of(
-        result.data.symmetries, carried, case.flow.stated(SOLVER_CELL) is not None
-    )
 
 
 def _with_baseline(result: Result, case: Case) -> Result:

@@ -2,17 +2,20 @@
 
 mu = <q n_xy/p> / <n_xy> in bins of I, over the cells of momentum_balance, with the sign of n_xy.
 Averages are taken before the division by n_xy. Points of a large standard error are left out. The
-standard error of a bin has five parts:
+standard error of a bin has six parts:
 
 - scatter: jackknife over blocks of time and space, as neighbors share their errors;
 - window: the change with windows of the local fits that are a cell wider on each side;
+- noise: the change with the noise of the vectors added once more, where noise widens the windows.
+  The bias by noise grows with its variance, so it changes by as much as it is;
 - depth: half the difference between the upper and the lower half of the cells;
 - model: 2 %, as the normal stresses of grains differ by some per cent, which no law with its
   deviator along the strain rate has (bench/studies/grains);
 - side_walls: the change with one standard deviation of their friction, if there are any.
 
 Window, depth and side walls are taken from laws through the cells, so that they do not count the
-scatter again.
+scatter again. Where more than the base carries the grains, the shear stress points against the
+shear in many cells, by more than the noise of a cell explains. The added noise shows that as well.
 """
 
 from __future__ import annotations
@@ -25,8 +28,10 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.config import SideWalls
-from granpinn.data import Flow
+from granpinn.data import Flow, add_noise
 from granpinn.data.flow import WALL_GAP
+from granpinn.data.noise import max_speed
+from granpinn.estimates.robust import spread
 from granpinn.inspection.hanging import hanging
 from granpinn.inspection.momentum_balance import Stress, momentum_balance
 from granpinn.inspection.upright import upright
@@ -39,9 +44,11 @@ FEWEST_ROWS = 3  # of a bin where each is the mean over all columns and there ar
 NARROW = 2.0  # a range of I over less than this factor holds one friction and no law
 # Smallest windows first, with the largest error of the shear rate over its median.
 WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
-WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against the shear
+WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against the shear,
+SURE = 2.0  # by so many standard deviations of the noise of a cell
 MODEL = 0.02  # of mu, relative
 LARGEST_ERROR = 0.25  # of mu, relative
+SEED = 0  # of the noise that is added
 TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
@@ -73,11 +80,12 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
         return Baseline(
             f"friction shows in {len(cells.I)} cells below the surface, and it needs {cells.fewest}"
         )
-    wrong = float(np.mean(cells.shear * cells.normal < 0))
+    noisier = _noisier(flow, stress, window, I0, side_walls.friction)
+    wrong = float(np.mean(cells.shear / cells.normal < -SURE * _noise_of_friction(stress, noisier)))
     bins = list(cells.bins())
     points = [cells.point(k, I0) for k in bins]
     mean = cells.point(np.flatnonzero(cells.within), I0)
-    if wrong > WRONG_SIGN or not mean.mu > 0:
+    if wrong > WRONG_SIGN or mean.mu < -SURE * mean.se:
         return Baseline(
             f"the shear stress points the wrong way in {wrong:.0%} of the cells, so more than the "
             "base carries the grains: side walls in the plane, or an obstacle",
@@ -92,16 +100,18 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     upper, lower = cells.halves()
     at = np.array([*(p.I for p in points), mean.I])
     of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
+    of_noise = cells.changes(noisier)
     of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
+    parts |= {} if isinstance(noisier, str) else {"noise": of_noise}
     parts |= {} if gap is None else {"side_walls": of_walls}
     total = np.sqrt(sum(part**2 for part in parts.values()))
     points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
     points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
     mean = replace(mean, se=float(total[-1]))
-    relative = {name: float(part[-1] / mean.mu) for name, part in parts.items()}
+    relative = {name: float(part[-1] / abs(mean.mu)) for name, part in parts.items()}
     reason = None
     if not mean.se < LARGEST_ERROR * mean.mu:
         worst = max(relative, key=lambda name: relative[name])
@@ -114,9 +124,27 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
 _DISAGREEMENT = {
     "scatter": "its results in blocks of time and space differ",
     "window": "its result changes with the smoothing of the velocity",
+    "noise": "its result changes with the noise of the velocity",
     "depth": "the upper and the lower half of the cells differ",
     "side_walls": "its result changes with the friction of the side walls",
 }
+
+
+def _noisier(flow: Flow, stress: Stress, window: int, I0: float, friction: float) -> Stress | str:
+    """The balance of a flow with the noise of its vectors added; no balance for little noise."""
+    if stress.rate_error < WINDOWS[0][1]:
+        return "the noise changes nothing"
+    again = add_noise(flow, stress.sigma / max_speed(flow), SEED)
+    return momentum_balance(again, window, I0, friction)
+
+
+def _noise_of_friction(stress: Stress, noisier: Stress | str) -> float:
+    """Robust standard deviation of the friction of a cell by noise; 0 for little noise."""
+    if isinstance(noisier, str):
+        return 0.0
+    both = stress.used & noisier.used
+    change = noisier.shear[both] / noisier.normal[both] - stress.shear[both] / stress.normal[both]
+    return spread(change) or np.inf
 
 
 class _Cells:
@@ -181,6 +209,24 @@ class _Cells:
             return np.full_like(at, s.sum() / p.sum())
         values = np.linalg.lstsq(np.stack([(1 - x) * p, x * p], axis=1), s, rcond=None)[0]
         return np.asarray(values[0] * (1 - y) + values[1] * y)
+
+    def changes(self, other: Stress | str) -> Float64:
+        """Change of mu in every bin and over the range with the stress of another balance, where
+        both have cells in the same range of I; 0 elsewhere."""
+        bins = [*self.bins(), np.flatnonzero(self.within)]
+        found = np.zeros(len(bins))
+        if isinstance(other, str):
+            return found
+        cells = _Cells(other)
+        for n, k in enumerate(bins):
+            low, high = self.I[k].min(), self.I[k].max()
+            here = (low <= cells.I) & (cells.I <= high)  # noqa: SIM300
+            if here.any():
+                mu, changed = (
+                    a.shear[i].sum() / a.normal[i].sum() for a, i in ((self, k), (cells, here))
+                )
+                found[n] = abs(changed - mu)
+        return found
 
     def change(self, other: Stress | str, at: Float64, I0: float) -> Float64:
         """Change of the curve with the stress of another balance; 0 without one."""

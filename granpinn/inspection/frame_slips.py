@@ -11,7 +11,7 @@ from granpinn.data import Flow
 from granpinn.inspection.body import Body
 from granpinn.results.slip import IMPROBABLE, Slip
 
-MANY = 0.1  # of the frames; fewer are an advice of the verdict
+MANY = 0.1  # of the frames; fewer are an advice of the inspection
 UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
 # A jump of the center of mass: over the way of the mean velocity, over the scatter of all other
 # intervals, and over the spacing. One lost frame adds one such way; half of it is nearer to one

@@ -15,13 +15,11 @@ layers that are thinner than the region in which a change of friction moves the 
 $\kappa$ and the cap are calibrated on the bounds of a forward model for two column collapses of
 mu(I), (mu_s, mu_2) = (0.2, 0.44) and (0.6, 0.84), with noise of 2 and of 20 %. They reproduce its
 standard deviations within a factor 1.25. They are not measured for other flows and laws. The error
-of a training is larger than the bound and has a scatter of its own. The constants of both, below,
-are measured (bench/studies/noise). Systematic errors are not included.
+of a training is larger than the bound (uncertainty/error_model.py).
 """
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -34,11 +32,6 @@ from granpinn.physics.rheology import by_parameters
 
 KAPPA = 0.097
 LARGEST_RATE = 15.0  # sqrt(|g| / H0)
-# Scatter over seeds of the default training of mu(I) without noise, relative
-# (bench/studies/recipe). A parameter of another law is taken for the worse one.
-TRAINING_SCATTER = {"mu_s": 0.003, "mu_2": 0.015}
-# Its rms error with noise of 20 % over the bound, three materials (bench/studies/noise).
-TRAINING_EXCESS = {"mu_s": 1.5, "mu_2": 5.0}
 LARGEST_CONDITION = 1e12
 
 
@@ -69,7 +62,6 @@ class Precision(SimpleNamespace):
 
     Attributes:
         mu_s, ...: bound from noise, with the parameters known that the law has fixed.
-        mu_s_trained, ...: the precision of the default training.
         mu_s_free, ..., I0_free: bounds with all parameters unknown, if the data fix all.
         correlation: of the last free and the first fixed parameter (mu_2 and I0) when all are
             unknown; None if the law fixes none, or the data do not fix all.
@@ -134,19 +126,7 @@ def expected_precision(
             correlation = float(covariance[i, j] / np.sqrt(covariance[i, i] * covariance[j, j]))
     return Precision(
         **bounds,
-        **{f"{name}_trained": trained_sd(name, bound) for name, bound in bounds.items()},
         **unknown,
         correlation=correlation,
         independent_vectors=float(vectors.sum()),
     )
-
-
-def training_excess(name: str) -> float:
-    """Error of the default training over the bound, for the parameter of that name."""
-    return TRAINING_EXCESS.get(name, max(TRAINING_EXCESS.values()))
-
-
-def trained_sd(name: str, bound: float) -> float:
-    """Relative standard deviation that the default training reaches, from the bound."""
-    scatter = TRAINING_SCATTER.get(name, max(TRAINING_SCATTER.values()))
-    return math.hypot(training_excess(name) * bound, scatter)

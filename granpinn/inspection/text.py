@@ -13,9 +13,9 @@ WIDTH = 100
 MOST_LINES = 28  # the command adds one or two
 
 
-def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
-    """At most `MOST_LINES` lines: slips, the numbers, then the sentences of a verdict with
-    that of the momentum balance as the second."""
+def lines_of(found: Inspection, facts: Sequence[str]) -> list[str]:
+    """At most `MOST_LINES` lines: slips, numbers, and the facts with the momentum balance as the
+    second."""
     c, k, m = found.counts, found.kinematics, found.motion
     unit = "" if found.flow.length_unit == "1" else f" {found.flow.length_unit}/"
     unit += found.flow.time_unit if unit else ""
@@ -41,7 +41,7 @@ def lines_of(found: Inspection, verdict: Sequence[str]) -> list[str]:
         lines += textwrap.wrap(f"{slip.severity}: {slip.text}", WIDTH, subsequent_indent="  ")
     lines += [f"{name:<16} {text}" for name, text in rows]
     lines.append("")
-    for sentence in (verdict[0], found.baseline.sentence, *verdict[1:]):
+    for sentence in (facts[0], found.baseline.sentence, *facts[1:]):
         lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
     if len(lines) > MOST_LINES:
         lines = [*lines[: MOST_LINES - 1], "- ... more in inspect.json"]

@@ -20,7 +20,6 @@ from markupsafe import Markup, escape
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
-from granpinn.identification.law_curve import with_law_curve
 from granpinn.output import write_text
 from granpinn.report import film as films
 from granpinn.report.prepared import Prepared
@@ -41,12 +40,12 @@ from granpinn.results.attempt import attempt
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
 from granpinn.training.history import HistoryFileError, read_history
-from granpinn.uncertainty.of_result import assess
 
 TEMPLATES = Path(__file__).parent / "templates"
 FILM = "Fields over time"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
+SYMBOLS = {"mu(I)": "μ(I)", "mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀", "+-": "±"}
 OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
 
 
@@ -82,7 +81,7 @@ def build(
         missing = [album.Missing(FILM, shot.why), *missing]
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
-    text = render(source.result, source.history, pictures, missing, problems, film)
+    text = render(source.result, pictures, missing, problems, film)
     write_text(page, text)
     return page
 
@@ -116,8 +115,6 @@ def read(
         history = read_history(folder / "history.csv", result.friction_law)
     except HistoryFileError as error:
         problems.append(str(error))
-    if fields is not None and result.law.I_range is None:  # a run of an earlier version
-        result = with_law_curve(result, fields)
     compared: Comparison | None = None
     if result.resimulation is not None and result.resimulation.objection is None:
         try:
@@ -141,7 +138,6 @@ def for_paraview(run_dir: str | Path) -> Path:
 
 def render(
     result: Result,
-    history: album.History | None,
     pictures: Sequence[album.Picture],
     missing: Sequence[album.Missing],
     problems: Sequence[str],
@@ -149,7 +145,7 @@ def render(
 ) -> str:
     """The page, with every figure inside; a script is on it only where there is a film."""
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
-    summary, law = summarize(result, history), result.friction_law
+    summary, law = summarize(result), result.friction_law
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     digest = hashlib.sha256(script.encode()).digest()
     return template("report.html", duration=duration, base64=encoded).render(
@@ -161,7 +157,7 @@ def render(
         bootstrap_head=bootstrap.HEAD,
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
         s=summary,
-        a=assess(result, summary),
+        a=result.assessment,
         film=film,
         script=Markup(script),
         script_hash=f"sha256-{base64.b64encode(digest).decode('ascii')}",
@@ -182,7 +178,7 @@ def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "symbol": symbol, **filters}
+    environment.filters |= {"number": number, "symbol": symbol, "reason": in_symbols, **filters}
     return environment.get_template(name)
 
 
@@ -190,6 +186,13 @@ def symbol(text: str) -> Markup:
     """The symbol of a parameter, such as "μₛ", with a subscript tag, which is easier to read."""
     index = escape(unicodedata.normalize("NFKD", text[1:]))
     return Markup("<i>{}</i><sub>{}</sub>").format(text[:1], index)
+
+
+def in_symbols(text: str) -> str:
+    """A sentence of the terminal with the symbols of the page."""
+    for name, own in SYMBOLS.items():
+        text = text.replace(name, own)
+    return text
 
 
 def encoded(content: Path | bytes) -> str:

@@ -34,13 +34,11 @@ class Difference:
         I: of the point.
         percent: 100 (mu of the network / mu of the balance - 1).
         se_percent: of both together: their variances are added, as the balance uses no network.
-        warns: whether they differ by more than two standard errors.
     """
 
     I: float  # noqa: E741
     percent: float
     se_percent: float
-    warns: bool
 
     def __str__(self) -> str:
         return f"{self.percent:+.1f} +- {self.se_percent:.1f} % at I = {self.I:.2g}"
@@ -88,12 +86,6 @@ class Baseline:
         return (self.points[0], self.mean, self.points[-1])
 
     @property
-    def worst(self) -> Difference | None:
-        """The largest difference that warns, in standard errors."""
-        warning = [d for d in self.network if d.warns]
-        return max(warning, key=lambda d: abs(d.percent) / d.se_percent, default=None)
-
-    @property
     def sentence(self) -> str:
         """The friction in a sentence, without the network."""
         if not self.shown:
@@ -106,23 +98,12 @@ class Baseline:
         friction = self.wall_friction
         return "" if friction is None else f", with the friction {friction:g} of the side walls"
 
-    @property
-    def warning(self) -> str | None:
-        """A sentence where the network's law and the balance contradict each other."""
-        if self.worst is None:
-            return None
-        ratio = abs(self.worst.percent) / self.worst.se_percent
-        return (
-            f"warning: the network's law and the momentum balance differ by {self.worst}, "
-            f"{ratio:.1f} times their standard error together: one of them is wrong"
-        )
-
     def __str__(self) -> str:
-        """The lines for the terminal."""
+        """The line for the terminal."""
         if not self.shown:
             return f"momentum balance, no network: it does not apply: {self.reason}"
         values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
         text = f"momentum balance, no network: mu = {values}{self._walls}"
         if self.network:
             text += f"; the network's law differs by {', '.join(map(str, self.network))}"
-        return text if self.warning is None else f"{text}\n{self.warning}"
+        return text

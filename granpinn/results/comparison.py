@@ -60,11 +60,16 @@ def values(parameters: Parameters) -> str:
     return ", ".join(found)
 
 
+def excluded(comparison: Sequence[ComparedLaw], chosen: str) -> list[str]:
+    """Names of the laws that the data tell from the chosen one."""
+    alike = next(c.not_told_apart_from for c in comparison if c.law == chosen)
+    return [c.law for c in comparison if c.law != chosen and c.law not in alike]
+
+
 def sentence(comparison: Sequence[ComparedLaw], chosen: str) -> str:
     """Which law the data support, which they cannot tell from it, and which they exclude."""
     by_name = {c.law: c for c in comparison}
     alike = by_name[chosen].not_told_apart_from
-    excluded = [c.law for c in comparison if c.law != chosen and c.law not in alike]
     if len(LAWS[chosen].names) == 1:  # constant friction
         mu = by_name[chosen].parameters[LAWS[chosen].names[0]].value
         text = f"a constant friction of {mu:.3g} explains these data as well as {_titles(alike)}"
@@ -73,7 +78,8 @@ def sentence(comparison: Sequence[ComparedLaw], chosen: str) -> str:
     else:
         text = f"{LAWS[chosen].title} explains these data"
         text += f"; not told apart: {_titles(alike)}" if alike else ""
-    return text + (f"; excluded: {_titles(excluded)}" if excluded else "")
+    others = excluded(comparison, chosen)
+    return text + (f"; excluded: {_titles(others)}" if others else "")
 
 
 def _titles(names: Sequence[str]) -> str:

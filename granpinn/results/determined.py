@@ -15,7 +15,6 @@ class Determined:
         I_low, I_high: of the points that shear, 5th and 95th percentile.
         I: their mean.
         mu, std, interval_90: friction at this I, without error bars if the law has none.
-        reach: of each free parameter: its standard deviation over that of mu at I.
         lost: names of the parameters that are not determined. Each has `determined` = false and no
             error bars in `parameters`; those that it had are here.
         raw_std, raw_interval_90: of the parameters in `lost` that had them.
@@ -29,7 +28,6 @@ class Determined:
     mu: float
     std: float | None
     interval_90: tuple[float, float] | None
-    reach: dict[str, float]
     lost: tuple[str, ...] = ()
     raw_std: dict[str, float] | None = None
     raw_interval_90: dict[str, tuple[float, float]] | None = None

@@ -66,7 +66,7 @@ class Profile:
         correlation: of mu_2 with I0 over all trainings at values that are not excluded.
         mu_2_by_I0: d mu_2 / d I0 at the I0 of the run.
         status: "separable", "lower bound", "upper bound", "not separable".
-        verdict: the status in a sentence.
+        answer: the status in a sentence.
         unknown: mu_s, slope and I0 where I0 is not known, each with a 90 % interval or not
             determined (uncertainty/unknown_I0.py); None: the run has no error bars.
     """
@@ -84,7 +84,7 @@ class Profile:
     correlation: float | None
     mu_2_by_I0: float
     status: str
-    verdict: str
+    answer: str
     unknown: Parameters | None = None
 
     def __post_init__(self) -> None:
@@ -105,7 +105,7 @@ class Profile:
             f"slope (mu_2 - mu_s)/I0 {self.slope:.3f} +- {self.slope_std:.3f}, d mu_2/d I0 "
             f"{self.mu_2_by_I0:+.2f}, correlation of mu_2 with I0 {correlation}"
         )
-        return "\n".join([*lines, self.verdict, self._unknown()])
+        return "\n".join([*lines, self.answer, self._unknown()])
 
     def _unknown(self) -> str:
         """The line on the parameters where I0 is not known."""

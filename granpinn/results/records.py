@@ -1,4 +1,4 @@
-"""Records of results.json beside the values: data, ensemble, error bars, verdict and zones."""
+"""Records of results.json beside the values: data, training, ensemble, error bars and zones."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ class DataSummary:
         sampled: which parts of a large flow were used for what; None: all of it for all.
         measured_noise: of the vectors, over their rms velocity; None: they are too few to show it.
         independent: number of independent vectors.
-        height, spacing: of the grains, and between vectors, in grain diameters.
-        solver_cell: of the solver that made the data, likewise; None: of real grains.
     """
 
     n_points: int
@@ -32,9 +30,6 @@ class DataSummary:
     sampled: str | None = None
     measured_noise: float | None = None
     independent: float | None = None
-    height: float | None = None
-    spacing: float | None = None
-    solver_cell: float | None = None
 
 
 @dataclass(frozen=True)
@@ -44,19 +39,17 @@ class Members:
     Attributes:
         seed: of each.
         values: of each, by the names of the identified parameters; in JSON beside the seed.
-        redrawn: whether its data have a second draw of the known noise (bench/studies/coverage).
         shown: index of the member nearest to the center; the result has the fields of this member.
         diverged: number of members that diverged.
     """
 
     seed: tuple[int, ...]
     values: dict[str, tuple[float, ...]] = field(metadata=OTHERS)
-    redrawn: tuple[bool, ...]
     shown: int = 0
     diverged: int = 0
 
     def __post_init__(self) -> None:
-        lengths = {len(self.seed), len(self.redrawn), *map(len, self.values.values())}
+        lengths = {len(self.seed), *map(len, self.values.values())}
         if lengths != {len(self.seed)} or not self.seed:
             raise ValueError(f"members must have one value each, got {sorted(lengths)}")
         if not 0 <= self.shown < len(self.seed):
@@ -64,43 +57,28 @@ class Members:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Whether the data follow the law at all.
-
-    Attributes:
-        follows: None if no answer is possible.
-        words: the answer in a sentence.
-        ratios: residuals relative to residuals of simulated flows of the law, by terms of the loss;
-            in JSON beside the words.
-    """
-
-    follows: bool | None
-    words: str
-    ratios: dict[str, float | None] = field(default_factory=dict, metadata=OTHERS)
-
-
-@dataclass(frozen=True)
 class ErrorBars:
     """The parts of the standard deviations of (mu_s, mu_2); for mu(I) alone.
 
     Attributes:
-        scatter: sd that comes from seeds and measurement noise.
-        discrepancy: sd of the further error of simulated collapses, scaled by misfit and steps; in
-            flows of another kind the error of the model (uncertainty/of_kind.py).
-        assumptions: sd that comes from uncertain assumptions; None without any.
+        method: sd of the errors in simulated flows (uncertainty/error_model.py).
         freedom: degrees of freedom behind the intervals.
         half_width: of the 90 % intervals, in standard deviations.
-        provenance: the trainings behind the calibration.
-        provisional: whether a coverage study has still to confirm the calibration.
+        provenance: the trainings behind the error model.
+        grains: sd by which real grains depart from mu(I); None: a solver made the data.
+        scatter: sd that comes from seeds; None: one member.
+        assumptions: sd that comes from uncertain assumptions; None without any.
+        outside: in what the run is unlike those trainings, in words.
     """
 
-    scatter: tuple[float, float]
-    discrepancy: tuple[float, float]
-    freedom: tuple[float, float]
-    half_width: tuple[float, float]
+    method: tuple[float, float]
+    freedom: float
+    half_width: float
     provenance: str
-    provisional: bool
+    grains: tuple[float, float] | None = None
+    scatter: tuple[float, float] | None = None
     assumptions: tuple[float, float] | None = None
+    outside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -128,3 +106,27 @@ class Zones:
     source: str
     n_flowing: int
     n_stagnant: int
+
+
+@dataclass(frozen=True)
+class InertialNumber:
+    """Quantiles of I over the grains: the data determine the friction law over this band only."""
+
+    q05: float
+    median: float
+    q95: float
+
+
+@dataclass(frozen=True)
+class Timing:
+    wall_s: float
+    steps: int
+    steps_per_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Input:
+    """The flow file: its name without a folder, and the SHA-256 of its bytes."""
+
+    name: str
+    sha256: str

@@ -16,6 +16,7 @@ from granpinn.data import Truth
 from granpinn.output import html
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
+from granpinn.results.assessment import Assessment, assess
 from granpinn.results.assumed import Assumed
 from granpinn.results.baseline import Baseline
 from granpinn.results.bootstrap import Bootstrap
@@ -27,35 +28,20 @@ from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
 from granpinn.results.parameters import Covariance, Parameters
-from granpinn.results.records import DataSummary, ErrorBars, Members, NotDone, Verdict, Zones
+from granpinn.results.records import (
+    DataSummary,
+    ErrorBars,
+    InertialNumber,
+    Input,
+    Members,
+    NotDone,
+    Timing,
+    Zones,
+)
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 3
 TABLE_HEAD = ("", "value", "std", "90 % interval", "true", "error %")
-
-
-@dataclass(frozen=True)
-class InertialNumber:
-    """Quantiles of I over the grains: the data determine the friction law over this band only."""
-
-    q05: float
-    median: float
-    q95: float
-
-
-@dataclass(frozen=True)
-class Timing:
-    wall_s: float
-    steps: int
-    steps_per_s: float | None = None
-
-
-@dataclass(frozen=True)
-class Input:
-    """The flow file: its name without a folder, and the SHA-256 of its bytes."""
-
-    name: str
-    sha256: str
 
 
 @dataclass(frozen=True)
@@ -66,8 +52,6 @@ class Result:
         law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
-        drift: largest relative change of mu over the I of the data in the last tenth of the steps,
-            before the last-layer step; None: not known.
         not_done: parts after the identification that the run lacks, with the reasons.
         assumptions: what the data do not contain, and its effect on the law.
         bootstrap: errors of identifications of flows that were simulated with the law.
@@ -98,9 +82,7 @@ class Result:
     resimulation: Resimulation | None = None
     members: Members | None = None
     residuals: Residuals | None = None
-    drift: float | None = None
     error_bars: ErrorBars | None = None
-    verdict: Verdict | None = None
     baseline: Baseline | None = None
     determined: Determined | None = None
     not_done: tuple[NotDone, ...] = ()
@@ -142,13 +124,19 @@ class Result:
         return LAWS[self.law.name]
 
     @property
+    def assessment(self) -> Assessment:
+        """May these numbers be used? A function of the other records."""
+        return assess(self)
+
+    @property
     def theta(self) -> tuple[float, ...]:
         """The values of the parameters, in the order of the law."""
         return tuple(self.parameters[name].value for name in self.friction_law.names)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
-        content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "law": None}
+        content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
+        content |= {"assessment": encode(self.assessment), "law": None}
         values: dict[str, Any] = plain(content | encode(self))
         return values
 
@@ -158,7 +146,7 @@ class Result:
         return f"{type(self).__name__}({self.input.name}, level {self.level}: {found})"
 
     def __str__(self) -> str:
-        """The lines that a terminal shows at the end of a run."""
+        """The lines that a terminal shows at the end of a run, with the assessment as the last."""
         lines = [
             f"{name:6s}{value:>9s}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}"
             if value != NOT_DETERMINED
@@ -167,16 +155,16 @@ class Result:
         ]
         for name, error in self._field_errors():
             lines.append(f"{name:53s}{error:>10s}")
-        return "\n".join(lines + self._sentences(table(self.comparison, self.chosen)))
+        lines += self._sentences(table(self.comparison, self.chosen))
+        return "\n".join([*lines, f"assessment: {self.assessment}"])
 
     def _repr_html_(self) -> str:
-        """The same for notebooks, with the verdict first."""
-        verdict = [] if self.verdict is None else [self.verdict.words]
+        """The same for notebooks, with the assessment first."""
         compared = table(self.comparison, self.chosen)[-1:]  # its sentence
-        sentences = [text for text in self._sentences(compared) if text not in verdict]
+        sentences = self._sentences(compared)
         rows = self._table()
         rows += [(name, "", "", "", "", error) for name, error in self._field_errors()]
-        parts = [html.paragraphs(verdict), html.table(rows, TABLE_HEAD)]
+        parts = [html.paragraphs([str(self.assessment)]), html.table(rows, TABLE_HEAD)]
         parts += [html.table(rows_of(self.comparison), HEAD)] if compared else []
         return "\n".join([*parts, html.paragraphs(sentences)])
 
@@ -205,7 +193,6 @@ class Result:
         """What there is to say beside the numbers; `compared`: of laws."""
         parts: list[object] = [self.determined] if self.determined and self.determined.lost else []
         parts += [] if self.law.I_range is None else [self.law]
-        parts += [] if self.verdict is None else [self.verdict.words]
         parts += [*compared, *self.assumptions, self.baseline, self.simulated_pressure]
         parts += [self.profile, self.resimulation, self.bootstrap, *self.not_done]
         return [str(part) for part in parts if part is not None]

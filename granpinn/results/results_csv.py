@@ -31,6 +31,8 @@ def row(result: Result) -> dict[str, Cell]:
         "recipe": result.recipe,
         "seed": result.seed,
         "stopped": result.stopped,
+        "assessment": result.assessment.grade,
+        "reason": next(iter(result.assessment.reasons), None),
     }
     for name, parameter in result.parameters.items():
         low, high = parameter.interval_90 or (None, None)

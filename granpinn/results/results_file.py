@@ -47,6 +47,7 @@ def from_dict(content: Any, where: str = "the result") -> Result:
         raise ResultsFileError(f"{where} must hold an object, got {type(content).__name__}")
     content = dict(content)
     found = (content.pop("format_name", None), content.pop("format_version", None))
+    content.pop("assessment", None)  # follows from the other records
     if found != (FORMAT_NAME, FORMAT_VERSION):
         raise ResultsFileError(
             f"{where} must have format_name {FORMAT_NAME!r} and format_version {FORMAT_VERSION}, "

@@ -1,4 +1,4 @@
-"""The numbers behind the words of a report, derived from a result and its history.
+"""The numbers behind the words of a report, derived from a result.
 
 The flow shows its friction law only over the inertial numbers that it has. Hence the law is summed
 up over the range of I of its curve, beside its parameters.
@@ -6,7 +6,6 @@ up over the range of I of its curve, beside its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +16,6 @@ from granpinn.physics.rheology import by_parameters
 from granpinn.results.parameters import Covariance
 from granpinn.results.result import Result
 
-CURVE = "μ(I)"  # symbol of a free curve
-LAST_PART = 0.1  # of the steps: how much the parameters still changed
 BAND_POINTS = 200  # of laws that are compared over a range of I
 NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 
@@ -46,19 +43,15 @@ class Summary(NamedTuple):
         reaches: I of the grains (95 %) over I0; mu_2 is an extrapolation where it is far below 1;
             None for other laws.
         stagnant: share of the scored points in stagnant zones.
-        drift: relative change over the last tenth of the steps, by the symbols of the identified
-            parameters; of a free curve the largest one of mu over the range of I, as its
-            coefficients beyond the data have no meaning.
     """
 
     slope: float | None
     band: Band | None
     reaches: float | None
     stagnant: float | None
-    drift: dict[str, float] | None
 
 
-def summarize(result: Result, history: Mapping[str, Floats] | None = None) -> Summary:
+def summarize(result: Result) -> Summary:
     """What the page says in words; None for what is not known."""
     band = _band(result)
     zones = result.zones
@@ -73,7 +66,6 @@ def summarize(result: Result, history: Mapping[str, Floats] | None = None) -> Su
         band=band,
         reaches=reaches,
         stagnant=zones.n_stagnant / scored if zones and scored else None,
-        drift=_drift(result, history) if history else None,
     )
 
 
@@ -113,29 +105,3 @@ def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  #
     J = rows[:, [law.names.index(name) for name in covariance.names]]
     variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
-
-
-def _drift(result: Result, history: Mapping[str, Floats]) -> dict[str, float] | None:
-    """|last - value at 0.9 of the steps| / |last| of what is identified."""
-    step, law, curve = history["step"], result.friction_law, result.law.curve
-    if step.size < 2:
-        return None
-    before = int(np.argmin(np.abs(step - (1 - LAST_PART) * step[-1])))
-    if before == step.size - 1:
-        return None
-    if law.curve:
-        if curve is None:
-            return None
-        rows = ((history[name][k] for name in law.names) for k in (before, -1))
-        pairs = {CURVE: tuple(law.friction(np.array(curve.I), *row) for row in rows)}
-    else:
-        values = {law.parameter(name).text: history[name] for name in law.free}
-        pairs = {text: (column[before], column[-1]) for text, column in values.items()}
-    changes = {text: _change(*map(np.asarray, pair)) for text, pair in pairs.items()}
-    return changes if np.isfinite([*changes.values()]).all() else None
-
-
-def _change(then: Floats, last: Floats) -> float:
-    """Largest |last - then| / |last|; infinite or NaN where it is not known."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.max(np.abs(last - then) / np.abs(last)))

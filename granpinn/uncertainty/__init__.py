@@ -1,11 +1,10 @@
-"""Error bars and all verdicts. In reading order:
+"""Error bars, and which law the data support. In reading order:
 
-of_data (can the inspected data identify the law?), center (of an ensemble, for every law),
-calibration (the measured table behind the error bars), of_law (do the residuals fit the law?),
-error_bars (of mu_s and mu_2), determined (by the range of I), curve (of the law, with its band),
-of_training (error bars and verdict of a training, or the reason for their absence), of_result (the
-headline of a report).
+of_data (what inspected data tell of a law), center (of an ensemble, for every law), error_model (of
+an identified mu(I)), error_bars (of mu_s and mu_2), of_assumptions (what the data do not contain),
+of_training (the error bars of a training, or why it has none), determined (by the range of I),
+curve (of the law, with its band), free_curve and law_choice (the comparison of laws), unknown_I0.
 
-Error bars are calibrated for mu(I) alone. With another law, a result has values without error bars
-(`of_training.judge`).
+Error bars exist for mu(I) only. With another law, a result has values without error bars. Whether
+numbers may be used is said in granpinn/results/assessment.py.
 """

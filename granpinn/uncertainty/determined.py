@@ -1,22 +1,15 @@
-r"""The parameters of mu(I) that the data determine, and those that only extrapolate.
+"""The parameters of mu(I) that the data determine, and those that only extrapolate.
 
-With x = I/(I + I0), mu = mu_s (1 - x) + mu_2 x is a line from mu_s at x = 0 to mu_2 at x = 1. The
-data show it between the smallest and the largest x. For a straight line through points of equal
-error, the standard deviations at x = 0 and x = 1 over that in the middle of the points are
-
-$$ r_s = \sqrt{1 + \bar x^2 / \mathrm{var}(x)}, \quad
-   r_2 = \sqrt{1 + (1 - \bar x)^2 / \mathrm{var}(x)}. $$
-
-The covariance of a result gives two such ratios as well. The larger one counts: error bars that
-are calibrated on collapses do not contain the range of another flow. A parameter is not determined
-if its standard deviation would exceed LARGEST of its value where that of mu is USUAL of mu. So the
-range alone decides: an inaccurate training has wide intervals, which say so themselves.
+The law is a line in x = I/(I + I0) that the data show between two ends. The error model continues
+it to mu_s at x = 0 and mu_2 at x = 1 (error_model.py). A parameter is not determined if its
+standard deviation would exceed `LARGEST` of its value in usual flows with this range of I, which
+have no noise. So the range alone decides: noise, or a short training, leave wide intervals, which
+say so themselves.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -25,10 +18,10 @@ from granpinn.arrays import Float64, Floats
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
 from granpinn.results.determined import Determined
-from granpinn.results.summary import NORMAL_90, friction_sd
+from granpinn.results.summary import friction_sd
+from granpinn.uncertainty import error_bars, error_model
+from granpinn.uncertainty.error_model import Known, ends_of, interval
 
-# Relative sd of mu: the scatter of trainings without noise, 1.5 % in mu_2 (bench/studies/noise).
-USUAL = 0.015
 LARGEST = 0.2
 
 
@@ -41,28 +34,26 @@ def determined(result: Result, inertial_number: Floats, weight: Floats) -> Deter
     """
     if result.law.name != mu_of_i.LAW.name:
         return None
-    shear = range_of(inertial_number, weight, result.parameters["I0"].value)
+    mu_s, mu_2, I0 = result.theta
+    shear = range_of(inertial_number, weight, I0)
     if shear is None:
         return None
-    at, reach = np.array([shear.I]), dict(shear.reach)
-    mu = float(result.friction_law.friction(at, *result.theta)[0])
-    std, interval = _at(at, mu, result)
-    if std and result.covariance is not None:
-        for k, name in enumerate(result.covariance.names):
-            if name in reach:
-                own = np.sqrt(result.covariance.matrix[k][k]) / std
-                reach[name] = max(reach[name], float(own))
-    lost = lost_of(reach, mu, {name: result.parameters[name].value for name in reach})
-    return Determined(shear.low, shear.high, shear.I, mu, std, interval, reach, lost)
+    bars, at = result.error_bars, np.array([shear.I])
+    real = bars is not None and bars.grains is not None
+    lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2), real=real))
+    mu, std, mu_90 = float(result.friction_law.friction(at, *result.theta)[0]), None, None
+    if result.covariance is not None and bars is not None:
+        std = float(friction_sd(at, result, result.covariance)[0])
+        mu_90 = interval(mu, std, bars.half_width)
+    return Determined(shear.low, shear.high, shear.I, mu, std, mu_90, lost)
 
 
 class Range(NamedTuple):
-    """The 5th and 95th percentile of I, the I of the mean x, and the ratios r by parameters."""
+    """The 5th and 95th percentile of I, and the I of the mean x."""
 
     low: float
     high: float
     I: float  # noqa: E741 (the inertial number's own symbol)
-    reach: dict[str, float]
 
 
 def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None:
@@ -73,15 +64,9 @@ def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None
     number, share = used
     low, high = _quantiles(number, share)
     within = (number >= low) & (number <= high)
-    number, share = number[within], share[within] / share[within].sum()
-    x = number / (number + I0)
-    mean = float(share @ x)
-    variance = max(float(share @ (x - mean) ** 2), 1e-12)
-    reach = {
-        "mu_s": float(np.sqrt(1 + mean**2 / variance)),
-        "mu_2": float(np.sqrt(1 + (1 - mean) ** 2 / variance)),
-    }
-    return Range(low, high, I0 * mean / (1 - mean), reach)
+    x = number[within] / (number[within] + I0)
+    mean = float(np.average(x, weights=share[within]))
+    return Range(low, high, I0 * mean / (1 - mean))
 
 
 def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] | None:
@@ -90,9 +75,11 @@ def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] 
     return None if used is None else _quantiles(*used)
 
 
-def lost_of(reach: Mapping[str, float], mu: float, values: Mapping[str, float]) -> tuple[str, ...]:
-    """The parameters that are not determined, by their ratios r and values; mu is at the mean x."""
-    return tuple(name for name, r in reach.items() if r * USUAL * mu > LARGEST * values[name])
+def lost_of(known: Known) -> tuple[str, ...]:
+    """The parameters that are not determined."""
+    sd = error_bars.sd_of(known, error_model.load())
+    pairs = zip(error_bars.NAMES, sd, known.mu, strict=True)
+    return tuple(name for name, s, mu in pairs if s > LARGEST * mu)
 
 
 def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str) -> Determined:
@@ -105,9 +92,9 @@ def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str
     law = result.friction_law
     scale = law.inertial_scale
     shear = range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
-    low, high, at = (0.0, 0.0, 0.0) if shear is None else (shear.low, shear.high, shear.I)
+    low, high, at = (0.0, 0.0, 0.0) if shear is None else shear
     mu = float(law.friction(np.array([at]), *result.theta)[0])
-    return Determined(low, high, at, mu, None, None, {}, law.free, reason=reason)
+    return Determined(low, high, at, mu, None, None, law.free, reason=reason)
 
 
 def applied(result: Result, found: Determined) -> Result:
@@ -120,15 +107,6 @@ def applied(result: Result, found: Determined) -> Result:
     intervals = {name: p.interval_90 for name, p in lost.items() if p.interval_90 is not None}
     found = dataclasses.replace(found, raw_std=std or None, raw_interval_90=intervals or None)
     return dataclasses.replace(result, parameters=Parameters(values), determined=found)
-
-
-def _at(at: Float64, mu: float, result: Result) -> tuple[float | None, tuple[float, float] | None]:
-    """Standard deviation and 90 % interval of mu at an I; None without error bars."""
-    if result.covariance is None:
-        return None, None
-    std = float(friction_sd(at, result, result.covariance)[0])
-    half = max(result.error_bars.half_width) if result.error_bars else NORMAL_90
-    return std, (mu - half * std, mu + half * std)
 
 
 def _shearing(inertial_number: Floats, weight: Floats) -> tuple[Float64, Float64] | None:

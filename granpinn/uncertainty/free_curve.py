@@ -6,9 +6,9 @@ $$ C = V + D, \qquad V = H^{-1} \Big( \sum_B s_B s_B^T \Big) H^{-1}: $$
 
 V holds the residuals, with the scores s_B of boxes in space and time that count as independent (the
 sandwich of White, Econometrica 48, 1980). Boxes of several sizes are tried; the largest V counts. D
-is the further error of simulated flows with known laws (calibration.FreeCurveError): the relative
-error of mu is a sum of Legendre polynomials over the range of log I, with independent amplitudes.
-In grains the level and the tilt of their kind are added (of_kind.py).
+is the further error of simulated flows with known laws, that of mu(I) at both ends of the range of
+I times a factor, and the departure of real grains (error_model.py); between the ends the error of
+log mu is linear in log I.
 
 Scores of blocks of time count as log likelihoods after a division by
 
@@ -22,12 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import free
 from granpinn.training.information import BOXES, Information
-from granpinn.uncertainty.calibration import FreeCurveError, ModelError
 
 N = free.COEFFICIENTS
 SHAPES = ((4, 4, 8), (2, 2, 4), (4, 4, 4), (8, 8, 8))  # boxes along x, y and t
@@ -110,22 +108,16 @@ def model_covariance(
     I: Float64,  # noqa: E741
     mu: Float64,
     I_range: tuple[float, float],
-    error: FreeCurveError,
-    scale: float,
-    grains: ModelError | None,
+    of_ends: Float64,
 ) -> Float64:
     """D at every I [n, n], beyond the residuals.
 
     Args:
         mu: friction there [n].
         I_range: of the flow, 5th and 95th percentile.
-        scale: by which the errors are larger than in the study.
-        grains: error of flows of grains of this kind.
+        of_ends: covariance of log mu at both ends of that range [2, 2].
     """
     low, high = np.log(I_range)
-    xi = np.clip(2 * (np.log(I) - low) / (high - low) - 1, -1, 1)
-    variances = scale**2 * np.square(error.modes)
-    if grains is not None:
-        variances[:2] += np.square([grains.level, grains.tilt])
-    modes = mu[:, None] * legendre.legvander(xi, len(variances) - 1)
-    return np.asarray((modes * variances) @ modes.T)
+    part = np.clip((np.log(I) - low) / (high - low), 0, 1)
+    J = mu[:, None] * np.stack([1 - part, part], axis=1)
+    return np.asarray(J @ of_ends @ J.T)

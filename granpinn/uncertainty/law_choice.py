@@ -13,8 +13,8 @@ of that block at this fit counts as a log likelihood. The score of a law is the 
 blocks, relative to that of the law with the least $\chi^2$. Points of one block are neighbors, so
 random points would be no test.
 
-**Told apart.** Two laws are told apart where their curves differ by more than the errors of the
-free curve in 99 % of simulated flows, and their $\chi^2$ by more than `CLEAR`. Of the laws that are
+**Told apart.** Two laws are told apart where their curves differ by more than 95 % of the errors of
+the free curve, and their $\chi^2$ by more than `CLEAR`. Of the laws that are
 not told apart from the nearest one, that with the fewest parameters is chosen.
 
 **Cohesion** is no part of a curve mu(I). It comes from a training of its own, with its error from
@@ -54,8 +54,8 @@ class Band:
 
     Attributes:
         I, mu: inertial numbers and friction [n].
-        half: half-width of the band that holds all of 90 % of the curves [n].
-        farthest: the same for 99 % [n].
+        half: half-width of the band that holds 90 % [n].
+        farthest: the same for 95 % [n].
     """
 
     I: Float64  # noqa: E741 (the inertial number's own symbol)

@@ -1,7 +1,4 @@
-"""Can the inspected data identify the law? A verdict before any training, for mu(I) alone.
-
-Findings come first, then advice on the measurement.
-"""
+"""What inspected data tell of a law before any training: facts, then advice on the measurement."""
 
 from __future__ import annotations
 
@@ -13,22 +10,24 @@ from granpinn.data.rules import MAX_ZERO_SHARE
 from granpinn.data.wall_points import contradictions
 from granpinn.inspection.checks import FREE_FALL, LARGEST_MOVE, NEGLIGIBLE_NOISE
 from granpinn.inspection.inspection import Inspection
-from granpinn.inspection.precision import training_excess
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE
-from granpinn.uncertainty.determined import lost_of, range_of
+from granpinn.uncertainty import error_bars, error_model
+from granpinn.uncertainty.determined import Range, lost_of, range_of
+from granpinn.uncertainty.error_model import Known, ends_of
 
 NO_FRICTION = "No friction coefficient can be given"
 POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
-GOOD, FAIR = 0.03, 0.10  # standard deviation of a parameter
+GOOD = 0.03  # standard deviation of a parameter
+LIMITED = 1.2  # times the standard deviation without noise: noise limits the precision
 MANY_INVALID = 0.1
 # Of the shear rate. PIV of an incompressible flow left 8 % (bench/studies/experiment).
 PIV_DIVERGENCE, LARGE_DIVERGENCE = 0.08, 0.12
 TILT = 2.0  # degrees
 
 
-def verdict(found: Inspection) -> list[str]:
+def facts(found: Inspection) -> list[str]:
     """Sentences, the most important one first; without the slips of the flow file."""
     return [_answer(found), *_range(found), *_data(found), *_physics(found)]
 
@@ -36,40 +35,70 @@ def verdict(found: Inspection) -> list[str]:
 def _answer(found: Inspection) -> str:
     p = found.precision
     if any(slip.severity == IMPOSSIBLE for slip in found.slips):
-        return "These data are impossible, and training refuses them: mend the flow file first."
+        return "Training refuses these data, which are impossible: mend the flow file first."
     if any(slip.severity == IMPROBABLE for slip in found.slips):
         return (
-            "These data are improbable, and a law from them is not to be trusted: explain what "
-            "stands above, or mend the flow file."
+            "A law from these data is not to be used, as they are improbable: explain what stands "
+            "above, or mend the flow file."
         )
     if found.undetermined is not None:
         what = "The velocity gives no friction coefficient"
         return f"{what if found.baseline.shown else NO_FRICTION}: {found.undetermined}."
     if found.baseline.carried:
-        return "Do not trust a law from these data: more than the base carries the grains."
+        return "A law from these data is not to be used: walls carry the grains."
     if p is None:
         return f"No precision can be given: {found.reason}."
-    level, law = "V1" if found.surface else "V0", found.law.friction_law
-    sd = {name: getattr(p, f"{name}_trained") for name in law.free}
-    lost = [name for name, value in sd.items() if value > FAIR]
-    rough = [f"a rough {name}" for name, value in sd.items() if GOOD < value <= FAIR]
-    sure = [name for name, value in sd.items() if value <= GOOD]
-    text = "These data can answer the question"
-    if len(lost) == len(sd):
-        text = "These data give no usable law"
-    elif lost or rough:
-        text = f"These data give {' and '.join(sure + rough)}"
-        text += f"; {' and '.join(lost)} stays uncertain" if lost else ""
+    level, law, sd = "V1" if found.surface else "V0", found.law.friction_law, expected(found)
     known = "".join(f", {name} known" for name in law.names if name not in law.free)
-    about = " and ".join(f"{value:.1%} in {name}" for name, value in sd.items())
+    about = " and ".join(f"{name} to {value:.1%}" for name, value in sd.items())
     if law.curve:
-        about = (
-            f"{min(sd.values()):.1%} to {max(sd.values()):.1%} in {law.curve[0]} to {law.curve[-1]}"
-        )
-    return (
-        f"{text} at level {level}: about {about} (one standard deviation{known}). That is noise "
-        "and training; systematic errors come on top."
-    )
+        ends = f"{min(sd.values()):.1%} to {max(sd.values()):.1%}"
+        about = f"{law.curve[0]} to {law.curve[-1]} to {ends}"
+    grains = "" if found.flow.of_solver else ", with what real grains depart from a law"
+    sure = f"one standard deviation{known}{grains}"
+    return f"Expected of a training at level {level}: {about} ({sure})."
+
+
+def expected(found: Inspection, noise: float = 1.0) -> dict[str, float]:
+    """Relative standard deviations of the parameters after a training, by name.
+
+    Those of mu(I) are the error bars of the error model for a good fit. For another law it
+    is the larger error of mu at either end of the range of I, beside the bound by noise.
+
+    Args:
+        noise: over that of the data.
+    """
+    law, p, known = found.law.friction_law, found.precision, _known(found, noise)
+    if known is None or p is None:
+        return {}
+    model = error_model.load()
+    if law.name == mu_of_i.LAW.name:
+        pairs = zip(law.free, error_bars.sd_of(known, model), known.mu, strict=True)
+        return {name: s / mu for name, s, mu in pairs}
+    most = math.sqrt(np.diag(model.method(known) + model.grains(known)).max())
+    return {name: math.hypot(noise * getattr(p, name), most) for name in law.free}
+
+
+def _known(found: Inspection, part: float) -> Known | None:
+    """What a training is expected to know of its accuracy; None if no grains shear.
+
+    The friction of the assumed law at both ends of the range of I is continued as that of mu(I).
+
+    Args:
+        part: noise over that of the data.
+    """
+    shear = _shear(found)
+    if shear is None or found.precision is None:
+        return None
+    I0 = found.law.inertial_scale or mu_of_i.LAW.parameter("I0").start
+    x = ends_of((shear.low, shear.high), I0)
+    mu = found.law.friction_law.friction(np.array([shear.low, shear.high]), *found.law.theta)
+    mu_s, mu_2 = np.linalg.solve(error_model.line(x), mu * np.ones(2)).tolist()
+    speed = float(np.sqrt(np.mean(np.hypot(found.gradients.u, found.gradients.v) ** 2)))
+    noise = part * (found.noise.sigma or 0.0) * math.sqrt(2) / speed
+    vectors = found.precision.independent_vectors
+    known = Known(x, (mu_s, mu_2), misfit=noise, noise=noise, vectors=vectors)
+    return known._replace(outline=found.surface is None, real=not found.flow.of_solver)
 
 
 def _data(found: Inspection) -> list[str]:
@@ -141,28 +170,30 @@ def _noise(found: Inspection) -> list[str]:
             f"The file states a standard deviation that the vectors contradict: they scatter "
             f"{ratio:.2g} times as much. Correct sigma_u and sigma_v."
         )
-    p, free = found.precision, found.law.friction_law.free
-    excesses = {n: training_excess(n) * getattr(p, n) / GOOD for n in free} if p else {"": 0.0}
-    name, excess = max(excesses.items(), key=lambda item: item[1])
-    if excess > 1:
+    sd, without = expected(found), expected(found, noise=0.0)
+    excess = {name: sd[name] / without[name] for name in sd if sd[name] > GOOD}
+    name = max(excess, key=lambda name: excess[name], default="")
+    if excess and excess[name] > LIMITED:
         lines.append(
-            f"Noise limits {name}: {excess**2:.1f} times as many independent vectors, or noise "
-            f"{excess:.1f} times lower, would give about {GOOD:.0%}."
+            f"Noise limits {name}: without it about {without[name]:.1%} are expected in place of "
+            f"{sd[name]:.1%}. More independent vectors, or less noise, help."
         )
     return lines
 
 
+def _shear(found: Inspection) -> Range | None:
+    """The range of I of the vectors that shear."""
+    scale = found.law.inertial_scale or 1.0
+    return range_of(found.I[found.flows], found.gradients.vectors[found.flows], scale)
+
+
 def _range(found: Inspection) -> list[str]:
     """The parameters of mu(I) that the range of I does not determine."""
-    law = found.law
-    if law.law != mu_of_i.LAW.name or found.undetermined is not None:
+    law, shear = found.law, _shear(found)
+    if law.law != mu_of_i.LAW.name or found.undetermined is not None or shear is None:
         return []
-    shear = range_of(found.I[found.flows], found.gradients.vectors[found.flows], law.I0)
-    if shear is None:
-        return []
-    mu = float(law.friction_law.friction(np.array([shear.I]), *law.theta)[0])
-    values = dict(zip(law.friction_law.names, law.theta, strict=True))
-    lost = lost_of(shear.reach, mu, values)
+    mu_s, mu_2, I0 = law.theta
+    lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2)))
     if not lost:
         return []
     return [

@@ -24,7 +24,7 @@ from granpinn.arrays import Float64
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.results.findings import Profile, ProfilePoint
 from granpinn.results.summary import NORMAL_90
-from granpinn.uncertainty.held import ends_of, line
+from granpinn.uncertainty.error_model import ends_of, line
 
 TAIL = 0.05  # of a mixture, at either side of its 90 % interval
 WIDE = 40.0  # standard deviations beyond all parts of a mixture
@@ -44,7 +44,7 @@ def with_unknown_I0(profile: Profile, result: Result) -> Profile:
     of_ends = J @ np.array(law.matrix) @ J.T
     allowed = [point for point in profile.points if not point.excluded]
     each = [_sd_at(point, of_ends, (shear.I_low, shear.I_high)) for point in allowed]
-    widths = np.array(bars.half_width) / NORMAL_90  # Student's distribution and the widening
+    widths = bars.half_width / NORMAL_90  # Student's distribution
     sd_s, sd_slope = (np.array(each) * widths).T
     mu_s = np.array([point.mu_s for point in allowed])
     slope = np.array([point.slope for point in allowed])

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
 import pytest
 
-from bench.studies.coverage import films, remake, run
+from bench.studies.coverage import remake, run, table
 
-RESULTS = Path(remake.__file__).parent / "results"
 TINY = ("--steps", "60", "--network.widths", "16,16", "--batch.interior", "64", "--device", "cpu")
 
 
 @pytest.mark.parametrize("name", remake.POPULATIONS)
-def test_results_are_those_of_the_words(name: str, tmp_path: Path) -> None:
-    """The results of the repository have the flows and the steps that the words ask for."""
-    asked = run.options(remake.words_of(name, RESULTS, tmp_path, []))
-    found = json.loads(remake.results_of(name, RESULTS).read_text())
-    assert [row["name"] for row in found["rows"]] == [task.name for task in asked.tasks]
-    assert found["simulation"] == asked.grid
-    assert (found["members"], found["steps"]) == (asked.own.members, asked.config.steps)
-    assert ("V0" in found["settings"]) == (asked.config.level == "V0")
-
-
-def test_tables_are_made_of_results_that_are_there() -> None:
-    words = {w for command in remake.TABLES for w in command.split()[1:] if remake._is_file(w)}
-    others = {"films", "films_19", "cells_1024"}
-    assert words <= set(remake.POPULATIONS) | others
-    assert all(remake.results_of(name, RESULTS).exists() for name in words)
-    assert films.PAIRS == 50
+def test_stored_rows_are_those_of_the_words(name: str, tmp_path: Path) -> None:
+    """The table of the repository has the flows and the steps that the words ask for."""
+    asked = run.options(remake.words_of(name, tmp_path, tmp_path, []))
+    with table.PATH.open(newline="") as file:
+        found = [cells for cells in csv.DictReader(file) if cells["population"] == name]
+    assert [cells["name"] for cells in found] == [task.name for task in asked.tasks]
+    for cells in found:
+        assert len(cells["mu_s"].split()) == asked.own.members
+        assert (int(cells["steps"]), cells["level"]) == (asked.config.steps, asked.config.level)
 
 
 def test_a_run_goes_on(

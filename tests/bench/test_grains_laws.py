@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -211,6 +212,21 @@ def test_the_points_of_a_scene_go_to_the_csv() -> None:
         ("drum", 0.4, "along_D", "0.1", "0.38", "0.001"),
         ("drum", 0.4, "norm", "0.1", "0.38", "0.001"),
     ]
+
+
+def test_a_film_of_a_steady_flow_is_scored_by_its_mean(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fields of two equal frames, a reference of twelve; the noise is that of its halves."""
+    shape = (12, 6, 6)
+    p = 20 + np.where(np.arange(12) % 2, 1.0, -1.0)[:, None, None] * np.ones(shape)
+    np.savez(tmp_path / "reference.npz", p=p, I=np.full(shape, 0.1), used=np.ones(shape, bool))
+    fields = SimpleNamespace(t=[0.0, 1.0], frame=lambda *_: np.full(shape[1:], 22.0))
+    monkeypatch.setattr(score, "read_fields", lambda _: fields)
+    found = score.pressure_score(tmp_path / "fields.h5", tmp_path / "reference.npz")
+    assert found["ratio"] == pytest.approx(1.1)
+    assert found["error_percent"] == pytest.approx(10)
+    assert found["noise_percent"] == pytest.approx(5)
 
 
 def test_block_means_leave_out_empty_blocks() -> None:

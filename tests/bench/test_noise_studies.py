@@ -122,7 +122,7 @@ def test_the_estimate_of_I0_is_the_vertex_of_every_draw() -> None:
         assert 0.3 < draw[1] < 1.2
 
 
-def test_the_study_of_I0_has_a_verdict_and_ratios(tmp_path: Path) -> None:
+def test_the_study_of_I0_has_an_answer_and_ratios(tmp_path: Path) -> None:
     config = inertial_study.settings(["--steps", "20", "--batch.interior", "16"], 3, 2.0)
     assert (config.profile.values, config.optimizer.average) == (3, 0.2)
     small = replace(config, network__widths=(6, 5), batch__surface=4, device="cpu")
@@ -134,7 +134,7 @@ def test_the_study_of_I0_has_a_verdict_and_ratios(tmp_path: Path) -> None:
     path.write_text(json.dumps({"rows": [KNOWN]}))
     text = inertial_study.text(with_bounds([row], read_bounds([path])))
     assert "ratio" in text
-    assert row["profile"]["verdict"] in text
+    assert row["profile"]["answer"] in text
 
 
 @pytest.mark.parametrize("names", [noise_study.NAMES, inertial_study.NAMES])
@@ -143,7 +143,7 @@ def test_an_earlier_study_without_statistics_is_read_and_shown(
 ) -> None:
     study = noise_study if names == noise_study.NAMES else inertial_study
     row = {"mu_s": 0.4, "mu_2": 0.64, "noise": 0.2, "points": 400, "draws": 1, "at_an_end": 1}
-    row |= {"failed": 0, "median_percent": {"pressure": None}, "profile": {"verdict": "none"}}
+    row |= {"failed": 0, "median_percent": {"pressure": None}, "profile": {"answer": "none"}}
     row |= {"errors_percent": {name: statistics([]) for name in names}}
     (tmp_path / "study.json").write_text(json.dumps(plain({"rows": [row]}), allow_nan=False))
     (tmp_path / "bound.json").write_text(json.dumps({"rows": [KNOWN | {"two_grids": NO_BOUND}]}))

@@ -38,10 +38,10 @@ def test_every_run_is_a_row(runs: Path, capsys: pytest.CaptureFixture[str]) -> N
     parameter = make_result().parameters["mu_s"]
     assert float(rows[0]["mu_s"]) == parameter.value
     assert float(rows[0]["mu_s_std"]) == parameter.std
-    assert rows[0]["verdict"]
+    assert rows[0]["assessment"]
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == (
-        f"{runs / 'a'}: mu_of_i, mu = 0.440 (0.420 to 0.460) at I = 0.045; {rows[0]['verdict']}"
+        f"{runs / 'a'}: mu_of_i, mu = 0.440 (0.420 to 0.460) at I = 0.045; {rows[0]['assessment']}"
     )
     assert printed[-1] == f"2 runs: {table}"
 

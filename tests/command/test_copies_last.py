@@ -22,9 +22,8 @@ from granpinn.results.attempt import (
 )
 from granpinn.training import continuation
 from granpinn.training.trainer import Trainer
-from granpinn.uncertainty import error_bars, of_assumptions, of_training
+from granpinn.uncertainty import of_assumptions, of_training
 from tests.command.late_parts import FILES, missing, raising, run
-from tests.examples import make_result
 from tests.runs import tiny
 
 # What needs the effect of the assumptions, and what follows it.
@@ -43,13 +42,7 @@ def test_everything_is_on_disk_when_the_copies_begin(
         return real(*args)
 
     monkeypatch.setattr(of_assumptions, "continued", look)
-    monkeypatch.setattr(of_training, "uncalibrated", lambda config: [])
-    estimate, usual = error_bars.estimate, make_result().residuals
-
-    def calibrated(members: Any, residuals: Any, steps: int, *others: Any) -> Any:
-        return estimate(members, usual, 40_000, *others)
-
-    monkeypatch.setattr(of_training.error_bars, "estimate", calibrated)
+    monkeypatch.setattr(of_training, "untested", lambda config: [])
     last = identify(flow_file, tiny(steps=200, simulated_pressure__frames=1), run_dir=tmp_path)
     (before,) = found
     assert missing(before) == dict.fromkeys(LATE, PENDING)

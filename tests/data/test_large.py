@@ -244,21 +244,6 @@ def test_a_part_of_the_vectors_trains(path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.usefixtures("bounds")
-def test_a_second_draw_of_the_noise_is_new_in_every_slab(path: Path) -> None:
-    flow = replace(read_flow(path), sigma_u=0.1, sigma_v=0.1)
-    seen, scales = with_partial_cells(large.runs(flow)), scales_of(flow)
-    first, again, other = (
-        streamed.streamed_set(flow, seen, scales, "V1", 0.0, torch.float64, seed).velocity
-        for seed in (None, 1, 2)
-    )
-    added = (again - first) * scales.velocity
-    assert float(added.std()) == pytest.approx(0.1, rel=0.05)
-    assert not torch.equal(again, other)
-    slab = int(flow.valid[:7].sum())
-    assert abs(np.corrcoef(added[:slab, 0], added[slab : 2 * slab, 0])[0, 1]) < 0.15
-
-
-@pytest.mark.usefixtures("bounds")
 def test_what_a_large_flow_does_not_allow_is_refused(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,9 +252,6 @@ def test_what_a_large_flow_does_not_allow_is_refused(
     monkeypatch.setattr(case, "available", lambda: 10**9)
     with pytest.raises(ConfigError, match=r"needs 3.68 GB of memory .*, got 1 GB: use a larger"):
         case.pose(path, Config(members=4, device="cpu"))
-    redrawn = replace(read_flow(path), sigma_u=0.1, sigma_v=0.1)
-    with pytest.raises(ConfigError, match=r"needs 7.03 GB .*, got 1 GB: use fewer --members or"):
-        case.pose(redrawn, Config(members=4, device="cpu"))
 
 
 @pytest.mark.usefixtures("bounds")

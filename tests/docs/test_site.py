@@ -15,6 +15,7 @@ import yaml
 import granpinn
 import granpinn.data
 from granpinn.config import Config, flatten
+from granpinn.uncertainty import error_model
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -69,6 +70,15 @@ def test_the_index_of_a_folder_comes_first() -> None:
 def test_an_empty_section_is_left_out() -> None:
     nav = [{"Home": "index.md"}, {"Evidence": []}]
     assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
+
+
+def test_the_guide_has_the_numbers_of_the_error_model() -> None:
+    model, guide = error_model.load(), (DOCS / "guides" / "error-bars.md").read_text()
+    made = hook("error_model").on_page_markdown(guide, None, None, None)
+    assert "generated: " not in made
+    for name in error_model.COEFFICIENTS:
+        assert f"| {name} | {model.lower[name]:.2f} | {model.upper[name]:.2f} |" in made
+    assert "| cells_512 " in made
 
 
 def test_all_hooks_are_listed() -> None:

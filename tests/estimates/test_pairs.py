@@ -14,7 +14,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.estimates.pairs import pair_noise
 from granpinn.inspection import inspect
 from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import facts
 
 FRAMES, SIDE, PER_FRAME = 24, 30.0, 200
 WAVES = 300
@@ -152,7 +152,7 @@ def test_particles_that_share_errors(seed: int) -> None:
     assert noise.sigma * found.scales.velocity == pytest.approx(0.05, rel=0.2)
     assert noise.in_space < 0.5 * noise.sigma
     assert noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
-    text = " ".join(lines_of(found, verdict(found)))
+    text = " ".join(lines_of(found, facts(found)))
     assert "neighbors share one error" in text
     assert "neighboring vectors share their errors" in text
     again = particle_flow(

@@ -49,7 +49,7 @@ def case_of(of_flow: Balance, fixed: dict[str, float]) -> Any:
 def test_a_right_law_does_not_warn() -> None:
     found = balance.beside(Balance(chute()), result_with(1.0))
     assert [d.percent for d in found.network] == pytest.approx([0], abs=1)
-    assert found.warning is None
+    assert make_result(baseline=found).assessment.grade == "good"
     assert "the network's law differs by" in str(found)
     assert found.mean is not None
     assert found.mean.mu == pytest.approx(TANGENT, rel=1e-4)
@@ -58,10 +58,9 @@ def test_a_right_law_does_not_warn() -> None:
 @pytest.mark.parametrize("factor", [0.85, 1.2])
 def test_a_wrong_law_warns(factor: float) -> None:
     found = balance.beside(Balance(chute()), result_with(factor))
-    assert found.worst is not None
-    assert found.worst.percent == pytest.approx(100 * (factor - 1), abs=1)
-    assert found.warning is not None
-    assert found.warning.startswith("warning: the network's law and the momentum balance differ")
+    (difference,) = found.network
+    assert difference.percent == pytest.approx(100 * (factor - 1), abs=1)
+    assert "differs from the momentum balance" in make_result(baseline=found).assessment.reasons[0]
 
 
 def test_grains_that_walls_carry_get_no_error_bars() -> None:
@@ -73,20 +72,19 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
     assert made.covariance is None
     assert made.error_bars is None
     assert made.parameters["mu_s"].interval_90 is None
-    assert made.verdict is not None
-    assert made.verdict.follows is None
-    assert "do not trust this law" in str(made)
+    assert made.assessment.reasons[0].startswith("Walls carry the grains")
+    assert made.law.reason == balance.CARRIED
 
 
 def test_grains_on_their_base_keep_their_error_bars() -> None:
     result = make_result()
     made = balance.judged(result, balance.beside(Balance(chute()), result))
-    assert made.verdict == result.verdict
+    assert made.error_bars == result.error_bars
     assert made.parameters == result.parameters
 
 
 def test_the_error_bars_of_both_count() -> None:
-    """sd(mu)/mu of the result is 3 % here: a difference of 5 % does not warn any more."""
+    """sd(mu)/mu of the result is 3 % here: a difference counts less."""
     alone = balance.beside(Balance(chute()), result_with(1.05)).network[0]
     result = replace(result_with(1.05), covariance=make_result().covariance)
     both = balance.beside(Balance(chute()), result).network[0]

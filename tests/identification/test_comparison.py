@@ -23,8 +23,8 @@ SETTINGS = {"compare_laws": True, "simulated_pressure__frames": 0}
 
 @pytest.fixture(autouse=True)
 def calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As if tiny networks and short trainings were those of the calibration."""
-    monkeypatch.setattr(comparison, "uncalibrated", lambda config: [])
+    """As if tiny networks were those of the default recipe."""
+    monkeypatch.setattr(comparison, "untested", lambda config: [])
     monkeypatch.setattr(comparison, "LARGEST", math.inf)
 
 
@@ -85,12 +85,12 @@ def test_a_law_of_the_comparison_is_trained_once(law: str, flow: Flow) -> None:
 def test_a_comparison_that_cannot_be_made_is_said(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(comparison, "uncalibrated", lambda config: ["network.widths"])
+    monkeypatch.setattr(comparison, "untested", lambda config: ["network.widths"])
     result = identify(flow, tiny(**SETTINGS))
     (why,) = [part.why for part in result.not_done if part.what == COMPARISON]
     assert why.endswith("this run has another network.widths")
     assert result.comparison == ()
-    monkeypatch.setattr(comparison, "uncalibrated", lambda config: [])
+    monkeypatch.setattr(comparison, "untested", lambda config: [])
     monkeypatch.setattr(comparison, "LARGEST", 1.0)
     short = identify(flow, tiny(**SETTINGS))
     (why,) = [part.why for part in short.not_done if part.what == COMPARISON]

@@ -1,4 +1,4 @@
-"""The profile of I0: excluded values, the verdict, and the profile in a run."""
+"""The profile of I0: excluded values, the answer, and the profile in a run."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_valley_gives_its_bottom() -> None:
     profile = profile_of(parabola)
     assert profile.status == "separable"
     assert profile.best == pytest.approx(0.26, rel=1e-2)
-    assert profile.verdict.startswith("I0 = 0.26")
+    assert profile.answer.startswith("I0 = 0.26")
     low, high = profile.allowed
     assert low is not None
     assert high is not None
@@ -78,7 +78,7 @@ def test_a_flat_loss_gives_no_number() -> None:
     assert profile.status == "not separable"
     assert profile.best is None
     assert profile.allowed == (None, None)
-    assert profile.verdict == "I0 is not separable in these data: I covers 0.00..0.09"
+    assert profile.answer == "I0 is not separable in these data: I covers 0.00..0.09"
     assert not any(p.excluded for p in profile.points)
 
 
@@ -178,7 +178,7 @@ def test_the_command_says_it_and_writes_it(
     found = results.read_results(out / "results.json")
     assert found.profile is not None
     assert [p.I0 for p in found.profile.points] == pytest.approx([0.075, 0.3, 1.2])
-    assert found.profile.verdict in capsys.readouterr().out
+    assert found.profile.answer in capsys.readouterr().out
     assert found.parameters.I0.fixed
     assert not (out / "profile" / "000" / "fields.h5").exists()
     settings = json.loads((out / "profile" / "000" / "results.json").read_text())["settings"]

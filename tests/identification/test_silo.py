@@ -12,7 +12,7 @@ from granpinn import train
 from granpinn.data import read_flow
 from granpinn.inspection import inspect
 from granpinn.results import read_results
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import facts
 
 SIDES = "the wall from (0, 45) to (0, 0) and the wall from (20, 0) to (20, 45)"
 
@@ -28,18 +28,18 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_inspect_warns_of_the_walls_first(path: Path) -> None:
     found = inspect(read_flow(path))
-    assert verdict(found)[0].startswith("Do not trust a law from these data")
+    assert facts(found)[0].startswith("A law from these data is not to be used: walls carry")
     assert f"the grains hang between {SIDES}" in str(found.numbers())
 
 
 @pytest.mark.usefixtures("no_report")
-def test_train_has_a_law_without_error_bars_and_verdict(
+def test_train_has_a_law_without_error_bars_that_is_not_to_be_used(
     path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = ["--steps", "40", "--network.widths", "16,16", "--device", "cpu", "--resimulate"]
     assert train.main([str(path), "--out", str(tmp_path / "run"), *few]) == 0
     text = capsys.readouterr().out
-    assert "no error bars and no verdict: more than the base carries the grains" in text
+    assert "assessment: do not use: Walls carry the grains, by forces that are not known" in text
     reason = "the simulator does not have the wall from (20, 0) to (20, 45) of the file"
     assert f"not simulated again: {reason}" in text
     assert f"no simulated pressure: {reason}" in text

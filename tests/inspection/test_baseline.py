@@ -9,6 +9,8 @@ import pytest
 
 from granpinn.data import Flow, add_noise
 from granpinn.inspection.baseline import baseline
+from granpinn.simulation import Collapse, simulate
+from granpinn.simulation.silo import Silo
 from tests.inspection.chutes import TANGENT, chute, number_of
 
 
@@ -47,6 +49,22 @@ def test_one_inertial_number_gives_one_point() -> None:
     point = found.points[0]
     assert point.mu == pytest.approx(TANGENT, rel=1e-5)
     assert pytest.approx(number_of(TANGENT), rel=0.02) == point.I
+
+
+def test_noise_is_no_wall() -> None:
+    """Stress that points the wrong way by noise alone carries nothing."""
+    flow = simulate(Collapse(mu_s=0.2, mu_2=0.44, cells=64, stride=1, frames=60))
+    noisy = baseline(add_noise(flow, 0.2, 2))
+    assert not noisy.carried
+    assert noisy.parts is not None
+    assert noisy.parts["noise"] > 0.02
+    assert "noise" not in (baseline(flow).parts or {})
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_grains_in_a_silo_hang_on_its_walls_with_noise_too(noise: float) -> None:
+    flow = simulate(Silo(mu_s=0.35, mu_2=0.6, cells=64, stride=2, frames=40))
+    assert baseline(replace(add_noise(flow, noise, 0), walls=None)).carried
 
 
 def test_grains_that_walls_carry() -> None:

@@ -8,7 +8,7 @@ from granpinn.inspection import AssumedLaw, inspect
 from granpinn.inspection.precision import expected_precision, sensitivities
 from granpinn.inspection.text import lines_of
 from granpinn.physics.laws import LAWS
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import expected, facts
 
 
 def test_bound_of_one_parameter() -> None:
@@ -41,8 +41,8 @@ def test_sensitivities_are_derivatives(name: str) -> None:
 
 def test_another_law(demo: Flow, seed: int) -> None:
     found = inspect(add_noise(demo, 0.05, seed), AssumedLaw(law="coulomb"))
-    sentences = verdict(found)
-    assert "can answer the question at level V1: about" in sentences[0]
+    sentences = facts(found)
+    assert "Expected of a training at level V1: " in sentences[0]
     assert "mu_2" not in " ".join(lines_of(found, sentences))
     assert found.numbers()["law"] == {"name": "coulomb", "mu_s": 0.4}
     assert found.inertia is not None
@@ -56,7 +56,7 @@ def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) 
     assert found.inertia is not None
     assert found.law.I_low < found.inertia.q05 < found.inertia.q95 < found.law.I_high
     assert found.law.I_high < found.inertia.q99
-    assert "% in c1 to c8 (" in verdict(found)[0]
+    assert "c1 to c8 to " in facts(found)[0]
     given = inspect(noisy, AssumedLaw(law="free", I_high=2.0))
     assert (given.law.I_low, given.law.I_high) == (found.law.I_low, 2.0)
 
@@ -67,8 +67,9 @@ def test_the_precision_of_a_law(name: str, demo: Flow, seed: int) -> None:
     """Parameters that a law holds fixed need not be determined."""
     found = inspect(add_noise(demo, 0.02, seed), AssumedLaw(law=name))
     assert found.precision is not None
-    for free in LAWS[name].free:
-        assert 0 < getattr(found.precision, free) < getattr(found.precision, f"{free}_trained")
+    for free, sd in expected(found).items():
+        assert 0 < getattr(found.precision, free) < sd
+    assert set(expected(found)) == set(LAWS[name].free)
 
 
 def test_a_range_upside_down_is_refused() -> None:

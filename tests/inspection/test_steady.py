@@ -15,7 +15,7 @@ from granpinn.data.noise import max_speed
 from granpinn.inspect import main
 from granpinn.inspection import inspect
 from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import facts
 from tests.flows import make_chute, make_flow
 
 
@@ -34,7 +34,7 @@ def test_noise_and_slopes_of_a_steady_flow(frames: int, seed: int) -> None:
     assert found.motion.cells_per_frame is None
     assert found.inertia is not None
     assert found.inertia.q50 == pytest.approx(0.1, rel=0.2)
-    assert not any("Add frames" in sentence for sentence in verdict(found))
+    assert not any("Add frames" in sentence for sentence in facts(found))
 
 
 def test_frames_that_drift_are_named(seed: int) -> None:
@@ -43,8 +43,8 @@ def test_frames_that_drift_are_named(seed: int) -> None:
     drift = 1 + 0.05 * np.arange(3)[:, None, None]
     found = inspect(replace(flow, u=(flow.u * drift).astype(np.float32)))
     assert found.noise.sigma == pytest.approx(inspect(flow).noise.sigma, rel=0.3)
-    assert any("still drifts" in sentence for sentence in verdict(found))
-    assert not any("still drifts" in sentence for sentence in verdict(inspect(flow)))
+    assert any("still drifts" in sentence for sentence in facts(found))
+    assert not any("still drifts" in sentence for sentence in facts(inspect(flow)))
 
 
 def test_a_film_of_a_steady_flow_is_inspected_as_its_mean(
@@ -80,4 +80,4 @@ def test_the_command(frames: int, tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_other_flows_have_no_line_for_it() -> None:
     found = inspect(make_flow())
     assert found.symmetries == ()
-    assert not any(line.startswith("symmetry") for line in lines_of(found, ["a verdict"]))
+    assert not any(line.startswith("symmetry") for line in lines_of(found, ["a fact"]))

@@ -1,4 +1,4 @@
-"""The verdict on good data, and on data with defects."""
+"""What an inspection says of good data, and of data with defects."""
 
 from dataclasses import replace
 
@@ -10,12 +10,12 @@ from granpinn.data.noise import max_speed
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
-from granpinn.uncertainty.of_data import LARGE_DIVERGENCE, PIV_DIVERGENCE, verdict
+from granpinn.uncertainty.of_data import LARGE_DIVERGENCE, PIV_DIVERGENCE, expected, facts
 from tests.inspection.chutes import chute
 
 
 def said(found: Inspection) -> str:
-    sentences = verdict(found)
+    sentences = facts(found)
     assert len(lines_of(found, sentences)) <= MOST_LINES
     return " ".join(sentences)
 
@@ -29,7 +29,7 @@ def every(flow: Flow, stride: int) -> Flow:
 def test_good_data(inspected: Inspection) -> None:
     found = inspected
     text = said(found)
-    assert "can answer the question at level V1" in text
+    assert "Expected of a training at level V1: mu_s to" in text
     assert "Add frames" not in text
     assert found.motion.acceleration == pytest.approx(1, abs=0.05)
     assert found.motion.tilt == pytest.approx(0, abs=2)
@@ -186,10 +186,13 @@ def test_errors_like_those_of_piv_are_not_grains_that_leave_the_plane(demo: Flow
     assert "div v" not in said(found)
 
 
-def test_the_answer_leaves_room_for_systematic_errors(inspected: Inspection) -> None:
-    answer = verdict(inspected)[0]
-    assert answer.endswith("systematic errors come on top.")
-    assert "factor" not in answer
+def test_real_grains_are_expected_to_depart_from_a_law(demo: Flow, inspected: Inspection) -> None:
+    assert inspected.flow.of_solver
+    assert facts(inspected)[0].endswith("(one standard deviation, I0 known).")
+    without = {k: v for k, v in demo.attributes.items() if "solver" not in k}
+    real = inspect(replace(demo, attributes=without))
+    assert "what real grains depart from a law" in facts(real)[0]
+    assert expected(real)["mu_s"] > expected(inspected)["mu_s"]
 
 
 def test_two_frames(demo: Flow) -> None:
@@ -266,10 +269,12 @@ def test_noise_that_limits_mu_2(demo: Flow, seed: int) -> None:
     The shipped collapse has half the vectors of those that were measured.
     """
     found = inspect(add_noise(demo, 0.2, seed))
-    assert found.precision is not None
-    assert 0.005 < found.precision.mu_s_trained < 0.03
-    assert 0.03 < found.precision.mu_2_trained < 0.15
-    assert "Noise limits mu_2" in said(found)
+    sd = expected(found)
+    assert 0.005 < sd["mu_s"] < 0.03
+    assert 0.03 < sd["mu_2"] < 0.15
+    assert "Noise limits mu_2: without it about " in said(found)
+    assert expected(found, noise=0.0)["mu_2"] < 0.8 * sd["mu_2"]
+    assert "Noise limits" not in said(inspect(demo))
 
 
 def test_one_inertial_number_determines_no_law(inspected: Inspection) -> None:

@@ -21,7 +21,7 @@ from granpinn.inspection.text import lines_of
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
 from granpinn.train import main
-from granpinn.uncertainty.of_data import verdict
+from granpinn.uncertainty.of_data import facts
 from tests.data.walled import FLOOR, line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute
@@ -72,7 +72,7 @@ def test_a_free_surface_fixes_the_pressure() -> None:
 
 def test_inspect_says_so_first() -> None:
     found = inspect(plane_shear())
-    sentences = verdict(found)
+    sentences = facts(found)
     assert sentences[0].startswith("No friction coefficient can be given: the flow has no free")
     assert found.precision is None
     assert found.numbers()["friction_refused_because"] == NO_WORK_WORDS
@@ -144,7 +144,7 @@ def test_grains_that_hang_between_walls() -> None:
 
 def test_inspect_warns_of_a_silo(tmp_path: Path) -> None:
     found = inspect(silo(6.0))
-    assert verdict(found)[0].startswith("Do not trust a law from these data")
+    assert facts(found)[0].startswith("A law from these data is not to be used: walls carry")
     json.dumps(found.numbers(), allow_nan=False)
 
 
@@ -209,7 +209,7 @@ def test_the_stress_of_a_plate_gives_the_friction(side: int, gap: float) -> None
     assert len(found.points) >= 2
     for point in found.points:
         assert point.mu == pytest.approx(0.3 + 0.4 * point.I / (point.I + 0.3), rel=0.01)
-    sentences = verdict(inspect(flow))
+    sentences = facts(inspect(flow))
     assert sentences[0].startswith("The velocity gives no friction coefficient: the flow has no")
     result = identify(flow, TINY)
     assert result.baseline is not None

@@ -32,12 +32,10 @@ def test_a_result_is_one_line_with_its_intervals() -> None:
     assert "mu_2 = not determined" in repr(make_result(parameters=unknown, covariance=None))
 
 
-def test_a_notebook_shows_the_verdict_before_the_numbers() -> None:
+def test_a_notebook_shows_the_assessment_before_the_numbers() -> None:
     result = make_result()
     text = result._repr_html_()
-    assert result.verdict is not None
-    assert text.startswith(f"<p>{result.verdict.words}</p>")
-    assert text.count(result.verdict.words) == 1
+    assert text.startswith(f"<p>{result.assessment}</p>")
     assert '<th scope="row">mu_s</th><td>0.4100</td>' in text
     assert "<td>0.3900 to 0.4300</td>" in text
     assert "<table>" in make_result(**SPARSE)._repr_html_()

@@ -20,7 +20,8 @@ from granpinn.identification.case import Case, pose
 from granpinn.identification.single import identify
 from granpinn.results.assumed import Assumed
 from granpinn.training.objective import Member
-from granpinn.uncertainty import calibration, error_bars, of_assumptions
+from granpinn.uncertainty import of_assumptions
+from granpinn.uncertainty.error_model import Known
 from granpinn.uncertainty.of_assumptions import Assumption, covariance, effects
 from granpinn.uncertainty.of_training import judge
 from tests.data.walled import line
@@ -44,31 +45,16 @@ def test_the_covariance_of_assumptions() -> None:
     assert of_assumptions.unknown([LINE, lost]) == ["surface line"]
 
 
-def test_error_bars_contain_the_assumptions() -> None:
-    example = make_result()
-    assert example.members is not None
-    assert example.residuals is not None
-    table = calibration.load()
-    arguments = example.members, example.residuals, 40_000, table
-    without, found = (error_bars.estimate(*arguments, a) for a in ((), (LINE,)))
-    added = found.covariance - without.covariance
-    np.testing.assert_allclose(added, covariance([LINE], ("mu_s", "mu_2")), rtol=1e-9, atol=1e-18)
-    assert without.bars.assumptions is None
-    assert found.bars.assumptions == pytest.approx((0.02, 0.05))
-    assert found.mu == without.mu
-    for (low, high), (inner, outer) in zip(found.intervals, without.intervals, strict=True):
-        assert low < inner < outer < high
-
-
 def test_no_error_bars_where_an_effect_is_not_known() -> None:
     example = make_result()
     assert example.members is not None
     lost = dataclasses.replace(LINE, derivative=None, why=of_assumptions.DIVERGED)
-    arguments = example.members, example.residuals, 40_000, Config(), False, ()
+    known = Known((0.02, 0.3), (0.4, 0.64))
+    arguments = example.members, example.residuals, known, Config(), False, ()
     assert judge(*arguments, (LINE,)).bars is not None
     found = judge(*arguments, (lost,))
     assert (found.covariance, found.bars) == (None, None)
-    assert found.verdict.words == "no error bars: the effect of the surface line is not known"
+    assert found.reason == "the effect of the surface line is not known"
 
 
 def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import torch
@@ -12,8 +10,7 @@ from granpinn.physics.laws import LAWS, free
 from granpinn.results import Parameter, Parameters
 from granpinn.results.comparison import ComparedLaw, sentence, table
 from granpinn.training.information import BOXES, Information
-from granpinn.uncertainty import calibration, law_choice
-from granpinn.uncertainty.calibration import FreeCurveError, ModelError
+from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import Quadratic, basis, joined, model_covariance, quadratic
 from granpinn.uncertainty.law_choice import Band, Cohesion, Fit, apart, choice, fits, with_cohesion
@@ -196,24 +193,14 @@ def test_boxes_are_joined_to_larger_ones() -> None:
     np.testing.assert_allclose(by_time, values.reshape(-1, BOXES).sum(0))
 
 
-def test_errors_of_the_law_grow_with_the_scale_and_with_grains() -> None:
-    error = FreeCurveError((0.01, 0.02, 0.0), 2.0, 3.0, 1e-4, 20.0, 0.1, 20_000, 10, "here")
+def test_errors_of_the_law_are_those_of_its_ends() -> None:
+    """Between the ends they are linear in log I."""
     mu = np.full(I.shape, 0.4)
-
-    def std(*arguments: Any) -> np.ndarray:
-        return np.sqrt(np.diag(model_covariance(I, mu, ENDS, error, *arguments)))
-
-    ends = 0.4 * np.hypot(0.01, 0.02)
-    np.testing.assert_allclose(std(1.0, None)[[0, -1]], ends)
-    np.testing.assert_allclose(std(3.0, None), 3 * std(1.0, None))
-    assert [error.growth(noise) for noise in (0.0, 0.1, 0.25)] == [1.0, 1.0, 2.5]
-    grains = ModelError(0.05, 0.0, 4, "there")
-    middle = np.interp(np.log(ENDS).mean(), np.log(I), std(1.0, grains))
-    assert middle == pytest.approx(0.4 * np.hypot(0.01, 0.05), rel=1e-3)
-
-
-def test_the_shipped_table_has_the_error_of_a_free_curve() -> None:
-    error = calibration.load().free_curve
-    assert error is not None
-    assert 1 < error.widening < error.farthest
-    assert all(0 < mode < 0.1 for mode in error.modes)
+    of_ends = np.array([[4e-4, -1e-4], [-1e-4, 9e-4]])
+    C = model_covariance(I, mu, ENDS, of_ends)
+    ends = np.ix_([0, -1], [0, -1])
+    np.testing.assert_allclose(C[ends], 0.16 * of_ends)
+    middle = np.interp(np.log(ENDS).mean(), np.log(I), np.diag(C))
+    assert middle == pytest.approx(0.16 * (4e-4 + 9e-4 - 2e-4) / 4, rel=1e-3)
+    wider = model_covariance(np.array([1e-4, 5.0]), mu[:2], ENDS, of_ends)
+    np.testing.assert_allclose(wider, 0.16 * of_ends)

@@ -14,7 +14,7 @@ from granpinn.results.determined import Determined
 from granpinn.results.findings import Profile, ProfilePoint
 from granpinn.results.records import ErrorBars
 from granpinn.results.summary import NORMAL_90
-from granpinn.uncertainty.held import ends_of, line
+from granpinn.uncertainty.error_model import ends_of, line
 from granpinn.uncertainty.unknown_I0 import with_unknown_I0
 from tests.examples import make_result
 
@@ -50,7 +50,7 @@ def profile(excluded: tuple[bool, ...], best: float | None = None) -> Profile:
         correlation=None,
         mu_2_by_I0=1.0,
         status="separable" if best else "not separable",
-        verdict="",
+        answer="",
     )
 
 
@@ -64,10 +64,8 @@ def run() -> Result:
             mu_s=Parameter(mu_s, False), mu_2=Parameter(mu_2, False), I0=Parameter(GIVEN, True)
         ),
         covariance=Covariance(("mu_s", "mu_2"), tuple(map(tuple, C.tolist()))),
-        determined=Determined(*I_RANGE, 0.05, 0.44, None, None, {}),
-        error_bars=ErrorBars(
-            (0.0, 0.0), (0.0, 0.0), (50.0, 50.0), (NORMAL_90, NORMAL_90), "made up", False
-        ),
+        determined=Determined(*I_RANGE, 0.05, 0.44, None, None),
+        error_bars=ErrorBars((0.0, 0.0), 50.0, NORMAL_90, "made up"),
     )
 
 

@@ -1,1 +1,1 @@
-"""Do the error bars hold the truth? The shipped calibration is made here."""
+"""Do the error bars hold the truth? The error model is fitted here."""

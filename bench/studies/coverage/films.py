@@ -25,7 +25,6 @@ from typing import Any
 
 from bench.studies import raw
 from bench.studies.cores import on_all_cores
-from bench.studies.coverage.judge import cases_of, report
 from bench.studies.coverage.materials import Task, draw
 from bench.studies.coverage.run import identified
 from bench.studies.experiment.commands import ExperimentError, convert
@@ -33,7 +32,6 @@ from bench.studies.experiment.film import HEIGHT, column, shoot
 from bench.studies.experiment.run import Piv, openpiv
 from granpinn.config import ConfigError
 from granpinn.simulation import Collapse
-from granpinn.uncertainty import calibration
 
 CELLS = 256  # of a simulation
 PAIRS = 50  # of pictures
@@ -113,9 +111,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "rows": rows,
     }
     raw.write(own.json, found)
-    table = calibration.of_level(config.level)
-    if table is not None:
-        print(report([(case, table) for case in cases_of(rows)]))
     return 0
 
 

@@ -1,13 +1,15 @@
-"""All simulated populations of the coverage study, and the shipped tables from them.
+"""All simulated populations of the coverage study.
 
 python -m bench.studies.coverage.remake --flows FLOWS --out RESULTS --device cuda
-python -m bench.studies.coverage.remake --out RESULTS --write
+python -m bench.studies.coverage.table RESULTS/*.json
+python -m bench.studies.coverage.fit --write
 
 The first command simulates the flows, each on one core, and trains every population as soon as its
 flows are there, one on each GPU. A population whose results are in `--out` is not made again, so a
 run that was stopped goes on. `--until 500` begins none after 500 s, and `--only NAME ...` makes
-some. The films, which need a PIV program, are made by films.py. The second command makes the error
-bars of both levels from the results. Settings that are not its own go to every identification.
+some. The films, which need a PIV program, are made by films.py. The other commands put the results
+into one table and fit the error model to it. Settings that are not its own go to every
+identification.
 
 Defends: a change of the training comes with error bars of its own.
 """
@@ -61,17 +63,6 @@ POPULATIONS = {
     "noisy_512": f"{VARIED} --noisy --draw 20 --cells 512",
     "cells_512": f"{VARIED} --draw 10 --cells 512",
 }
-ROUNDS = 5  # of making the tables: each changes them by a tenth of what the one before did
-# The commands that make the tables, of the files in `--out`.
-TABLES = (
-    "calibrate coverage --shorter steps_6000 steps_10000",
-    "other_data --usual coverage --varied varied --noisy varied_0.02 varied_0.05 varied_0.2 noisy"
-    " noisy_13 --measured films --test noisy_members_8_22 noisy_512 films_19 cells_512 cells_1024"
-    " noisy_40",
-    "calibrate coverage_V0",
-    "other_data --level V0 --usual usual_V0 --varied varied_V0 varied_V0_test --noisy noisy_V0_13"
-    " --test varied_V0_15 noisy_V0_41",
-)
 
 
 def words_of(name: str, out: Path, flows: Path, settings: Sequence[str]) -> list[str]:
@@ -146,40 +137,19 @@ def _give_way() -> None:
     os.nice(10)
 
 
-def write_tables(out: Path) -> None:
-    """Make the shipped tables; CalledProcessError: a command failed.
-
-    The first command judges misfits by the growth that the second found before, so that all are
-    repeated.
-    """
-    for command in TABLES * ROUNDS:
-        module, *words = command.split()
-        files = [str(results_of(w, out)) if _is_file(w) else w for w in words]
-        name = f"bench.studies.coverage.{module}"
-        subprocess.run([sys.executable, "-m", name, *files, "--write"], check=True)
-
-
-def _is_file(word: str) -> bool:
-    return not (word.startswith("--") or word == "V0")
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
+    parser.add_argument(
+        "--flows", type=Path, required=True, help="folder that keeps the flow files"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--until", type=float, default=float("inf"), help="s, of the last start")
     parser.add_argument("--only", nargs="+", choices=POPULATIONS, default=[], help="populations")
-    parser.add_argument("--write", action="store_true", help="write the shipped tables")
     own, settings = parser.parse_known_args(arguments)
-    if not (own.flows or own.write):
-        parser.error("--flows must name a folder for the flow files, or give --write")
-    if own.flows:
-        left = remake(own.out, own.flows, settings, own.until, own.only)
-        if left:
-            print(f"not made: {', '.join(left)}; the same command goes on", file=sys.stderr)
-            return 1
-    if own.write:
-        write_tables(own.out)
+    left = remake(own.out, own.flows, settings, own.until, own.only)
+    if left:
+        print(f"not made: {', '.join(left)}; the same command goes on", file=sys.stderr)
+        return 1
     return 0
 
 

@@ -52,7 +52,7 @@ def convert(film: Film, vectors: Path, out: Path) -> Flow:
 
 
 def inspect(flow: Path, out: Path) -> dict[str, Any]:
-    """granpinn.inspect on a flow file: its numbers and its verdict."""
+    """granpinn.inspect on a flow file: its numbers and its facts."""
     command = [sys.executable, "-m", "granpinn.inspect", str(flow), "--out", str(out), "--json"]
     found: dict[str, Any] = json.loads(run(command))
     return found
@@ -74,6 +74,6 @@ def identify(flow: Path, out: Path, settings: Sequence[str]) -> dict[str, Any]:
         },
         "misfit_percent": result["error_percent"]["velocity"],
         "steps": result["timing"]["steps"],
-        "verdict": result["verdict"],
+        "assessment": result["assessment"],
         "command_s": round(time.monotonic() - begin, 1),
     }

@@ -102,7 +102,7 @@ def of_inspection(found: dict[str, Any], measured: Flow, truth: Flow) -> dict[st
     sigma = found["noise"]["sigma"]
     normal = 0.6745  # median of |x| of a standard normal variable
     return {
-        "verdict": found["verdict"],
+        "facts": found["facts"],
         "precision": found["precision"],
         "noise": found["noise"],
         "noise_over_rms_error": sigma / float(np.sqrt(np.mean(error**2))),
@@ -145,7 +145,7 @@ def table(found: dict[str, Any]) -> str:
             f"{'conversion':<22}velocity {conversion['relative_l2_percent']:.2f} %, surface line "
             f"{conversion['surface']['rms_percent_of_height']:.2f} % of the height",
             f"{'inspection':<22}noise {found['inspection']['noise_over_rms_error']:.2f} of the "
-            f"rms error; {found['inspection']['verdict'][0]}",
+            f"rms error; {found['inspection']['facts'][0]}",
         ]
     for name, row in found.get("identification", {}).items():
         values, error = row["parameters"], row["error_percent"]

@@ -34,7 +34,6 @@ from granpinn.results import (
     read_fields,
     read_results,
 )
-from granpinn.uncertainty.of_kind import kind_of
 
 BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
 FILLED = 0.5  # share of the cells of a block that must flow
@@ -64,7 +63,6 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
     curve = friction(result.law.name, law)
     own = summary["own"]["along_D"]
     low, high = own["I_range"]
-    carried = result.baseline is not None and result.baseline.carried
     found: dict[str, Any] = {
         "scene": summary["scene"],
         "material": summary["material"],
@@ -72,7 +70,6 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         "level": result.level,
         "name": result.law.name,
         "law": law,
-        "kind": kind_of(result.data.symmetries, carried, of_solver=False),
         "misfit_percent": result.error_percent.velocity,
         "own_law": own["law"],
         "I_range": [low, high],
@@ -103,12 +100,13 @@ def half_width_percent(result: Result, law: dict[str, float]) -> dict[str, float
         return None
     names = result.covariance.names
     matrix = np.asarray(result.covariance.matrix)
-    widths = {}
+    bars, widths = result.error_bars, {}
+    half_width = bars.half_width if bars else NORMAL_90
     for i in SCORED:
         x = i / (i + law["I0"])
         slopes = {"mu_s": 1 - x, "mu_2": x}
         j = np.array([slopes.get(name, 0.0) for name in names])
-        widths[f"{i:g}"] = float(100 * NORMAL_90 * np.sqrt(j @ matrix @ j) / mu_of_i(law, i))
+        widths[f"{i:g}"] = float(100 * half_width * np.sqrt(j @ matrix @ j) / mu_of_i(law, i))
     return widths
 
 
@@ -119,7 +117,8 @@ def pressure_score(fields: Path, reference: Path) -> dict[str, float | None]:
     """
     try:
         predicted = read_fields(fields)
-        known = np.load(reference)
+        with np.load(reference) as file:
+            known = {name: file[name] for name in ("p", "I", "used")}
     except (OSError, FieldsFileError) as error:
         raise ExperimentError(str(error)) from None
     p = np.stack([predicted.frame("p", k) for k in range(len(predicted.t))]).astype(float)

@@ -1,4 +1,4 @@
-"""I0 as a third unknown, many draws of the noise at once: its errors beside the bound, the verdict.
+"""I0 as a third unknown, many draws of the noise at once: its errors beside the bound, the answer.
 
 python -m bench.studies.simulator_fit.bound --mu-s 0.4 --mu-2 0.64 --cells 512 --json bound.json
 python -m bench.studies.inertial_number.run FLOW.h5 ... --noise 0.02 --draws 6 --bound bound.json \
@@ -7,9 +7,9 @@ python -m bench.studies.inertial_number.run FLOW.h5 ... --noise 0.02 --draws 6 -
 Every draw is trained at every I0 of a grid around the true one, as --free-I0 does, and all are one
 batch. The estimate of a draw is the vertex of the parabola through the least losses in log I0, with
 mu_s and mu_2 between the two neighbors there; a draw whose least loss is at an end of the grid has
-none. The verdict is that of --free-I0 with the draws as its seeds. The bound is the joint one, for
+none. The answer is that of --free-I0 with the draws as its seeds. The bound is the joint one, for
 three unknowns. Settings that are not its own go to the identification (`--steps 20000`).
-Defends: errors of at most 1.5 times the joint bound, or a verdict that says what cannot be told.
+Defends: errors of at most 1.5 times the joint bound, or an answer that says what cannot be told.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def study(flows: Sequence[Flow], config: Config, noise: float, draws: int) -> di
 
 
 def row(flow: Flow, results: Sequence[Result], config: Config, noise: float) -> dict[str, Any]:
-    """Estimates of the draws, their errors in %, and the verdict over all."""
+    """Estimates of the draws, their errors in %, and the answer over all."""
     truth = _truth(flow)
     estimates = estimates_of(results)
     known = [draw for draw in estimates if draw is not None]
@@ -92,7 +92,7 @@ def row(flow: Flow, results: Sequence[Result], config: Config, noise: float) -> 
     try:
         profile = dataclasses.asdict(profile_from(results, config.profile.law_accuracy, truth[2]))
     except NonFiniteError as error:
-        profile = {"verdict": str(error), "points": []}
+        profile = {"answer": str(error), "points": []}
     return {
         "flow": flow.path.stem if flow.path else "in memory",
         **dict(zip(NAMES, truth, strict=True)),
@@ -140,7 +140,7 @@ def _truth(flow: Flow) -> tuple[float, float, float]:
 
 
 def text(rows: Sequence[dict[str, Any]]) -> str:
-    """For each flow RMSE (bias) of the three beside the bound, and the verdict."""
+    """For each flow RMSE (bias) of the three beside the bound, and the answer."""
     lines = []
     for row in rows:
         lines.append(
@@ -154,7 +154,7 @@ def text(rows: Sequence[dict[str, Any]]) -> str:
                 line += f"  bound {row['bound_percent'][name]:6.2f}"
                 line += f"  ratio {row['rmse_over_bound'][name]:5.1f}"
             lines.append(line)
-        lines.append(f"  {row['profile']['verdict']}")
+        lines.append(f"  {row['profile']['answer']}")
     return "\n".join(lines)
 
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from bench.studies import raw
-from bench.studies.coverage.judge import sharpness
+from bench.studies.coverage.fit import sharpness
 from bench.studies.coverage.materials import Task, draw, make_all, read
 from granpinn import identify_many
 from granpinn.config import Config, ConfigError

@@ -40,8 +40,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.decoding import encode
 from granpinn.training.progress import Lines
-from granpinn.uncertainty import calibration
-from granpinn.uncertainty.error_bars import slowness
+from granpinn.uncertainty import error_model
 
 
 def made(task: tuple[str, int], folder: Path, cells: int, stride: int, frames: int) -> Path:
@@ -104,18 +103,6 @@ def seconds(path: Path, config: Config) -> dict[str, float]:
     return found
 
 
-def bands(steps: int) -> dict[str, Any] | None:
-    """The parts of the error of a free curve after so many steps, and the factor of its band.
-
-    `calibrate --widths` takes the band of the results apart by them.
-    """
-    entry = calibration.load().free_curve
-    if entry is None:
-        return None
-    modes = slowness(steps, entry.steps) * np.array(entry.modes)
-    return {"modes": modes.tolist(), "widening": entry.widening}
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--laws", nargs="+", choices=list(MATERIALS), default=list(MATERIALS))
@@ -141,7 +128,7 @@ def main() -> int:
         "frames": own.frames,
         "settings": words,
         "steps": config.steps,
-        "bands": bands(config.steps),
+        "free_curve": error_model.load().free_curve,
         "seconds": {},
         "rows": [],
     }

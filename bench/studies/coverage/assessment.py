@@ -1,0 +1,230 @@
+"""Grades of all identifications whose law is known, against the error of their mu(I).
+
+python -m bench.studies.coverage.assessment
+
+It reads results/rows.csv (table.py), gives every line the error bars and the assessment that a run
+of today would have, and prints how many have each grade: by the rms error of mu(I) over the I of
+the flow, for simulated flows and grains, and for controls, which obey another law or hang on walls;
+which conditions they meet; and how often data of mu(I) are said to contradict it, by noise. Lines
+of earlier studies lack slips, momentum balance or residuals; conditions on these do not hold there.
+
+Defends: no control is good, at least 80 % of clean simulated collapses are, and at most 2 % of the
+flows that obey mu(I) are said to contradict it, at every noise, of simulations and of grains.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bench.studies.coverage.materials import LAW
+from bench.studies.coverage.table import GRAINS, PATH
+from granpinn.config import Config
+from granpinn.identification import balance
+from granpinn.physics import terms
+from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
+from granpinn.results.assessment import CONDITIONS, GRADES, contradicted
+from granpinn.results.baseline import Baseline, Point
+from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.records import Members
+from granpinn.results.slip import Slip
+from granpinn.uncertainty.center import center
+from granpinn.uncertainty.curve import with_curve
+from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.error_model import Known, ends_of
+from granpinn.uncertainty.of_training import judge
+
+ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
+NOISES = {"below 1 %": 0.01, "1 to 10 %": 0.1, "10 to 30 %": 0.3, "above 30 %": np.inf}
+PLACES = 20  # inertial numbers over which errors are averaged, evenly in log I
+CLEAN = ("coverage", "varied")  # populations of clean collapses at the usual level
+
+
+class Judged(NamedTuple):
+    """An identification with its assessment.
+
+    Attributes:
+        kind: "simulated", "grains", or of a control its law.
+        error: rms of mu(I), in %.
+        noise: of the vectors, over the rms velocity.
+    """
+
+    population: str
+    kind: str
+    error: float
+    noise: float
+    result: Result
+
+
+def judged(cells: dict[str, str]) -> Judged:
+    """The assessment of a line of the table."""
+    n = {k: float(v) for k, v in cells.items() if k not in WORDS and v and " " not in v}
+    noise = n["noise"] or n.get("measured_noise", 0.0)
+    kind = "simulated" if cells["law"] == LAW else cells["law"]
+    if cells["population"] == GRAINS and kind == "simulated":
+        kind = GRAINS
+    return Judged(cells["population"], kind, _error(cells, n), noise, result_of(cells, n))
+
+
+WORDS = ("population", "name", "law", "failure", "level", "symmetries", "slips", "carried")
+
+
+def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
+    """The records of a line as of a run of today.
+
+    Args:
+        n: the numbers among the cells.
+    """
+    values = {k: tuple(map(float, cells[k].split())) for k in ("mu_s", "mu_2")}
+    members = Members(tuple(range(len(values["mu_s"]))), values)
+    residuals = Residuals({name: n.get(name, 0.0) for name in ("noise", *terms.NAMES)})
+    I_range = n["I_low"], n["I_high"]
+    mu_s, mu_2 = center(members)
+    noise = n["noise"] or n.get("measured_noise", 0.0)
+    known = Known(
+        ends_of(I_range, n["I0"]),
+        (mu_s, mu_2),
+        n["velocity"],
+        n["constitutive"],
+        noise,
+        n["independent"],
+        outline=cells["level"] == "V0",
+        real=cells["population"] == GRAINS,
+    )
+    symmetries = tuple(filter(None, cells["symmetries"].split("; ")))
+    config = Config(level=cells["level"])  # type: ignore[arg-type]
+    found = judge(members, residuals, known, config, False, symmetries)
+    result = Result(
+        parameters=Parameters(**found.free, I0=Parameter(n["I0"], True)),
+        level=cells["level"],
+        form=config.form,
+        recipe=config.recipe,
+        seed=0,
+        data=DataSummary(0, 0, 0.0, 0, symmetries, _slips(cells["slips"])),
+        timing=Timing(0.0, int(n["steps"])),
+        device="",
+        versions={},
+        input=Input(cells["name"], ""),
+        law=IdentifiedLaw("mu_of_i", I_range, reason=found.reason),
+        members=members,
+        residuals=residuals if cells["momentum"] else None,
+        covariance=found.covariance,
+        error_bars=found.bars,
+    )
+    result = balance.judged(result, _balance(cells))
+    number = np.repeat(I_range, 10)
+    if (range_ := determined(result, number, np.ones(20))) is not None:
+        result = applied(result, range_)
+    result = with_curve(result, number, np.ones(20))
+    points = tuple(balance.difference(p, result) for p in _points(cells["balance"]))
+    return _with_balance(result, points)
+
+
+def _slips(text: str) -> tuple[Slip, ...]:
+    return tuple(Slip(severity, "a slip") for severity in text.split())
+
+
+def _points(text: str) -> list[Point]:
+    numbers = np.reshape(list(map(float, text.split())), (-1, 3)).tolist()
+    return [Point(at, mu, se, 0) for at, mu, se in numbers]
+
+
+def _balance(cells: dict[str, str]) -> Baseline:
+    return Baseline("walls carry the grains", carried=cells["carried"] == "True")
+
+
+def _with_balance(result: Result, differences: Sequence[Any]) -> Result:
+    assert result.baseline is not None
+    known = dataclasses.replace(result.baseline, network=tuple(differences))
+    return dataclasses.replace(result, baseline=known)
+
+
+def _error(cells: dict[str, str], n: dict[str, float]) -> float:
+    """The rms error of mu(I) in %, over the I of the flow where its law is known."""
+    low, high = n["I_low"], n["I_high"]
+    if cells["true_low"]:
+        low, high = max(low, n["true_low"]), min(high, n["true_high"])
+        if low > high:
+            low = high = n["true_low"]
+    x = np.geomspace(low, high, PLACES)
+    x = x / (x + n["I0"])
+    mu = [np.mean(list(map(float, cells[k].split()))) for k in ("mu_s", "mu_2")]
+    true = n["true_s"], n["true_2"]
+    of_law, of_truth = (a * (1 - x) + b * x for a, b in (mu, true))
+    return float(100 * np.sqrt(np.mean((of_law / of_truth - 1) ** 2)))
+
+
+def table(found: Iterable[Judged], names: Sequence[str], of: Callable[[Judged], str]) -> list[str]:
+    """Counts by grade of the identifications in every group, in the order of `names`."""
+    counts = Counter((of(j), j.result.assessment.grade) for j in found)
+    lines = [f"{'':22s}" + "".join(f"{grade:>12s}" for grade in reversed(GRADES))]
+    for name in names:
+        own = [counts[name, grade] for grade in reversed(GRADES)]
+        if sum(own):
+            lines.append(f"{name:22s}" + "".join(f"{n:12d}" for n in own))
+    return lines
+
+
+def bin_of(value: float, bins: dict[str, float]) -> str:
+    """The name of the first bin whose end is not below a value."""
+    return next(name for name, end in bins.items() if value <= end)
+
+
+def report(found: Sequence[Judged]) -> str:
+    """All tables."""
+    lines = []
+    for kind in ("simulated", GRAINS):
+        own = [j for j in found if j.kind == kind]
+        lines += [f"{kind}, by the rms error of mu(I)"]
+        lines += table(own, list(ERRORS), lambda j: bin_of(j.error, ERRORS))
+    others = [j for j in found if j.kind not in ("simulated", GRAINS)]
+    lines += ["controls", *table(others, sorted({j.kind for j in others}), lambda j: j.kind)]
+    lawful = [j for j in found if j.kind in ("simulated", GRAINS)]
+    names = sorted({j.population for j in lawful})
+    lines += ["flows of mu(I), by population", *table(lawful, names, lambda j: j.population)]
+    clean = [j for j in lawful if j.population in CLEAN]
+    good = sum(j.result.assessment.grade == "good" for j in clean)
+    lines += [f"good among clean collapses: {good} of {len(clean)}"]
+    lines += ["said to contradict mu(I) although they obey it, by noise"]
+    for kind in ("simulated", GRAINS):
+        for name in NOISES:
+            own = [j for j in lawful if j.kind == kind and j.result.residuals is not None]
+            own = [j for j in own if bin_of(j.noise, NOISES) == name]
+            false = sum(contradicted(j.result) is not None for j in own)
+            if own:
+                lines += [f"{kind:10s} noise {name:11s} {false:4d} of {len(own)}"]
+    lines += ["conditions", f"{'':22s}{'simulated':>12s}{'grains':>12s}{'controls':>12s}"]
+    for condition in CONDITIONS:
+        counts = []
+        for group in ([j for j in found if j.kind == k] for k in ("simulated", GRAINS)):
+            counts.append(sum(condition.said(j.result) is not None for j in group))
+        counts.append(sum(condition.said(j.result) is not None for j in others))
+        name = getattr(condition.said, "__name__", "")
+        lines += [f"{name:22s}" + "".join(f"{n:12d}" for n in counts) + f"  {condition.grade}"]
+    return "\n".join(lines)
+
+
+def read(path: Path = PATH) -> list[Judged]:
+    """The assessments of all lines that did not fail and hold grains that shear."""
+    with path.open(encoding="utf-8", newline="") as file:
+        lines = [c for c in csv.DictReader(file) if not c["failure"] and c["I_low"]]
+    return [judged(cells) for cells in lines]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--csv", type=Path, default=PATH, help="the table")
+    print(report(read(parser.parse_args(arguments).csv)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,332 @@
+"""May these numbers be used? One list of conditions on the records of a result decides.
+
+A condition has a grade and a sentence for the results that it holds for. The grade of a result is
+the worst one among them; those of grade "good" are facts that speak for it. No other place judges.
+`python -m bench.studies.coverage.assessment` measures the grades on flows whose law is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from granpinn.physics.laws import Law, mu_of_i
+from granpinn.results.baseline import Baseline, Difference
+from granpinn.results.bootstrap import Bootstrap
+from granpinn.results.comparison import ComparedLaw, excluded, sentence
+from granpinn.results.determined import Determined
+from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.named import Residuals
+from granpinn.results.parameters import Parameters
+from granpinn.results.records import DataSummary, ErrorBars, Timing
+from granpinn.results.slip import IMPROBABLE, UNUSUAL
+
+GOOD, CARE, BAD = "good", "care", "do not use"
+GRADES = (BAD, CARE, GOOD)  # the worst first
+HEADLINES = {GOOD: "good to use", CARE: "use with care", BAD: "do not use"}
+
+# Rms residual of the momentum equation over the weight of the grains. In simulated flows of mu(I)
+# it is at most 0.04 after 1,000 steps or more, and 0.05 in films; a fluid of constant viscosity has
+# 0.03 to 0.08, a film played backwards 0.18 to 0.7 (bench/studies/coverage).
+UNBALANCED, CONTRADICTED = 0.05, 0.15
+SETTLED, AFTER_1000 = 3000, 0.03  # a larger residual shows a training of fewer steps than the first
+# Half of the 90 % interval, of log mu.
+WIDE, USELESS = 0.1, 0.5
+DISAGREE = 3.0  # standard errors between the momentum balance and the law
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """May these numbers be used?
+
+    Attributes:
+        grade: "good", "care" or "do not use".
+        headline: the same for a reader.
+        reasons: whole sentences, the worst first; behind those of the grade follow milder ones.
+    """
+
+    grade: str
+    headline: str
+    reasons: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """The line for the terminal, with the first reason."""
+        return f"{self.headline}: {self.reasons[0]}" if self.reasons else f"{self.headline}."
+
+
+class Evidence(Protocol):
+    """The records of a `Result` that conditions read."""
+
+    @property
+    def law(self) -> IdentifiedLaw: ...
+    @property
+    def friction_law(self) -> Law: ...
+    @property
+    def parameters(self) -> Parameters: ...
+    @property
+    def error_bars(self) -> ErrorBars | None: ...
+    @property
+    def residuals(self) -> Residuals | None: ...
+    @property
+    def data(self) -> DataSummary: ...
+    @property
+    def timing(self) -> Timing: ...
+    @property
+    def stopped(self) -> str: ...
+    @property
+    def failure(self) -> str | None: ...
+    @property
+    def determined(self) -> Determined | None: ...
+    @property
+    def baseline(self) -> Baseline | None: ...
+    @property
+    def comparison(self) -> tuple[ComparedLaw, ...]: ...
+    @property
+    def chosen(self) -> str | None: ...
+    @property
+    def bootstrap(self) -> Bootstrap | None: ...
+
+
+def assess(result: Evidence) -> Assessment:
+    """The assessment of a result: every condition that holds for it."""
+    found = [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
+    found.sort(key=lambda pair: GRADES.index(pair[0]))
+    grade = found[0][0] if found else CARE
+    return Assessment(grade, HEADLINES[grade], tuple(said for _, said in found))
+
+
+def diverged(r: Evidence) -> str | None:
+    if r.failure is None and r.stopped != "diverged":
+        return None
+    return f"The training diverged: {r.failure or 'its last good state is shown'}."
+
+
+def undetermined(r: Evidence) -> str | None:
+    if r.determined is None or r.determined.reason is None:
+        return None
+    return f"No friction coefficient is determined: {r.determined.reason}."
+
+
+def carried(r: Evidence) -> str | None:
+    if r.baseline is None or not r.baseline.carried:
+        return None
+    return f"Walls carry the grains, by forces that are not known: {r.baseline.reason}."
+
+
+def improbable(r: Evidence) -> str | None:
+    return _slips(r, IMPROBABLE)
+
+
+def unusual(r: Evidence) -> str | None:
+    return _slips(r, UNUSUAL)
+
+
+def _slips(r: Evidence, severity: str) -> str | None:
+    found = [slip.text for slip in r.data.slips if slip.severity == severity]
+    return f"The data are {severity}: {'; '.join(found)}." if found else None
+
+
+def unsettled(r: Evidence) -> str | None:
+    """Equations that do not hold yet: their residual falls in proportion to the steps."""
+    momentum = _momentum(r)
+    if momentum is None or momentum <= UNBALANCED or r.timing.steps >= SETTLED:
+        return None
+    return f"The training has not settled: {_forces(momentum)}. {_longer(r, momentum / AFTER_1000)}"
+
+
+def contradicted(r: Evidence) -> str | None:
+    """Equations that do not hold in the default recipe; others are not tested."""
+    momentum = _momentum(r)
+    if momentum is None or momentum <= CONTRADICTED or r.timing.steps < SETTLED:
+        return None
+    if r.error_bars is None:
+        return None
+    return (
+        f"The data contradict the law: {_forces(momentum)}, and in flows that follow it by less "
+        f"than {UNBALANCED:.0%}."
+    )
+
+
+def unbalanced(r: Evidence) -> str | None:
+    momentum = _momentum(r)
+    if momentum is None or momentum <= UNBALANCED or contradicted(r) or unsettled(r):
+        return None
+    return (
+        f"The equations hold less well than in simulated flows: {_forces(momentum)}, and there by "
+        f"less than {UNBALANCED:.0%}."
+    )
+
+
+def balanced(r: Evidence) -> str | None:
+    momentum = _momentum(r)
+    if momentum is None or momentum > UNBALANCED:
+        return None
+    return f"The equations hold as in simulated flows: {_forces(momentum)}."
+
+
+def _momentum(r: Evidence) -> float | None:
+    return None if r.residuals is None else r.residuals.get("momentum")
+
+
+def _forces(momentum: float) -> str:
+    return f"the forces of the fit are out of balance by {momentum:.2g} of the weight of the grains"
+
+
+def useless(r: Evidence) -> str | None:
+    found = _widest(r)
+    if found is None or found.half <= USELESS:
+        return None
+    if r.timing.steps >= SETTLED:
+        return f"{found.words}: these data do not tell more."
+    return f"{found.words}. {_longer(r, found.half / WIDE)}"
+
+
+def wide(r: Evidence) -> str | None:
+    found = _widest(r)
+    return f"{found.words}." if found is not None and WIDE < found.half <= USELESS else None
+
+
+def known(r: Evidence) -> str | None:
+    found = _widest(r)
+    return f"{found.words}." if found is not None and found.half <= WIDE else None
+
+
+class Width(NamedTuple):
+    """Half of the widest 90 % interval, of the logarithm, and what it says in words."""
+
+    half: float
+    words: str
+
+
+def _widest(r: Evidence) -> Width | None:
+    """Of mu(I) over the I of the data. Where it is wide, or has no band, those of the parameters
+    count as well. None without any interval."""
+    found, curve = [], r.law.curve
+    if curve is not None and curve.low is not None and curve.high is not None:
+        half = max(map(_half, zip(curve.low, curve.high, strict=True)))
+        at = f"{curve.band(0)} at I = {curve.I[0]:.2g}"
+        if curve.I[-1] > curve.I[0]:
+            at += f" to {curve.band(-1)} at I = {curve.I[-1]:.2g}"
+        found.append(Width(half, f"mu(I) is known to {_words(half)}: {at} (90 % intervals)"))
+        if half <= WIDE:
+            return found[0]
+    for name, p in r.parameters.items():
+        if p.interval_90 is not None:
+            half = _half(p.interval_90)
+            found.append(Width(half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
+    return max(found, key=lambda width: width.half, default=None)
+
+
+def _half(interval: tuple[float, float]) -> float:
+    low, high = interval
+    return math.log(high / low) / 2 if low > 0 else math.inf
+
+
+def _words(half: float) -> str:
+    return f"+- {100 * half:.2g} %" if half < 1 else f"a factor of {math.exp(half):.2g}"
+
+
+def _longer(r: Evidence, times: float) -> str:
+    """What to do, as errors fall in proportion to the steps."""
+    steps = max(SETTLED, 1000 * math.ceil(r.timing.steps * times / 1000))
+    return f"Train longer: about {steps:,} steps in place of {r.timing.steps:,}."
+
+
+def without_errors(r: Evidence) -> str | None:
+    if _widest(r) is not None or diverged(r) or undetermined(r) or carried(r):
+        return None
+    return f"The errors are not known: {r.law.reason or 'none were estimated'}."
+
+
+def untested(r: Evidence) -> str | None:
+    if r.error_bars is None or not r.error_bars.outside:
+        return None
+    return f"The error bars are not tested here: {'; '.join(r.error_bars.outside)}."
+
+
+def extrapolated(r: Evidence) -> str | None:
+    """mu_2 beyond the I of the data: no fault of mu(I)."""
+    if r.law.name != mu_of_i.LAW.name or r.law.I_range is None:
+        return None
+    mu_2, reach = r.parameters["mu_2"], r.law.I_range[1] / r.parameters["I0"].value
+    if mu_2.fixed or not mu_2.determined or reach >= 1:
+        return None
+    return f"mu_2, {mu_2.words}, is extrapolated: the flow reaches {reach:.2g} I0."
+
+
+def disagreeing(r: Evidence) -> str | None:
+    found = _farthest(r)
+    if found is None or _distance(found) <= DISAGREE:
+        return None
+    return (
+        f"The law differs from the momentum balance, which needs no network, by {found}: one of "
+        "them is wrong."
+    )
+
+
+def agreeing(r: Evidence) -> str | None:
+    found = _farthest(r)
+    if found is None or _distance(found) > DISAGREE:
+        return None
+    return f"The momentum balance, which needs no network, agrees: the law differs by {found}."
+
+
+def _farthest(r: Evidence) -> Difference | None:
+    return None if r.baseline is None else max(r.baseline.network, key=_distance, default=None)
+
+
+def _distance(difference: Difference) -> float:
+    return abs(difference.percent) / difference.se_percent
+
+
+def other_law(r: Evidence) -> str | None:
+    if r.chosen is None or r.law.name not in excluded(r.comparison, r.chosen):
+        return None
+    return f"The data support another law: {sentence(r.comparison, r.chosen)}."
+
+
+def too_narrow(r: Evidence) -> str | None:
+    rows = r.bootstrap.rows if r.bootstrap is not None else ()
+    parts = [
+        f"{name} ({row.rms:.2g} +- {row.rms_error:.1g} against {row.std:.2g})"
+        for name, row in rows
+        if row.exceeds
+    ]
+    if not parts:
+        return None
+    return (
+        "The error bars may be too narrow: the rms error of flows simulated with this law exceeds "
+        f"the stated standard deviation of {', '.join(parts)}."
+    )
+
+
+class Condition(NamedTuple):
+    """The sentence of a condition for a result, None where it does not hold."""
+
+    grade: str
+    said: Callable[[Evidence], str | None]
+
+
+CONDITIONS = (
+    Condition(BAD, diverged),
+    Condition(BAD, undetermined),
+    Condition(BAD, carried),
+    Condition(BAD, improbable),
+    Condition(BAD, unsettled),
+    Condition(BAD, useless),
+    Condition(BAD, contradicted),
+    Condition(CARE, wide),
+    Condition(CARE, without_errors),
+    Condition(CARE, unbalanced),
+    Condition(CARE, disagreeing),
+    Condition(CARE, untested),
+    Condition(CARE, other_law),
+    Condition(CARE, too_narrow),
+    Condition(CARE, unusual),
+    Condition(GOOD, known),
+    Condition(GOOD, extrapolated),
+    Condition(GOOD, balanced),
+    Condition(GOOD, agreeing),
+)

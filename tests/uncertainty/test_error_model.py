@@ -1,0 +1,220 @@
+"""The error model: what it says of mu at the ends of a range of I, and what follows from that."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from granpinn.physics.laws import DEFAULT
+from granpinn.results.assumed import Assumed
+from granpinn.results.records import Members
+from granpinn.uncertainty import error_bars, error_model
+from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, continued, ends_of, line
+
+X, MU = (0.02, 0.3), (0.4, 0.64)
+USUAL = Known(X, MU, misfit=0.003, law=0.005)
+RULES: dict[str, float] = dict.fromkeys(error_model.COEFFICIENTS, 0.0)
+MODEL = dataclasses.replace(
+    error_model.load(),
+    freedom=8.0,
+    lower=RULES | {"constant": math.log(0.004)},
+    upper=RULES | {"constant": math.log(0.01)},
+    correlation=-0.3,
+    level=0.02,
+    tilt=0.01,
+)
+SHORT = (0.02, 0.1)  # with the same friction at both ends
+SAME = tuple(np.linalg.solve(line(SHORT), line(X) @ MU).tolist())
+ALONE = Members((0,), {"mu_s": MU[:1], "mu_2": MU[1:]})
+# With which change of a run errors grow, by feature.
+WORSE: dict[str, Known] = {
+    "outline": USUAL._replace(outline=True),
+    "noise": USUAL._replace(noise=0.5, misfit=0.5, vectors=10_000.0),
+    "misfit": USUAL._replace(misfit=0.03),
+    "law": USUAL._replace(law=0.04),
+    "reach": USUAL._replace(x=SHORT, mu=SAME),
+    "contrast": USUAL._replace(mu=(0.4, 0.8)),
+}
+
+
+def test_mu_s_and_mu_2_are_the_continuation_of_a_line() -> None:
+    """By hand: mu at x = 0 and x = 1 of the line through (x1, mu1) and (x2, mu2)."""
+    s = 0.004, 0.01
+    (x1, x2), (m1, m2) = X, line(X) @ MU
+    C = continued(MODEL.method(USUAL), USUAL)
+    d1, d2 = np.array([m1 * s[0], 0]), np.array([0, m2 * s[1]])
+    of_s = (x2 * d1 - x1 * d2) / (x2 - x1)
+    of_2 = ((x2 - 1) * d1 + (1 - x1) * d2) / (x2 - x1)
+    correlation = np.array([[1, -0.3], [-0.3, 1]])
+    for j, a in enumerate((of_s, of_2)):
+        for k, b in enumerate((of_s, of_2)):
+            assert C[j, k] == pytest.approx(a @ correlation @ b)
+
+
+@pytest.mark.parametrize("name", WORSE)
+def test_errors_grow_with_what_went_wrong(name: str) -> None:
+    """By the shipped numbers they never fall, and by a coefficient of that sign they grow."""
+    usual, worse = error_model.load(), WORSE[name]
+    assert np.all(usual.sd(worse) >= usual.sd(USUAL) * (1 - 1e-9))
+    sign = FEATURES.get(name, 1)
+    only = dataclasses.replace(MODEL, lower=MODEL.lower | {name: 0.5 * sign})
+    assert only.sd(worse)[0] > only.sd(USUAL)[0]
+
+
+@pytest.mark.parametrize(
+    ("inside", "beyond", "quantity"),
+    [
+        (USUAL._replace(misfit=0.02), USUAL._replace(misfit=0.9), "misfit"),
+        (USUAL._replace(law=0.02), USUAL._replace(law=0.5), "law"),
+        (USUAL._replace(x=(0.02, 0.1)), USUAL._replace(x=(0.02, 0.03)), "reach"),
+        (USUAL, USUAL._replace(mu=(0.4, 3.0)), "contrast"),
+    ],
+)
+def test_beyond_the_fit_errors_grow_in_proportion(
+    inside: Known, beyond: Known, quantity: str
+) -> None:
+    value = error_model.quantities(beyond)[quantity]
+    limit = MODEL.tested[quantity][FEATURES[quantity] > 0]
+    factor = max(value / limit, limit / value)
+    assert factor > 1.5
+    assert MODEL.sd(inside) == pytest.approx([0.004, 0.01])
+    assert MODEL.sd(beyond) == pytest.approx([0.004 * factor, 0.01 * factor])
+    (words,) = MODEL.outside(beyond)
+    assert words.startswith(f"{error_model.WORDS[quantity]} = {value:.2g} (tested: ")
+    assert MODEL.outside(inside) == ()
+
+
+def test_better_than_tested_counts_as_the_best_that_was() -> None:
+    """A misfit of 0 is no surprise, and makes no error smaller."""
+    best = USUAL._replace(misfit=MODEL.tested["misfit"][0])
+    grows = dataclasses.replace(MODEL, lower=MODEL.lower | {"misfit": 1.0})
+    perfect = USUAL._replace(misfit=0.0, law=0.0)
+    assert grows.sd(perfect)[0] == pytest.approx(grows.sd(best)[0])
+    assert MODEL.outside(perfect) == ()
+
+
+def test_noise_counts_by_the_number_of_vectors_and_hides_misfit() -> None:
+    noisy = USUAL._replace(noise=0.2, misfit=0.2, vectors=4000.0)
+    found, fewer = (error_model.quantities(k) for k in (noisy, noisy._replace(vectors=1000.0)))
+    assert found["noise"] == pytest.approx(0.2 / 2 / (line(X) @ MU)[0])
+    assert fewer["noise"] == pytest.approx(2 * found["noise"])
+    assert found["misfit"] == pytest.approx(error_model.NOISE_PART * 0.2)
+    beyond = error_model.quantities(noisy._replace(misfit=0.3))["misfit"]
+    assert beyond == pytest.approx(math.sqrt(0.3**2 - 1.02 * 0.2**2 + 0.006**2))
+
+
+def test_real_grains_depart_by_a_level_and_a_tilt() -> None:
+    assert not MODEL.grains(USUAL).any()
+    C = MODEL.grains(USUAL._replace(real=True))
+    assert pytest.approx(np.array([[5e-4, 3e-4], [3e-4, 5e-4]])) == C
+    mean, half = np.array([0.5, 0.5]), np.array([-0.5, 0.5])
+    assert mean @ C @ mean == pytest.approx(0.02**2)
+    assert half @ C @ half == pytest.approx(0.01**2)
+
+
+def test_error_bars_are_the_sum_of_their_parts() -> None:
+    three = Members((0, 1, 2), {"mu_s": (0.39, 0.40, 0.42), "mu_2": (0.64, 0.66, 0.60)})
+    line = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
+    known = USUAL._replace(real=True)
+    found = error_bars.estimate(three, known, MODEL, (line,))
+    parts = continued(MODEL.method(known) + MODEL.grains(known), known)
+    parts = parts + np.cov([three.values["mu_s"], three.values["mu_2"]]) / 3
+    parts = parts + np.outer([0.02, -0.05], [0.02, -0.05])
+    np.testing.assert_allclose(found.covariance.matrix, parts, rtol=1e-12)
+    bars = found.bars
+    assert bars.assumptions == pytest.approx((0.02, 0.05))
+    squares = [np.square(p) for p in (bars.method, bars.grains, bars.scatter, bars.assumptions)]
+    np.testing.assert_allclose(np.sum(squares, axis=0), np.diag(parts), rtol=1e-12)
+    alone = error_bars.estimate(ALONE, USUAL, MODEL).bars
+    assert (alone.grains, alone.scatter, alone.assumptions) == (None, None, None)
+
+
+def test_intervals_are_those_of_student_and_hold_no_negative_friction() -> None:
+    found = error_bars.estimate(ALONE, USUAL, MODEL).parameters
+    half = stats.t.ppf(0.95, 8.0)
+    for parameter in found.values():
+        low, high = parameter.interval_90
+        reach = half * parameter.std / parameter.value
+        assert math.log(high / parameter.value) == pytest.approx(reach)
+        assert math.log(parameter.value / low) == pytest.approx(reach)
+    lost = Known((0.1, 0.1 + 1e-6), MU, misfit=5.0, law=3.0, noise=2.0)
+    for parameter in error_bars.estimate(ALONE, lost, error_model.load()).parameters.values():
+        low, high = parameter.interval_90
+        assert 0 < low < parameter.value < high < math.inf
+
+
+def test_intervals_cover_as_often_as_stated(seed: int) -> None:
+    """Errors of log mu at both ends, drawn from the model."""
+    draws = 2000
+    s = MODEL.sd(USUAL)
+    C = MODEL.method(USUAL)
+    rng = np.random.default_rng(seed)
+    e = rng.multivariate_normal([0, 0], C, draws) / np.sqrt(rng.chisquare(8, (draws, 1)) / 8)
+    held = np.zeros(2)
+    for row in e:
+        mu = np.linalg.solve(line(X), (line(X) @ MU) * np.exp(row))
+        members = Members((0,), {"mu_s": (mu[0],), "mu_2": (mu[1],)})
+        found = error_bars.estimate(members, USUAL._replace(mu=tuple(mu.tolist())), MODEL)
+        ends = [p.interval_90 for p in found.parameters.values()]
+        held += [low <= t <= high for (low, high), t in zip(ends, MU, strict=True)]
+    assert s.shape == (2,)
+    assert held / draws == pytest.approx(0.9, abs=0.025)
+
+
+def test_one_inertial_number_has_two_ends() -> None:
+    x = ends_of((0.1, 0.1), 0.3)
+    assert x[0] < x[1]
+    assert np.isfinite(continued(MODEL.method(USUAL._replace(x=x)), USUAL._replace(x=x))).all()
+
+
+def test_the_center_and_the_member_next_to_it() -> None:
+    found = Members((0, 1, 2), {"mu_s": (0.3, 0.4, 0.5), "mu_2": (0.5, 0.7, 0.6)})
+    assert center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
+    assert nearest(found, DEFAULT) == 1 or nearest(found, DEFAULT) == 2
+    one_off = Members((0, 1, 2), {"mu_s": (0.40, 0.41, 0.9), "mu_2": (0.60, 0.61, 1.2)})
+    assert nearest(one_off, DEFAULT) == 1
+
+
+def test_the_shipped_model_is_sound() -> None:
+    usual = error_model.load()
+    sd = usual.sd(USUAL)
+    assert np.all((sd > 5e-4) & (sd < 0.03))
+    assert 0 < usual.level < 0.1
+    assert 0 < usual.tilt < 0.1
+    assert usual.outside(USUAL) == ()
+    numbers = len(usual.lower) + len(usual.upper)
+    numbers += len(("correlation", "level", "tilt", "free_curve", "cohesion", "cohesion_part"))
+    assert numbers <= 24
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"levle": 0.02}, "levle is not known"),
+        ({"freedom": 2.0}, "freedom must be above 2"),
+        ({"correlation": -1.0}, "correlation between -1 and 1"),
+        ({"lower": {**RULES, "colour": 1.0}}, "lower.colour is not known; expected constant"),
+        ({"upper": {"constant": -5.0}}, "upper.outline is missing"),
+        ({"upper": {**RULES, "reach": 0.5}}, "reach must not make errors smaller, got 0.5"),
+        ({"lower": {**RULES, "noise": -0.1}}, "noise must not make errors smaller, got -0.1"),
+        ({"tested": {"noise": [0.1, 0.2]}}, "tested.misfit is missing"),
+        ({"tilt": -0.01}, "must not be negative"),
+    ],
+)
+def test_a_model_that_breaks_a_rule_is_refused(
+    changes: dict[str, Any], sentence: str, tmp_path: Path
+) -> None:
+    content = json.loads(error_model.PATH.read_text(encoding="utf-8"))
+    (tmp_path / "good.json").write_text(json.dumps(content), encoding="utf-8")
+    assert isinstance(error_model.load(tmp_path / "good.json"), ErrorModel)
+    (tmp_path / "model.json").write_text(json.dumps(content | changes), encoding="utf-8")
+    with pytest.raises(ValueError, match=sentence):
+        error_model.load(tmp_path / "model.json")
