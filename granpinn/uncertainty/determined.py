@@ -22,7 +22,7 @@ from granpinn.results.summary import friction_sd
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import Known, ends_of, interval
 
-LARGEST = 0.2
+LARGEST = 0.15  # its 90 % interval is wider than a quarter
 
 
 def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:

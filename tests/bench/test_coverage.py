@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.studies import raw
-from bench.studies.coverage import fit, materials, table
+from bench.studies.coverage import fit, likelihood, materials, table
 from bench.studies.coverage.table import GRAINS, Row
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
@@ -21,7 +21,7 @@ from granpinn.uncertainty.error_model import ErrorModel, Known, line
 
 TRUE = dataclasses.replace(
     error_model.load(),
-    freedom=fit.FREEDOM,
+    freedom=likelihood.FREEDOM,
     lower={"constant": -7.0, "outline": 0.6, "noise": 0.5, "misfit": 0.4, "law": 0.5, "steps": 0.0}
     | {"reach": -0.2, "contrast": 1.0},
     upper={"constant": -6.6, "outline": 0.8, "noise": 0.1, "misfit": 0.9, "law": 0.3, "steps": 0.5}
@@ -57,10 +57,14 @@ def drawn(count: int, rng: np.random.Generator, real: bool = False) -> list[Row]
     return rows
 
 
+def most_likely(rows: list[Row]) -> np.ndarray:
+    return likelihood.most_likely(likelihood.data_of(rows))
+
+
 def test_the_fit_finds_the_model_that_made_the_errors(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows = [*drawn(3000, rng), *drawn(300, rng, real=True)]
-    found = fit.model_of(fit.fit(fit.data_of(rows)), rows, "made up", error_model.load())
+    found = fit.model_of(most_likely(rows), rows, "made up", error_model.load())
     ratio = np.array([found.sd(row.known) / TRUE.sd(row.known) for row in rows])
     assert np.quantile(np.abs(np.log(ratio)), 0.95, axis=0) == pytest.approx([0, 0], abs=0.2)
     for own, true in ((found.lower, TRUE.lower), (found.upper, TRUE.upper)):
@@ -74,7 +78,7 @@ def test_the_fit_finds_the_model_that_made_the_errors(seed: int) -> None:
 def test_a_model_covers_flows_that_it_has_not_seen(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows = drawn(800, rng)
-    found = fit.model_of(fit.fit(fit.data_of(rows)), rows, "", error_model.load())
+    found = fit.model_of(most_likely(rows), rows, "", error_model.load())
     judged = [fit.judged(row, found) for row in drawn(1500, rng)]
     inside = np.mean([j.pull <= 1 for j in judged], axis=0)
     held = np.mean([j.missed == 0 for j in judged], axis=0)
@@ -84,18 +88,18 @@ def test_a_model_covers_flows_that_it_has_not_seen(seed: int) -> None:
 def test_grains_with_one_friction_are_judged_there() -> None:
     (row,) = drawn(1, np.random.default_rng(0), real=True)
     chute = row._replace(true_range=(0.015, 0.015), truth=(0.45, 0.45))
-    (x,) = fit.places_of(chute)
+    (x,) = likelihood.places_of(chute)
     assert x == pytest.approx(0.015 / 0.315)
-    weights = fit.weights_at(chute, np.array([x]))
+    weights = likelihood.weights_at(chute, np.array([x]))
     middle = line(chute.known.x)[:, 1]
     share = (x - middle[0]) / (middle[1] - middle[0])
     mu = chute.known.ends * [1 - share, share]
     np.testing.assert_allclose(weights, [mu / mu.sum()])
-    assert fit.errors_at(chute, np.array([x])) == pytest.approx(np.log(mu.sum() / 0.45))
-    alone, both = (fit.data_of([r]) for r in (chute, row))
+    assert likelihood.errors_at(chute, np.array([x])) == pytest.approx(np.log(mu.sum() / 0.45))
+    alone, both = (likelihood.data_of([r]) for r in (chute, row))
     assert (alone.spread, both.spread) == (np.array([1.0]), np.array([0.0]))
-    p = fit.fit(both)
-    assert np.isfinite([fit.unlikely(p, alone), fit.unlikely(p, both)]).all()
+    p = likelihood.most_likely(both)
+    assert np.isfinite([likelihood.unlikely(p, alone), likelihood.unlikely(p, both)]).all()
 
 
 def test_constants_are_raised_until_every_population_is_held() -> None:
@@ -128,7 +132,7 @@ def test_a_family_that_was_left_out_is_held(stored: list[Row]) -> None:
     """512 cells: no flow of such a simulation is in the fit."""
     left = [row for row in stored if row.family == "512"]
     others = [row for row in stored if row.family != "512"]
-    found = fit.model_of(fit.fit(fit.data_of(others)), others, "", error_model.load())
+    found = fit.model_of(most_likely(others), others, "", error_model.load())
     judged = [fit.judged(row, found) for row in left]
     assert len(judged) >= ENOUGH
     assert np.all(np.mean([j.pull <= 1 for j in judged], axis=0) >= 0.85)
