@@ -86,7 +86,7 @@ KEPT_BY_TESTS = (
     Gate("F-3", "no pickle, no eval, no shell, no network", ("tests/test_repository.py",)),
     Gate(
         "F-6",
-        "one flow in 2,900 forms of all formats gives one flow to rounding, or a refusal",
+        "one flow in 2,700 forms of all formats gives one flow to rounding, or a refusal",
         ("tests/importers/test_forms.py",),
     ),
 )
