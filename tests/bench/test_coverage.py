@@ -169,8 +169,8 @@ def test_raw_rows_make_the_table(tmp_path: Path) -> None:
         "steps": 15_000,
         "members": {"mu_s": [0.3, 0.32], "mu_2": [0.5, 0.6]},
         "residuals": residuals | {"continuity": 0.03},
-        "data": {"measured_noise": 0.12, "independent": 5e4},
-        "drift": 0.001,
+        "data": {"measured_noise": 0.12, "independent": 5e4, "symmetries": [], "slips": []},
+        "baseline": None,
     }
     flow = run | {
         "name": "varied-9-0001",
@@ -188,9 +188,8 @@ def test_raw_rows_make_the_table(tmp_path: Path) -> None:
         "mean": {"I": 0.05, "mu": 0.33},
         "I_range": [0.005, 0.1],
         "result_I_range": [0.004, 0.12],
-        "baseline": None,
     }
-    silo = scene | {"scene": "silo", "baseline": {"carried": True}}
+    silo = scene | {"scene": "silo", "baseline": {"carried": True, "points": []}}
     chute = scene | {"scene": "chute", "own_law": None, "level": "V1"}
     (tmp_path / "varied.json").write_text(json.dumps({"rows": [flow, flow | {"law": "viscous"}]}))
     (tmp_path / "grains.json").write_text(json.dumps({"scores": [scene, silo, chute]}))
