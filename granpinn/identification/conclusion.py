@@ -13,6 +13,7 @@ from granpinn.identification.case import Case, Model
 from granpinn.identification.final_loss import final_loss
 from granpinn.identification.law_curve import inertial_range
 from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.terms import LAW, TERMS
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.findings import Loss
@@ -71,7 +72,7 @@ def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) ->
     """
     noise = residuals.noise or measured_noise(case) or 0.0
     outline, real = case.config.level == "V0", not case.flow.of_solver
-    fit = residuals.velocity, residuals.constitutive
+    fit = residuals.velocity, residuals[TERMS[LAW].name]
     return Known(x, mu, *fit, noise, case.facts.independent(), steps, outline, real)
 
 

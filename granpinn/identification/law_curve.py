@@ -56,18 +56,9 @@ def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | Non
     return percentiles(number, np.ones(number.shape))
 
 
-def with_law_curve(result: Result, shear: Shear | Fields) -> Result:
-    """The result with its law over the I of the points that shear; the loss weights all alike.
-
-    Args:
-        shear: these points, or the fields that hold them.
-    """
-
-    def made() -> Result:
-        points = shear
-        if isinstance(points, Fields):
-            points = shear_of(points, result.friction_law.cohesion_of(result.theta))
-        return with_curve(result, points.I, np.ones(points.I.shape), points.ratio)
-
-    found = attempt(LAW_CURVE, made)
+def with_law_curve(result: Result, shear: Shear) -> Result:
+    """The result with its law over the I of the points that shear; the loss weights all alike."""
+    found = attempt(
+        LAW_CURVE, lambda: with_curve(result, shear.I, np.ones(shear.I.shape), shear.ratio)
+    )
     return lacking(result, found) if isinstance(found, NotDone) else having(found, LAW_CURVE)

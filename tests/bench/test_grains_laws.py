@@ -217,11 +217,11 @@ def test_the_points_of_a_scene_go_to_the_csv() -> None:
 def test_a_film_of_a_steady_flow_is_scored_by_its_mean(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fields of two equal frames, a reference of twelve; the noise is that of its halves."""
+    """Fields of one frame, a reference of twelve; the noise is that of its halves."""
     shape = (12, 6, 6)
     p = 20 + np.where(np.arange(12) % 2, 1.0, -1.0)[:, None, None] * np.ones(shape)
     np.savez(tmp_path / "reference.npz", p=p, I=np.full(shape, 0.1), used=np.ones(shape, bool))
-    fields = SimpleNamespace(t=[0.0, 1.0], frame=lambda *_: np.full(shape[1:], 22.0))
+    fields = SimpleNamespace(t=[0.0], steady=True, frame=lambda *_: np.full(shape[1:], 22.0))
     monkeypatch.setattr(score, "read_fields", lambda _: fields)
     found = score.pressure_score(tmp_path / "fields.h5", tmp_path / "reference.npz")
     assert found["ratio"] == pytest.approx(1.1)

@@ -152,8 +152,7 @@ def test_every_figure_is_drawn_or_said_to_be_missing(
 
 def nothing_to_draw(contents: Contents, fields: Fields, folder: Path) -> set[str]:
     """Why none of the figures that need fields was drawn."""
-    bare = replace(contents.result, parts=None)  # their figure needs no fields
-    pictures, missing = album.draw_all(album.Source(bare, fields, None, 8), folder)
+    pictures, missing = album.draw_all(album.Source(contents.result, fields, None, 8), folder)
     assert pictures == []
     return {m.reason for m in missing} - {"there is no history.csv that can be read"}
 

@@ -107,6 +107,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
     assert {p.name for p in tmp_path.iterdir()} == {
         "config.toml",
         "checkpoint",
+        ".lock",
         "000",
         "001",
         "002",

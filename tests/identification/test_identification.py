@@ -21,6 +21,7 @@ from granpinn.identification import case as case_module
 from granpinn.identification import prediction, simulated_fields
 from granpinn.identification.case import choose_device, pose
 from granpinn.identification.single import identify
+from granpinn.output import OutputError
 from granpinn.training.loop import TrainingLoop
 from tests.runs import make_trainer, tiny
 
@@ -51,7 +52,7 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
     config = tiny(seed=2)
     result = identify(flow_file, config, run_dir=folder)
     names = {"results.json", "results.csv", "fields.h5", "network.safetensors"}
-    names |= {"history.csv", "config.toml", "checkpoint"}
+    names |= {"history.csv", "config.toml", "checkpoint", ".lock"}
     assert {path.name for path in folder.iterdir()} == names
     assert results.read_results(folder / "results.json").parameters == result.parameters
     assert result.input.name == "heap.h5"
@@ -216,7 +217,7 @@ def test_a_flow_that_breaks_a_rule_is_refused(flow: Flow) -> None:
 
 def test_a_folder_that_is_a_file_is_refused(flow: Flow, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match="--out .* must be a new or existing folder"):
+    with pytest.raises(OutputError, match="must be a new or existing folder, got a file"):
         identify(flow, tiny(), run_dir=tmp_path / "file")
 
 

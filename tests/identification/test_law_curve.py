@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from granpinn import report
-from granpinn.identification.law_curve import with_law_curve
-from granpinn.results import IdentifiedLaw
+from granpinn.identification.law_curve import shear_of, with_law_curve
 from granpinn.results.attempt import LAW_CURVE
 from granpinn.results.zones import D2_STAGNANT
 from tests.run_folder import Contents, make_run, read_run, with_values
@@ -52,32 +47,15 @@ def test_the_points_are_the_stress_of_the_fit(contents: Contents) -> None:
     I = np.geomspace(0.01, 0.1, K)  # noqa: E741
     p = np.where(np.arange(K) % 7 == 0, -1.0, 2.0)  # no ratio where p < 0
     fields = with_values(contents.fields, I=I, D2=1e3, p=p, tau_xx=0.3, tau_xy=-0.4)
-    points = with_law_curve(contents.result, fields).law.points
+    points = with_law_curve(contents.result, shear_of(fields)).law.points
     assert points is not None
     np.testing.assert_allclose(points.mu, 0.25, rtol=1e-6)
     known = (p > 0) & (fields.time_of_points() > 0)
     assert 0.85 * known.sum() < sum(points.count) < 0.95 * known.sum()
 
 
-def test_fields_without_stress_are_a_reason(contents: Contents) -> None:
-    made = with_law_curve(contents.result, with_values(contents.fields, tau_xx=None))
+def test_a_stress_of_other_points_is_a_reason(contents: Contents) -> None:
+    shear = shear_of(contents.fields)
+    made = with_law_curve(contents.result, shear._replace(ratio=shear.ratio[1:]))
     assert [part.what for part in made.not_done] == [LAW_CURVE]
-    assert with_law_curve(made, contents.fields).not_done == ()
-
-
-def test_a_run_of_an_earlier_version_gets_its_curve(
-    folder: Path, contents: Contents, figures: Callable[..., None]
-) -> None:
-    figures("friction_law")
-    path = folder / "results.json"
-    content = json.loads(path.read_text())
-    content["law"] = {"name": "mu_of_i"}
-    path.write_text(json.dumps(content))
-    assert read_run(folder).result.law == IdentifiedLaw("mu_of_i")
-    report.build(folder)
-    with (folder / "results.csv").open(newline="") as file:
-        (row,) = csv.DictReader(file)
-    law = contents.result.law
-    assert law.I_range is not None
-    assert (float(row["I_low"]), float(row["I_high"])) == pytest.approx(law.I_range)
-    assert (folder / "figures" / "friction_law.png").exists()
+    assert with_law_curve(made, shear).not_done == ()

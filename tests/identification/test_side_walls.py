@@ -23,6 +23,7 @@ def identified(friction: float, sd: float = 0.0) -> Result:
         "network__widths": (32, 32),
         "batch__interior": 256,
         "batch__surface": 16,
+        "batch__collocation": 8.0,
         "side_walls__friction": friction,
         "side_walls__friction_sd": sd,
     }

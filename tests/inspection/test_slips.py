@@ -256,5 +256,5 @@ def test_inspect_leads_with_slips(
     assert inspect.main([str(path)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("impossible: the velocity integrated over time is 970 times the way")
-    assert "training refuses them: mend the flow file first" in printed
+    assert "next: mend the flow file, or convert again with the right calibration" in printed
     assert "Grains accelerate" not in printed

@@ -127,7 +127,7 @@ def pressure_score(fields: Path, reference: Path) -> dict[str, float | None]:
     flowing = known["used"] & (known["I"] > SLOWEST) & np.isfinite(p)
     size = (len(p) if predicted.steady else BLOCK[0], *BLOCK[1:])
     mean_p, mean_known = (_block_means(a, flowing, size) for a in (p, known["p"]))
-    frame = np.arange(len(predicted.t))[:, None, None]
+    frame = np.arange(len(p))[:, None, None]
     even, odd = (
         _block_means(known["p"], flowing & (frame % 2 == k), size, FILLED / 2) for k in (0, 1)
     )

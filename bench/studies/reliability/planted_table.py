@@ -234,7 +234,7 @@ MISTAKES = [
         ("missing term", "wall_points.py", "touch.sticks & closed & agrees(along)",
          "touch.sticks & closed"),
         ("sign", "wall_points.py", "touch.of_grains - through)", "touch.of_grains + through)"),
-        ("missing term", "walls.py", "found[k] = apart & (first * last <= 0)",
+        ("missing term", "walls.py", "found[k[apart & (first * last <= 0)]] = True",
          "found[k] = apart"),
         ("index", "walls.py", "segments.at(float(time))", "segments.at(float(t[0]))"),
         ("factor", "points.py", "physics.new_tensor([of_walls, 0.0])",
