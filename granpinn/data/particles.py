@@ -51,7 +51,10 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     t = np.unique(particles.t)
     if t.size > MAX_FRAMES:
         t = np.linspace(t[0], t[-1], MAX_FRAMES)
+    # A pause of the measurement has no frames, whatever their number.
     frame = np.searchsorted((t[1:] + t[:-1]) / 2, particles.t)
+    seen, frame = np.unique(frame, return_inverse=True)
+    t = t[seen]
     cell = _cell_size(particles, frame, t.size)
     x, column = _axis("x", particles.x, cell)
     y, row = _axis("y", particles.y, cell)

@@ -34,8 +34,8 @@ FRACTION_TOLERANCE = 1e-6
 MAX_ZERO_SHARE = 0.005
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
-# Largest distance of surface points from the grid, in units of the grid's extent.
-SURFACE_MARGIN = 0.1
+# Largest distance of surface points from the cell centers: part of their extent, or cells.
+SURFACE_MARGIN, SURFACE_CELLS = 0.1, 1.0
 
 
 @checked
@@ -231,7 +231,8 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
                 f"{far:g} for steps of {step:g}: store surface_{name} as float64"
             )
         low, high = grid[name][0], grid[name][-1]
-        margin = SURFACE_MARGIN * (high - low)
+        cell = float(np.median(np.diff(grid[name])))
+        margin = max(SURFACE_MARGIN * (high - low), SURFACE_CELLS * cell)
         if values.min() < low - margin or values.max() > high + margin:
             raise FlowFileError(
                 f"surface_{name} must lie within {name}, {low:g} to {high:g}, got "

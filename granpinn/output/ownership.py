@@ -56,6 +56,8 @@ def owned(folder: str | os.PathLike[str] | None) -> Iterator[Path | None]:
             del _owners[place]
             if made:
                 _remove_if_empty(folder)
+            with contextlib.suppress(OSError):  # nobody owns it now
+                os.ftruncate(handle, 0)
             os.close(handle)
 
 

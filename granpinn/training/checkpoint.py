@@ -42,6 +42,8 @@ FORMAT_VERSION = 4
 KEPT = 2
 HEAD = ("format_name", "format_version", "step")
 NAME = re.compile(r"step-(\d{9,16})\.json", re.ASCII)
+PART = re.compile(r"step-\d{9,16}\.(json|safetensors)", re.ASCII)
+TEMPORARY = re.compile(rf"\.{PART.pattern}\.[0-9a-f]{{8}}\.tmp", re.ASCII)
 LONGEST = 300  # characters of the reason why a checkpoint cannot be read
 
 
@@ -107,11 +109,10 @@ def _checksum(content: Mapping[str, Any], binary: bytes) -> str:
 def _prune(folder: Path) -> None:
     """Keep the newest two checkpoints; remove the temporary files of a killed process."""
     kept = {path.stem for path in _newest_first(folder)[:KEPT]}
-    for path in folder.glob("step-*.*"):
-        if path.stem not in kept:
+    for path in [*folder.iterdir()]:
+        old = PART.fullmatch(path.name) and path.stem not in kept
+        if old or TEMPORARY.fullmatch(path.name):
             path.unlink()
-    for path in folder.glob(".step-*.tmp"):
-        path.unlink()
 
 
 def _newest_first(folder: Path) -> list[Path]:

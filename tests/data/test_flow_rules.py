@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileError, Surface, Truth, check_flow
+from granpinn.data import (
+    Flow,
+    FlowFileError,
+    Surface,
+    Truth,
+    check_flow,
+    read_flow,
+    write_flow,
+)
 from tests.flows import make_flow
 
 FLOW = make_flow()
@@ -163,3 +173,29 @@ def test_what_is_allowed() -> None:
     allowed: Flow = replace(FLOW, **both(gaps, np.nan), c=rounding, eta_min=0.0)
     check_flow(allowed)
     check_flow(replace(FLOW, p=np.where(FLOW.c == 1, FLOW.p, np.nan).astype("f4")))
+
+
+@pytest.mark.parametrize("columns", [2, 3, 5, 12])
+def test_a_line_from_edge_to_edge_of_few_columns_is_accepted(columns: int) -> None:
+    """The edges lie half a cell outside of the cell centers."""
+    flow = make_flow(columns=columns, frames=2)
+    width = 2.0 / columns
+    line = Surface(np.repeat(flow.t, 2), np.tile([0.0, 2.0], 2), np.full(4, 0.9))
+    check_flow(replace(flow, surface=line))
+    far = replace(line, x=line.x + np.tile([-2 * width, 2 * width], 2))
+    with pytest.raises(FlowFileError, match="surface_x must lie within x"):
+        check_flow(replace(flow, surface=far))
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_a_truth_value_of_h5py_is_a_number(value: bool, tmp_path: Path) -> None:
+    """h5py writes it as an enumeration."""
+    path = tmp_path / "flow.h5"
+    write_flow(make_flow(), path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["steady"] = value
+        file.attrs["lit"] = value
+    flow = read_flow(path)
+    assert flow.attributes["steady"] == int(value)
+    assert flow.attributes["lit"] == int(value)
+    assert flow.steady is value

@@ -234,3 +234,25 @@ def test_a_view_that_does_not_fit_into_memory_is_refused(monkeypatch: pytest.Mon
     assert particles is not None
     with pytest.raises(FlowFileError, match=r"particles need a view of \d+ x \d+ x \d+ cells"):
         grid_view(particles)
+
+
+@pytest.mark.parametrize("times", [1500, 3000])
+@pytest.mark.parametrize("pause", [0.0, 0.1])
+def test_a_pause_of_the_measurement_is_no_fault(times: int, pause: float) -> None:
+    """More times than the view has frames: those of the pause have no vectors."""
+    rng = np.random.default_rng(times)
+    t = np.sort(rng.random(times))
+    t[times // 2 :] += pause
+    place, velocity = rng.random((2, 2, 3 * times))
+    flow = particle_flow(
+        Particles(np.repeat(t, 3), *place, *velocity),
+        gravity=(0.0, -9.81),
+        density=1500.0,
+        grain_diameter=0.01,
+    )
+    check_flow(flow)
+    assert 2 <= flow.t.size <= particles_module.MAX_FRAMES
+    assert np.isfinite(flow.u).any(axis=(1, 2)).all()
+    middle = flow.t[:-1] + np.diff(flow.t) / 2
+    there = (middle > t[times // 2 - 1] + 0.01) & (middle < t[times // 2] - 0.01)
+    assert there.sum() <= 1  # one interval over the pause

@@ -58,11 +58,20 @@ def test_what_is_saved_comes_back(tmp_path: Path) -> None:
 
 def test_the_two_newest_are_kept(tmp_path: Path) -> None:
     saved(tmp_path, 5, 80, 1000, 900)
-    (tmp_path / ".step-000000001.json.x.tmp").write_text("left by a killed process")
+    (tmp_path / ".step-000000001.json.0123abcd.tmp").write_text("left by a killed process")
     saved(tmp_path, 1001)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         f"step-{step:09d}.{suffix}" for step in (1000, 1001) for suffix in ("json", "safetensors")
     ]
+
+
+def test_files_of_the_user_are_not_removed(tmp_path: Path) -> None:
+    own = ["step-notes.txt", "step-1.json", ".step-old.tmp", "step-000000001.json.bak"]
+    for name in own:
+        (tmp_path / name).write_text("mine")
+    saved(tmp_path, 5, 80, 1000)
+    assert {path.name for path in tmp_path.iterdir()} >= set(own)
+    assert not (tmp_path / "step-000000005.json").exists()
 
 
 def test_an_empty_folder_has_no_checkpoint(tmp_path: Path) -> None:

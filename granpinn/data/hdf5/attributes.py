@@ -10,7 +10,14 @@ import numpy.typing as npt
 from h5py import h5a, h5s, h5t
 
 from granpinn.data.hdf5.content import Content
-from granpinn.data.hdf5.kinds import damage, describe, is_fixed_string, is_number, stored_dtype
+from granpinn.data.hdf5.kinds import (
+    damage,
+    describe,
+    is_boolean,
+    is_fixed_string,
+    is_number,
+    stored_dtype,
+)
 from granpinn.data.hdf5.messages import raw_attribute
 from granpinn.data.hdf5.variable import sequences
 from granpinn.regular import UnsafeFileError
@@ -70,6 +77,10 @@ class Attributes:
             if attribute is None:
                 return None
             kind = attribute.get_type()
+            if is_boolean(kind):
+                truth = np.empty(_shape(name, attribute, kind), np.int8)
+                attribute.read(truth, mtype=kind)
+                return tuple(truth.ravel().tolist())
             if not is_number(kind):
                 raise UnsafeFileError(
                     f"the attribute {name} must be a number, got {describe(kind)}: write it as "
@@ -178,7 +189,7 @@ class Attributes:
             return None
         if is_fixed_string(kind):
             return self.text(name)
-        numbers = self.numbers(name) if is_number(kind) else None
+        numbers = self.numbers(name) if is_number(kind) or is_boolean(kind) else None
         return numbers[0] if numbers else None
 
     def _open(self, name: str) -> Any:

@@ -67,6 +67,14 @@ def is_number(kind: Any) -> bool:
     return kind.get_class() in (h5t.INTEGER, h5t.FLOAT)
 
 
+def is_boolean(kind: Any) -> bool:
+    """Whether values of this type are truth values as h5py writes them: an enumeration."""
+    if kind.get_class() != h5t.ENUM or kind.get_size() != 1 or kind.get_nmembers() != 2:
+        return False
+    members = {kind.get_member_name(k): kind.get_member_value(k) for k in range(2)}
+    return members == {b"FALSE": 0, b"TRUE": 1}
+
+
 def stored_dtype(kind: Any) -> np.dtype[Any] | None:
     """The NumPy type of stored numbers, None if they have an unusual layout or are no numbers."""
     size = kind.get_size()
