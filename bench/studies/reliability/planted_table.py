@@ -235,7 +235,7 @@ MISTAKES = [
          "touch.sticks & closed"),
         ("sign", "wall_points.py", "touch.of_grains - through)", "touch.of_grains + through)"),
         ("missing term", "walls.py", "found[k[apart & (first * last <= 0)]] = True",
-         "found[k] = apart"),
+         "found[k[apart]] = True"),
         ("index", "walls.py", "segments.at(float(time))", "segments.at(float(t[0]))"),
         ("factor", "points.py", "physics.new_tensor([of_walls, 0.0])",
          "physics.new_tensor([of_data, 0.0])"),
