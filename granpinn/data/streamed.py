@@ -56,7 +56,7 @@ _KEY = 5 << 64  # of Philox; the same vectors for every seed
 _NONE = Surface(t=np.empty(0), x=np.empty(0), y=np.empty(0))
 
 
-def _counts(flow: Flow) -> tuple[int, int]:
+def vector_counts(flow: Flow) -> tuple[int, int]:
     """Vectors after the start in cells full of grains, and in cells with any grains."""
     full, some = 0, 0
     for k in slabs(flow):
@@ -129,7 +129,7 @@ class _Streamed:
     ) -> None:
         self.flow, self.scales, self.level, self.dtype = flow, scales, level, dtype
         self.collocation = collocation
-        full, some = _counts(flow)
+        full, some = vector_counts(flow)
         self.part = min(1.0, MOST_VECTORS / max(1, full))
         self.every = int(1 / self.part)
         self.row = self._lowest(seen)

@@ -28,8 +28,10 @@ from granpinn.data.memory import available
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said, steady_mean
+from granpinn.data.surface_strip import LARGEST_PART
 from granpinn.data.symmetry import with_layer
 from granpinn.data.variants import training_sets
+from granpinn.data.walls import grid_spacing, segments_of
 from granpinn.estimates.facts import Facts
 from granpinn.identification.balance import Balance
 from granpinn.identification.of_flow import OfFlow
@@ -41,11 +43,10 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
 from granpinn.results.slip import Slip
-from granpinn.training import problem
+from granpinn.training import problem, room
 from granpinn.training.objective import Member
 
-# Of a training on `large.MOST_CELLS` cells, beside its points (bench/scale.py).
-HOST_BYTES = 2_000_000_000
+COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,12 @@ def posed(
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
     whole = bare if large.is_large(flow) else None
-    if whole is not None:
-        require_room(bare, config)
+    if whole is not None and config.noise:
+        raise ConfigError(
+            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
+            f"{flow.c.size:,}: leave it out, or choose fewer frames"
+        )
+    need_of_case(bare, config).require(available(), "memory")
     stated = large.runs(bare)
     seen = add_noise(stated, config.noise, config.seed)
     scales = scales_of(seen if whole is None else whole)
@@ -180,24 +185,32 @@ def posed(
     )
 
 
-def require_room(flow: Flow, config: Config) -> None:
-    """Refuse what a large flow does not allow, before anything is made.
+def need_of_case(flow: Flow, config: Config) -> room.Need:
+    """What the training of a flow will need: its members, and copies for two assumptions."""
+    big, points = large.is_large(flow), most_points(flow, config.batch.collocation)
+    device = choose_device(config.device).type
+    need = room.need_of(config, config.members, [points], device, copies=COPIES)
+    if device == "cuda":  # the GPU has the networks
+        need = dataclasses.replace(need, networks=0, batches=0, last_layer=0)
+    each = room.POINT * getattr(torch, config.dtype).itemsize * points
+    return dataclasses.replace(
+        need,
+        points=streamed.MOST_BYTES if big else each,
+        flow=room.CELL * (large.most_cells(flow) if big else flow.c.size),
+    )
 
-    Raises:
-        ConfigError: noise is to be added, or the memory is too small.
-    """
-    if config.noise:
-        raise ConfigError(
-            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
-            f"{flow.c.size:,}: leave it out, or choose fewer frames"
-        )
-    parts = HOST_BYTES * large.most_cells(flow) / large.MOST_CELLS
-    need, free = parts + streamed.MOST_BYTES, available()
-    if need > free:
-        raise ConfigError(
-            f"a flow of {flow.c.size:,} cells needs {need / 1e9:.3g} GB of memory beside its file, "
-            f"got {free / 1e9:.3g} GB: use a larger machine"
-        )
+
+def most_points(flow: Flow, share: float) -> int:
+    """Points of a training set at most: vectors, points between them, in the strip, on walls."""
+    if flow.particles is not None:
+        vectors, between = flow.particles.u.size, 0
+    else:
+        _, vectors = streamed.vector_counts(flow)
+        between = round(share * vectors)
+    walls = 0
+    if flow.walls is not None:
+        walls = int(segments_of(flow.walls).length.sum() / grid_spacing(flow)) * flow.t.size
+    return round((1 + LARGEST_PART) * (vectors + between)) + walls
 
 
 def fixed_values(config: Config, facts: Facts) -> dict[str, float]:

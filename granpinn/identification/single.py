@@ -42,6 +42,7 @@ from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes, processes
 from granpinn.training.progress import Progress, by_default
+from granpinn.training.room import require_room
 
 
 @checked
@@ -168,6 +169,7 @@ def start(
     together = together or Processes()
     share = (together.rank, together.size)
     everyone = [case.member for case in cases]
+    require_room(everyone, config, device)
     objective = Objective(everyone, config.batch, device, share, config.precision)
     deadline, later = None, 0.0
     if config.max_time is not None:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Member, Objective
+from granpinn.training.room import require_room
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 
@@ -33,6 +34,7 @@ def continued(
     """
     config, device = trainer.config, trainer.params.device
     members = [member for _, member in copies]
+    require_room(members, config, device)
     objective = Objective(members, config.batch, device, precision=config.precision)
     begin = max(BEGIN, config.optimizer.prefit)
     steps = max(1, min(most, round(PART * trainer.step)))

@@ -97,7 +97,6 @@ class Objective:
             surface=batch.surface // parts if has_surface else 0,
         )
 
-        self._require_room(device)
         self.source = self._sources(device)
         self.points = self._moved("points", device)
         self.velocity = self._moved("velocity", device)
@@ -111,18 +110,6 @@ class Objective:
         self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
         self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
         self.physics = like.new_tensor([m.problem.physics for m in members])
-
-    def _require_room(self, device: torch.device) -> None:
-        """Raises ConfigError if the points do not fit on a GPU."""
-        if device.type != "cuda":
-            return
-        need = sum(a.numel() * a.element_size() for s in self.sets for a in s.arrays().values())
-        free, _ = torch.cuda.mem_get_info(device)
-        if need > free:
-            raise ConfigError(
-                f"the training points need {need / 1e9:.3g} GB on the GPU, got {free / 1e9:.3g} GB "
-                "free: use fewer members, a smaller --batch.collocation, or another GPU"
-            )
 
     def _moved(self, name: str, device: torch.device) -> Tensor:
         """An array of all sets, one after another on the device; each set has its part of it."""

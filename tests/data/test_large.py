@@ -250,7 +250,9 @@ def test_what_a_large_flow_does_not_allow_is_refused(
     with pytest.raises(ConfigError, match="flows of at most 5,120 cells, got 15,360"):
         case.pose(path, Config(noise=0.01, device="cpu"))
     monkeypatch.setattr(case, "available", lambda: 10**9)
-    with pytest.raises(ConfigError, match=r"needs 3.68 GB of memory .*, got 1 GB: use a larger"):
+    with pytest.raises(
+        ConfigError, match=r"points 1.68, .* got 1 GB: choose a smaller --batch.colloc"
+    ):
         case.pose(path, Config(members=4, device="cpu"))
 
 
