@@ -10,7 +10,7 @@ finds a slip is shown, since it explains the kinds after it:
 5. The grains must be under the surface line, and run downhill there (surface_slips.py).
 6. No grains are much faster than a free fall (size_slips.py).
 
-Repeated frames and sizes are checked in any case.
+Repeated frames, sizes and what the file states (statement_slips.py) are checked in any case.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from granpinn.inspection.frame_slips import missing, repeated, unsteady
 from granpinn.inspection.gravity_slips import gravity_slips
 from granpinn.inspection.motion_slips import CENTER_DIFFERS, beyond, motion_slips
 from granpinn.inspection.size_slips import against_fall, size_slips
+from granpinn.inspection.statement_slips import statement_slips
 from granpinn.inspection.surface_slips import surface_slips
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, SEVERITIES, Slip
 
@@ -80,7 +81,8 @@ def _slips(flow: Flow) -> list[Slip]:
         found = found or surface_slips(flow)
         found = found or against_fall(flow, _speeds(flow, u, v), height, center.closed)
     always = repeated(flow) + unsteady(flow) if gridded else []
-    return [*always, *found, *size_slips(flow)]
+    stated = statement_slips(flow, _speeds(flow, u, v))
+    return [*always, *found, *size_slips(flow), *stated]
 
 
 def _vectors(flow: Flow) -> tuple[Index, Float64, Float64]:

@@ -67,7 +67,7 @@ def surface_slips(flow: Flow) -> list[Slip]:
     line = line_of(flow)
     if line is None:
         return []
-    if line.late is not None:
+    if line.late is not None and line.above <= FAR_ABOVE:
         side = "behind" if line.late > 0 else "ahead of"
         return [
             Slip(

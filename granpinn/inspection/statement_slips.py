@@ -1,0 +1,142 @@
+"""Slips of what a flow file states: numbers that the flow itself bounds.
+
+Such a statement can be read and used, but it is likely to be in another unit, or of another flow.
+The bounds are wide: no sound file of any study comes near them.
+
+- A cell or an averaging length of the solver, and the error of the surface line, are small parts of
+  the height of the grains. Side walls are at least a grain apart.
+- A measured velocity has an error between 1e-6 times the largest speed and that speed.
+- A pressure or a stress is at most some times the weight of the grains.
+- A steady layer that is the same at every x flows under a free surface only down a slope.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from granpinn.arrays import Float64
+from granpinn.data import Flow, known_sd
+from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
+from granpinn.data.large import slabs, spread
+from granpinn.data.scaling import initial_height
+from granpinn.physics.axes import vertical_coordinate
+from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Slip
+
+COARSE, UNSURE = 0.5, 0.3  # cell of the solver and error of the line, over the height
+MONOLAYER = 0.9  # distance of side walls over the grain diameter
+LONG = 1000.0  # period over the width of the grid
+EXACT = 1e-6  # error of a velocity over the largest speed
+HEAVY, TOO_HEAVY = 1e3, 1e6  # stress over the weight of the grains
+SHORT = 1e-3  # shortest time step over the median one
+LEVEL = 0.01  # component of gravity along x, over gravity
+ONE_WAY = 0.5  # mean velocity over mean speed
+FEWEST = 5  # columns of grains that a line of one column cannot cover
+
+
+def statement_slips(flow: Flow, speeds: Float64) -> list[Slip]:
+    """Slips of the statements of a flow; `speeds` are those of some vectors [n]."""
+    found = [*_lengths(flow), *_errors(flow, speeds), *_line(flow), *_frames(flow)]
+    return [*found, *_stresses(flow), *_level(flow, speeds)]
+
+
+def _lengths(flow: Flow) -> list[Slip]:
+    height, width, d = initial_height(flow), float(np.ptp(flow.x)), flow.grain_diameter
+    of_height = f"the grains are {height:.3g} high"
+    bounds = (
+        (SOLVER_CELL, IMPROBABLE, 0.0, COARSE * height, of_height),
+        (SOLVER_MEAN, IMPROBABLE, 0.0, COARSE * height, of_height),
+        (SURFACE_SD, UNUSUAL, 0.0, UNSURE * height, of_height),
+        (WALL_GAP, IMPROBABLE, MONOLAYER * d, math.inf, f"a grain is {d:.3g} wide"),
+        (PERIOD_X, UNUSUAL, 0.0, LONG * width, f"x spans {width:.3g}"),
+    )
+    return [
+        Slip(severity, f"{name} is {value:.3g}, and {why}: check its unit")
+        for name, severity, low, high, why in bounds
+        if (value := flow.stated(name)) is not None and not low <= value <= high
+    ]
+
+
+def _errors(flow: Flow, speeds: Float64) -> list[Slip]:
+    sd, fastest = known_sd(spread(flow)), float(speeds.max(initial=0.0))
+    if sd == 0 or fastest == 0 or EXACT * fastest <= sd <= fastest:
+        return []
+    size = "larger than" if sd > fastest else f"{sd / fastest:.1g} of"
+    text = (
+        f"the standard deviation of the velocity, {sd:.3g}, is {size} the largest speed, "
+        f"{fastest:.3g}: check the unit of sigma_u and sigma_v"
+    )
+    return [Slip(UNUSUAL, text)]
+
+
+def _line(flow: Flow) -> list[Slip]:
+    if flow.surface is None:
+        return []
+    upright, _ = vertical_coordinate(flow.gravity)
+    axis, place = (flow.x, flow.surface.x) if upright else (flow.y, flow.surface.y)
+    columns = int((flow.c[0] >= 1).any(axis=0 if upright else 1).sum())
+    if columns < FEWEST or np.ptp(place) >= float(np.median(np.diff(axis))):
+        return []
+    text = (
+        f"all points of the free surface lie within one of {columns} columns of grains, at "
+        f"{'x' if upright else 'y'} = {place[0]:.4g}: give the line from end to end"
+    )
+    return [Slip(IMPROBABLE, text)]
+
+
+def _frames(flow: Flow) -> list[Slip]:
+    found = []
+    full = np.concatenate([(flow.c[k] >= 1).any(axis=(1, 2)) for k in slabs(flow)])
+    seen = np.flatnonzero(full)
+    empty = int(seen[-1] - seen[0] + 1 - seen.size)
+    if empty:
+        text = (
+            f"{empty} frames between others hold no grains (c = 1 nowhere): leave them out, or "
+            "give their fraction"
+        )
+        found.append(Slip(IMPROBABLE, text))
+    steps = np.diff(flow.t)
+    if not flow.steady and steps.min() < SHORT * np.median(steps):
+        text = (
+            f"frames follow each other by {steps.min():.3g} to {steps.max():.3g}, with "
+            f"{np.median(steps):.3g} as the median: check the times"
+        )
+        found.append(Slip(UNUSUAL, text))
+    return found
+
+
+def _stresses(flow: Flow) -> list[Slip]:
+    weight = flow.density * math.hypot(*flow.gravity) * initial_height(flow)
+    parts = {
+        "surface_p": None if flow.surface is None else flow.surface.p,
+        "wall_p": None if flow.walls is None else flow.walls.p,
+        "wall_tau": None if flow.walls is None else flow.walls.tau,
+    }
+    found = []
+    for name, values in parts.items():
+        sizes = np.abs(values[np.isfinite(values)]) if values is not None else np.empty(0)
+        ratio = float(sizes.max(initial=0.0)) / weight
+        if ratio > HEAVY:
+            text = f"{name} is up to {ratio:.2g} times the weight of the grains: check its unit"
+            found.append(Slip(IMPOSSIBLE if ratio > TOO_HEAVY else IMPROBABLE, text))
+    return found
+
+
+def _level(flow: Flow, speeds: Float64) -> list[Slip]:
+    """A steady layer under a free surface that nothing drives along x; a plate may drive others."""
+    moves = flow.walls is not None and flow.walls.u is not None and bool(np.any(flow.walls.u))
+    layer = flow.steady and flow.periodic and flow.surface is not None
+    if not layer or moves or flow.source is not None:
+        return []
+    some = spread(flow)
+    u = some.u[some.valid] if flow.particles is None else flow.particles.u
+    along = abs(float(np.mean(u, dtype=np.float64))) if u.size else 0.0
+    g_x, g_y = flow.gravity
+    if along <= ONE_WAY * float(speeds.mean()) or abs(g_x) > LEVEL * math.hypot(g_x, g_y):
+        return []
+    text = (
+        "the flow is steady and the same at every x, and gravity has no component along x, so that "
+        "nothing drives it: give gravity in the axes of the slope (granpinn convert --tilt)"
+    )
+    return [Slip(IMPROBABLE, text)]

@@ -1,0 +1,122 @@
+"""Statements beyond what the flow bounds: a word in `inspect`, a reason in the verdict."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.data import Flow, FlowFileError, Surface, check_flow
+from granpinn.data.symmetry import with_layer
+from granpinn.identification.case import pose
+from granpinn.inspection.slips import refuse_slips, slips
+from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL
+from tests.data.walled import line
+from tests.examples import make_result
+from tests.flows import make_chute, make_flow
+from tests.runs import tiny
+
+
+def stating(**attributes: Any) -> Callable[[], Flow]:
+    return lambda: make_flow(attributes=attributes)
+
+
+def one_column() -> Flow:
+    flow = make_flow()
+    assert flow.surface is not None
+    return replace(flow, surface=replace(flow.surface, x=np.full_like(flow.surface.x, 0.3)))
+
+
+def empty_frames() -> Flow:
+    flow = make_flow()
+    c = flow.c.copy()
+    c[1::2] = 0
+    return replace(flow, c=c)
+
+
+def uneven_times() -> Flow:
+    flow = make_flow(surface=None)
+    t = flow.t.copy()
+    t[5] = t[4] + 1e-6
+    return replace(flow, t=t)
+
+
+def pressed(p: float) -> Callable[[], Flow]:
+    walls = line((0, 0), (2, 0), p=np.full(2, p, np.float32))
+    return lambda: make_flow(walls=walls)
+
+
+ABSURD: dict[str, tuple[Callable[[], Flow], str, str]] = {
+    "cell of the solver": (
+        stating(grid_spacing_of_solver=20.0),
+        IMPROBABLE,
+        "grid_spacing_of_solver is 20, and the grains are 0.963 high: check its unit",
+    ),
+    "averaging length": (stating(averaging_length_of_solver=20.0), IMPROBABLE, "is 20, and the gr"),
+    "error of the line": (stating(surface_sd=0.9), UNUSUAL, "surface_sd is 0.9, and the grains"),
+    "side walls": (stating(wall_gap=1e-6), IMPROBABLE, "wall_gap is 1e-06, and a grain is 0.025"),
+    "period": (stating(period_x=1e9), UNUSUAL, "period_x is 1e+09, and x spans 1.9"),
+    "large sigma": (
+        lambda: make_flow(sigma_u=1e6, sigma_v=1e6),
+        UNUSUAL,
+        "standard deviation of the velocity, 1e+06, is larger than the largest speed",
+    ),
+    "small sigma": (
+        lambda: make_flow(sigma_u=1e-20, sigma_v=1e-20),
+        UNUSUAL,
+        "check the unit of sigma_u and sigma_v",
+    ),
+    "line": (one_column, IMPROBABLE, "all points of the free surface lie within one of"),
+    "frames": (empty_frames, IMPROBABLE, "5 frames between others hold no grains"),
+    "times": (uneven_times, UNUSUAL, "frames follow each other by 1e-06 to"),
+    "stress": (pressed(1e8), IMPROBABLE, "wall_p is up to 7.1e+03 times the weight of the grains"),
+    "huge stress": (pressed(1e38), IMPOSSIBLE, "times the weight of the grains: check its unit"),
+    "level chute": (
+        lambda: with_layer(make_chute(gravity=(0.0, -1.0))),
+        IMPROBABLE,
+        "gravity has no component along x, so that nothing drives it",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", ABSURD)
+def test_an_absurd_statement_gets_a_word(what: str) -> None:
+    make, severity, text = ABSURD[what]
+    flow = make()
+    check_flow(flow)
+    found = [slip for slip in slips(flow) if text in slip.text]
+    assert [slip.severity for slip in found] == [severity]
+
+
+@pytest.mark.parametrize("flow", [make_flow(), make_chute()], ids=["heap", "chute"])
+def test_sound_statements_get_none(flow: Flow) -> None:
+    stated = {"grid_spacing_of_solver": 0.05, "averaging_length_of_solver": 0.04}
+    stated |= {"surface_sd": 0.01, "wall_gap": 0.5} if flow.length_unit == "m" else {}
+    assert slips(with_layer(replace(flow, attributes=flow.attributes | stated))) == []
+
+
+def test_impossible_stress_is_refused_before_the_training() -> None:
+    with pytest.raises(FlowFileError, match="wall_p is up to .* times the weight"):
+        refuse_slips(pressed(1e38)())
+
+
+def test_a_line_far_below_the_vectors_is_not_called_late() -> None:
+    """surface_y too small by 10."""
+    flow = make_flow()
+    assert flow.surface is not None
+    low = replace(flow, surface=Surface(flow.surface.t, flow.surface.x, flow.surface.y / 10))
+    assert "of the vectors lie more than 3 cells above the line" in slips(low)[0].text
+
+
+def test_a_statement_becomes_a_reason_of_the_verdict() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        case = pose(stating(wall_gap=1e-6)(), tiny())
+    made = make_result()
+    result = replace(made, data=replace(made.data, slips=case.slips))
+    (reason,) = (text for text in result.assessment.reasons if "wall_gap is 1e-06" in text)
+    assert reason.startswith("The data are improbable: ")
