@@ -159,10 +159,11 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
         values = getattr(fields, name)
-        if values is not None and (values[usable] < 0).any():
+        wrong = None if values is None else usable & (np.isinf(values) | (values < 0))
+        if values is not None and wrong is not None and wrong.any():
             raise DataFileError(
-                f"{name} must not be negative, got {np.nanmin(values[usable]):g}: give the "
-                "standard deviation of every vector, NaN where it is not known"
+                f"{name} must be positive, and NaN where it is not known, got {values[wrong][0]:g} "
+                f"at {int(wrong.sum())} vectors: correct it, or leave sigma_u and sigma_v out"
             )
         good = None if values is None else usable & np.isfinite(values) & (values > 0)
         if values is None or good is None or not good.any():

@@ -213,6 +213,8 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         )
     units.in_range(g, "--gravity", settings.gravity)
     angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
+    if abs(angle) > math.pi:
+        raise DataFileError(f"--tilt must be an angle from -180 to 180 deg, got {settings.tilt!r}")
     t0 = float(fields.t.min())
     if start is None and counted and frame is not None:
         start = 0.0 if fields.scattered else HALF * frame
