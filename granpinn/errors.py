@@ -25,7 +25,7 @@ def memory_sentence(error: BaseException) -> str | None:
 
 
 class Interrupted(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; the message says what has been saved.
+    """SIGINT, SIGTERM or SIGHUP arrived; the message says what has been saved.
 
     Attributes:
         signum: number of the signal; the exit code is 128 more.

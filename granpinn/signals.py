@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: handlers that a command or a training sets, and gives back.
+"""SIGINT, SIGTERM and SIGHUP: handlers that a command or a training sets, and gives back.
 
 A signal that is ignored stays ignored: with nohup, and for jobs in the background of a script. Only
 the main thread can set a handler. This module loads only the standard library.
@@ -15,14 +15,15 @@ from types import FrameType
 
 from granpinn.errors import Interrupted
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 Handler = Callable[[int, FrameType | None], None]
 
 
 def set_handler(handler: Handler) -> dict[signal.Signals, Handler | int]:
-    """Set the handler of both signals; returns those before, of the signals that were changed."""
+    """Set the handler of the signals; returns those before, of the signals that were changed."""
     if threading.current_thread() is not threading.main_thread():
         return {}
-    found = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    found = {number: signal.getsignal(number) for number in SIGNALS}
     before = {n: h for n, h in found.items() if h is not None and h is not signal.SIG_IGN}
     for number in before:
         signal.signal(number, handler)
@@ -31,7 +32,7 @@ def set_handler(handler: Handler) -> dict[signal.Signals, Handler | int]:
 
 @contextmanager
 def handled_by(handler: Handler) -> Iterator[None]:
-    """Set the handler of both signals inside the block."""
+    """Set the handler of the signals inside the block."""
     before = set_handler(handler)
     try:
         yield
@@ -48,6 +49,8 @@ class Signals:
         self._message: str | None = None
 
     def handle(self, signum: int, frame: FrameType | None) -> None:
+        if self.received is not None and signum == signal.SIGHUP:
+            return  # a terminal that closes may send two
         if self.received is not None:
             os._exit(128 + signum)
         self.received = signum

@@ -1,7 +1,7 @@
 """The command `python -m granpinn.simulate`: a flow with a known friction law as a flow file.
 
-Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 130, 143 stopped by SIGINT, SIGTERM,
-with the frames so far in the flow file if there are two.
+Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 129, 130, 143 stopped by SIGHUP,
+SIGINT, SIGTERM, with the frames so far in the flow file if there are two.
 
 The first word is the scene: `collapse`, which is also the scene without a word, `chute` or
 `silo`.

@@ -15,7 +15,7 @@ The work is in granpinn/command/training_run.py, which is loaded after the words
 
 Exit codes: 0 done, also without the simulated pressure, a figure or the page; 2 bad input; 1 the
 run could not go on, or it lacks fields, errors, or a part that --free-I0, --calibrate or
---resimulate asks for; 130, 143 stopped by SIGINT, SIGTERM.
+--resimulate asks for; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def wait_for_rows(process: subprocess.Popen[str], folder: Path) -> None:
     pytest.fail("the run did not begin")
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_saves_and_stops_within_ten_seconds(
     signum: signal.Signals, flow_file: Path, tmp_path: Path
 ) -> None:
@@ -56,6 +56,14 @@ def test_a_signal_saves_and_stops_within_ten_seconds(
     assert found is not None
     assert f"stopped at step {found.state.training.step};" in last
     assert found.state.training.step > 0
+
+
+def test_a_second_hangup_does_not_end_the_process() -> None:
+    """A terminal that closes may send two."""
+    with caught() as signals:
+        for _ in range(2):
+            signal.raise_signal(signal.SIGHUP)
+    assert signals.received == signal.SIGHUP
 
 
 def test_a_second_signal_ends_the_process_at_once() -> None:
