@@ -15,8 +15,6 @@ if __name__ == "__main__":
     exit_codes.guard_process("collect")
 
 import argparse
-import csv
-import io
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -24,9 +22,10 @@ from pathlib import Path
 from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError
 from granpinn.errors import BadInput
-from granpinn.output import objection_to_file, write_text
+from granpinn.output import objection_to_file
 from granpinn.results import ResultsFileError, read_results
-from granpinn.results.results_csv import Cell, row
+from granpinn.results.results_csv import Cell, row, write_table
+from granpinn.terminal import say
 
 RESULTS = "results.json"
 # Columns of results.csv: I in the middle of its range, and mu there with its band.
@@ -65,7 +64,7 @@ def _run(argv: Sequence[str]) -> int:
     for cells in rows:
         print(line(cells))
     for sentence in unread:
-        print(f"granpinn.collect: {sentence}", file=sys.stderr)
+        say(f"granpinn.collect: {sentence}")
     if options.out is not None:
         print(f"{len(rows)} runs: {options.out}")
     return 1 if unread else 0
@@ -104,16 +103,6 @@ def runs_in(folder: Path) -> Iterator[Path]:
         for part in sorted(folder.iterdir()):
             if part.is_dir() and not part.is_symlink():
                 yield from runs_in(part)
-
-
-def write_table(rows: Sequence[dict[str, Cell]], path: Path) -> None:
-    """Write all rows; a column that a run does not have is empty there."""
-    table = io.StringIO(newline="")
-    columns = dict.fromkeys(name for cells in rows for name in cells)
-    writer = csv.DictWriter(table, list(columns))
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, table.getvalue())
 
 
 def line(cells: dict[str, Cell]) -> str:

@@ -21,6 +21,7 @@ from granpinn.command import flow_warnings
 from granpinn.command.next_step import training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config.fields import flag_of
+from granpinn.config.values import number, whole
 from granpinn.data import write_flow
 from granpinn.data.symmetry import with_layer
 from granpinn.importers import DataFileError, Settings, convert
@@ -94,7 +95,7 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
             continue
         if field.default is not None:
             text += f" (default {field.default})"
-        kind = {"int": int, "float | None": float}.get(str(field.type), str)
+        kind = {"int": whole, "float | None": number}.get(str(field.type), str)
         group.add_argument(flag, dest=field.name, metavar="VALUE", type=kind, help=text)
     given: dict[str, Any] = vars(parser.parse_args(_joined(argv)))
     sources = [Path(source) for source in given.pop("sources")]

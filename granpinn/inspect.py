@@ -105,7 +105,8 @@ def parse(argv: Sequence[str]) -> dict[str, Any]:
         parser.add_argument(flag, dest=field.name, metavar="X", default=default, help=text)
     for name, stated in settings_of(SideWalls).items():
         flag = flag_of(f"side_walls.{name}")
-        parser.add_argument(flag, dest=name, metavar="X", default=stated.default, help=stated.help)
+        default = str(stated.default)
+        parser.add_argument(flag, dest=name, metavar="X", default=default, help=stated.help)
     values = vars(parser.parse_args(argv))
     given = {n: convert(values[n], float, f"--{n}") for n in PARAMETERS if values[n] is not None}
     try:

@@ -4,7 +4,7 @@
     1          cannot go on: CannotGoOn, a file or stdout that cannot be written, too little memory,
                or a bug
     2          bad input: BadInput
-    130, 143   stopped by SIGINT, SIGTERM
+    129, 130, 143  stopped by SIGHUP, SIGINT, SIGTERM
 
 This module loads only the standard library. A command imports it before everything else, and has
 `guard_process` catch what happens while torch and the other libraries are loaded:
@@ -19,6 +19,7 @@ With the environment variable GRANPINN_DEBUG=1 every sentence comes with its tra
 
 from __future__ import annotations
 
+import errno
 import gc
 import io
 import os
@@ -32,6 +33,7 @@ from typing import NoReturn
 
 from granpinn.errors import BadInput, CannotGoOn, Interrupted, memory_sentence
 from granpinn.signals import Handler, handled_by, set_handler
+from granpinn.terminal import visible
 
 DEBUG = "GRANPINN_DEBUG"
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
@@ -45,7 +47,7 @@ PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib i
 def exit_code(command: str, run: Callable[[], int]) -> int:
     """The exit code of `run`, or the code for what it raises, with one sentence on stderr.
 
-    Inside, SIGINT and SIGTERM raise Interrupted. A second signal ends the process at once.
+    Inside, SIGINT, SIGTERM and SIGHUP raise Interrupted. A second signal ends the process at once.
     """
     try:
         with _interruptible(command):
@@ -73,6 +75,9 @@ def conclusion(error: BaseException) -> tuple[int, str]:
             return 128 + error.signum, text
         case KeyboardInterrupt():
             return 130, "stopped by SIGINT"
+        case OSError() if error.errno == errno.ENAMETOOLONG:
+            name = str(error.filename)[:60]
+            return 2, f"{name}... is too long for the name of a file: choose a shorter one"
         case OSError():
             return 1, text
         case ImportError():
@@ -93,7 +98,7 @@ def fail(command: str, code: int, message: str, error: BaseException | None = No
             import traceback  # slow to import, and needed here alone
 
             traceback.print_exception(error)
-        print("".join(c if c.isprintable() else ascii(c)[1:-1] for c in line), file=sys.stderr)
+        print(visible(line), file=sys.stderr)
     except OSError:  # nobody reads stderr
         _discard(sys.stderr.fileno())
     return code
@@ -198,9 +203,9 @@ def _discard(number: int) -> None:
 
 
 class _Stdout(io.TextIOWrapper):
-    """The stdout of a command; where it cannot be written, CannotGoOn instead of OSError.
+    """The stdout of a command: visible text; where it cannot be written, CannotGoOn.
 
-    So the fault is not taken for one of a file, and argparse does not swallow it.
+    With an OSError the fault would be taken for one of a file, and argparse would swallow it.
     """
 
     def __init__(self, before: io.TextIOWrapper) -> None:
@@ -212,7 +217,7 @@ class _Stdout(io.TextIOWrapper):
 
     def write(self, text: str) -> int:
         try:
-            return super().write(text)
+            return super().write(visible(text))
         except OSError as fault:
             raise self._failed(fault) from fault
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
 from granpinn.data import FlowFileWarning
+from granpinn.terminal import say
 
 
 @contextmanager
@@ -27,7 +27,7 @@ def in_one_line() -> Iterator[None]:
             line: str | None = None,
         ) -> None:
             if issubclass(category, FlowFileWarning):
-                print(f"warning: {message}", file=sys.stderr)
+                say(f"warning: {message}")
             else:
                 shown(message, category, filename, lineno, file, line)
 

@@ -25,7 +25,14 @@ class Parser(argparse.ArgumentParser):
     """Raises BadInput where argparse would print the usage and exit."""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As in argparse; an unknown flag comes with the nearest one."""
+        """As in argparse; an unknown flag comes with the nearest one.
+
+        No argument of any command may be empty: an empty path would be the current folder.
+        """
+        words = sys.argv[1:] if args is None else args
+        for word in words:
+            if not word or (word.startswith("--") and word.endswith("=")):
+                self.error(f"every argument must have a value, got {word!r}")
         found, rest = self.parse_known_args(args, namespace)
         if rest:
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._meant(rest)}")

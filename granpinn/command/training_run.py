@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 
@@ -40,6 +39,7 @@ from granpinn.second_opinion import comparison, resimulation, simulator_fit
 from granpinn.second_opinion.law_runs import LawRuns
 from granpinn.second_opinion.resimulation import Column
 from granpinn.simulation import progress as simulation_progress
+from granpinn.terminal import say
 from granpinn.training import parallel, progress
 from granpinn.uncertainty.unknown_I0 import with_unknown_I0
 
@@ -63,7 +63,7 @@ def run(config: Config) -> int:
             result = _conclude(config, result, answer, drawn)
     missing = asked_for(result)
     for part in missing if rank == 0 else ():
-        print(f"granpinn.train: {part}; the other results are valid", file=sys.stderr)
+        say(f"granpinn.train: {part}; the other results are valid")
     return 1 if missing else 0
 
 

@@ -52,6 +52,8 @@ class Setting:
 
     def check(self, value: Any, name: str) -> None:
         """Refuses a value outside of the choices or the range; `name` is for the message."""
+        if value == "":
+            raise ConfigError(f"{name} must not be empty: leave it out, or give a value")
         if self.choices and value not in self.choices:
             raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)

@@ -55,9 +55,9 @@ def convert(text: str | bool, kind: Any, name: str) -> Any:
     value: Any = text
     try:
         if inner is float:
-            value = float(text)
+            value = number(text)
         elif inner is int:
-            value = _whole(text)
+            value = whole(text)
         elif inner is bool:
             value = {"true": True, "false": False}.get(text, text)
     except (ValueError, OverflowError):
@@ -65,12 +65,19 @@ def convert(text: str | bool, kind: Any, name: str) -> Any:
     return typed(value, inner, name)
 
 
-def _whole(text: str) -> int:
-    """The integer of "40000" or "4e4"."""
-    number = float(text)
-    if not number.is_integer():
-        raise ValueError
-    return int(number) if abs(number) < 2**53 else int(text)
+def number(text: str) -> float:
+    """The number of a text in ASCII; ValueError for other text, such as "1_000" or other digits."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"no plain number: {text!r}")
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """The integer of "40000" or "4e4"; ValueError for other text."""
+    value = number(text)
+    if not value.is_integer():
+        raise ValueError(f"no whole number: {text!r}")
+    return int(value) if abs(value) < 2**53 else int(text)
 
 
 def _wrong(name: str, kind: Any, value: Any) -> ConfigError:

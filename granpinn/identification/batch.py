@@ -27,7 +27,7 @@ from granpinn.identification.finish import (
     with_simulated_pressure,
 )
 from granpinn.identification.of_flow import OfFlow
-from granpinn.identification.single import histories, kept, made_ahead, prepare, start
+from granpinn.identification.single import folder_of, histories, kept, made_ahead, prepare, start
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
@@ -83,6 +83,7 @@ def identify_many(
     """
     begin = time.monotonic()
     config = config or Config()
+    root = folder_of(run_dir)
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
     configs = [
@@ -96,20 +97,19 @@ def identify_many(
         )
     ]
     group = processes(choose_device(config.device))
-    with owned(None if group.rank else run_dir):
-        if run_dir is not None and group.rank == 0:
-            prepare(Path(run_dir), config)
+    with owned(None if group.rank else root):
+        if root is not None and group.rank == 0:
+            prepare(root, config)
         group.barrier()
         own = range(group.rank, len(flows), group.size)
         cases = _pose([flows[e] for e in own], [configs[e] for e in own])
-        folder: Path | None = None
+        folder = root
         parts: list[Path | None] = [None] * len(cases)
-        if run_dir is not None:
-            folder = Path(run_dir)
+        if root is not None:
             if group.size > 1:
-                folder = prepare(folder / f"process-{group.rank}", config)
+                folder = prepare(root / f"process-{group.rank}", config)
             parts = [
-                prepare(Path(run_dir) / f"{e:03d}", case.config, config.members)
+                prepare(root / f"{e:03d}", case.config, config.members)
                 for e, case in zip(own, cases, strict=True)
             ]
         found: list[Result] = []

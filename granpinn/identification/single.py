@@ -79,16 +79,15 @@ def identify(
         FlowFileError, ConfigError, LawError: bad input; the message is one sentence.
         NonFiniteError, CheckpointError: the run cannot go on.
         OutputError: the folder cannot be written to, or another process or thread uses it.
-        Interrupted: SIGINT or SIGTERM; a checkpoint has been written if there is a folder.
+        Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
-    begin = time.monotonic()
+    begin, folder = time.monotonic(), folder_of(run_dir)
     config = config or Config()
     if law is not None:
         register(law)
         config = dataclasses.replace(config, law=law.name)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
-    folder = None if run_dir is None else Path(run_dir)
     with owned(None if together.rank else folder), threads(2) as beside:
         if together.rank > 0:
             progress = None
@@ -203,6 +202,13 @@ def start(
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run
+
+
+def folder_of(run_dir: str | os.PathLike[str] | None) -> Path | None:
+    """The folder of a run; ConfigError for an empty name, which is no word for the current one."""
+    if run_dir is not None and not os.fspath(run_dir):
+        raise ConfigError("run_dir must name a folder, got '': the current one is '.'")
+    return None if run_dir is None else Path(run_dir)
 
 
 def prepare(folder: Path, config: Config, members: int = 1) -> Path:

@@ -12,11 +12,14 @@ from granpinn.command import exit_codes
 if __name__ == "__main__":
     exit_codes.guard_process("report")
 
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.command.parser import Parser, program
+from granpinn.config.values import number
+from granpinn.errors import BadInput
 from granpinn.output import owned
 from granpinn.report.page import build, for_paraview
 
@@ -34,7 +37,7 @@ def _run(argv: Sequence[str]) -> int:
     parser.add_argument("folder", help="the run folder, --out of granpinn.train")
     parser.add_argument(
         "--time",
-        type=float,
+        type=number,
         help="time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
     )
     parser.add_argument(
@@ -46,6 +49,8 @@ def _run(argv: Sequence[str]) -> int:
         help="write fields.vtkhdf too, the fields over time for ParaView",
     )
     arguments = parser.parse_args(argv)
+    if arguments.time is not None and not math.isfinite(arguments.time):
+        raise BadInput(f"--time must be a finite number, got {arguments.time}")
     folder = Path(arguments.folder)
     with owned(folder if folder.is_dir() else None):
         print(build(folder, arguments.time, arguments.pdf))

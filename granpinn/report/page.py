@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import math
-import sys
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -39,6 +38,7 @@ from granpinn.results import (
 from granpinn.results.attempt import attempt
 from granpinn.results.summary import summarize
 from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
+from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -129,10 +129,7 @@ def for_paraview(run_dir: str | Path) -> Path:
     """Write fields.vtkhdf of a run; FieldsFileError if there is no valid fields.h5."""
     path = Path(run_dir) / "fields.vtkhdf"
     if write_vtkhdf(read_fields(Path(run_dir) / "fields.h5"), path):
-        print(
-            f"{path.name}: the grid is uneven; its values were moved to the nearest even points",
-            file=sys.stderr,
-        )
+        say(f"{path.name}: the grid is uneven; its values were moved to the nearest even points")
     return path
 
 

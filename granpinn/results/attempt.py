@@ -17,6 +17,7 @@ from granpinn.errors import memory_sentence
 from granpinn.output import OutputError
 from granpinn.results.records import NotDone
 from granpinn.results.result import Result
+from granpinn.terminal import visible
 
 T = TypeVar("T")
 
@@ -61,7 +62,7 @@ def sentence(error: Exception) -> str:
     """One line about an error; errors of granpinn are sentences already."""
     memory = memory_sentence(error)
     text = " ".join((memory or str(error)).split())
-    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)[:LONGEST]
+    text = visible(text)[:LONGEST]
     if memory or type(error).__module__.partition(".")[0] == "granpinn":
         return text
     return f"{type(error).__name__}{f': {text}' if text else ''}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.output import write_text
@@ -16,6 +17,7 @@ from granpinn.results.json_values import plain
 from granpinn.results.named import FIELD_ERRORS
 from granpinn.results.result import Result
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet computes
 PLACES = {"low": 0.0, "middle": 0.5, "high": 1.0}  # of the range of log I
 Cell = str | int | float | bool | None
 
@@ -92,9 +94,22 @@ def _curve(result: Result) -> dict[str, Cell]:
 
 def write_csv(result: Result, path: str | Path) -> None:
     """Write results.csv: a header and one row; numbers with all their digits."""
-    cells = row(result)
+    write_table([row(result)], path)
+
+
+def write_table(rows: Sequence[dict[str, Cell]], path: str | Path) -> None:
+    """Write a table; a column that a row does not have is empty there.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
     table = io.StringIO(newline="")
-    writer = csv.DictWriter(table, list(cells))
+    columns = dict.fromkeys(name for cells in rows for name in cells)
+    writer = csv.DictWriter(table, list(columns))
     writer.writeheader()
-    writer.writerow(cells)
+    for cells in rows:
+        writer.writerow({name: _plain_cell(cell) for name, cell in cells.items()})
     write_text(path, table.getvalue())
+
+
+def _plain_cell(cell: Cell) -> Cell:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell

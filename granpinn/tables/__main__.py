@@ -1,6 +1,7 @@
 """The command `python -m granpinn.tables --out DIR`: the paper's tables, beside its own numbers.
 
-Exit codes: 0 done; 2 bad input; 1 the run could not go on; 130, 143 stopped by SIGINT, SIGTERM.
+Exit codes: 0 done; 2 bad input; 1 the run could not go on; 129, 130, 143 stopped by
+SIGHUP, SIGINT, SIGTERM.
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ from granpinn.command.parser import Parser, program
 from granpinn.config import LEVELS, Config, ConfigError, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml
-from granpinn.config.values import convert
+from granpinn.config.values import convert, number, whole
 from granpinn.data import Flow
 from granpinn.identification.case import choose_device
 from granpinn.output import objection_to_folder, owned
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case
+from granpinn.terminal import say
 from granpinn.training import parallel, progress
 
 PAPER_NOISE = (0.0, 0.2, 0.8)
@@ -87,18 +89,18 @@ def parse(argv: Sequence[str]) -> Request:
     add("paths", nargs="*", type=Path, metavar="FLOW", help="flow files or folders of them; "
         "none: the paper's six regimes, simulated")  # fmt: skip
     add("--out", type=Path, metavar="DIR", help="folder of tables.html, .json, .csv and the runs")
-    add("--noise", type=float, nargs="+", metavar="SD", help="levels of noise, relative to the "
+    add("--noise", type=number, nargs="+", metavar="SD", help="levels of noise, relative to the "
         "largest speed (default 0 0.2 0.8 for the six regimes, 0 for flow files)")  # fmt: skip
     add("--noise-on", choices=("reference", "all"), default="reference", help="noise on the "
         "paper's case (0.6, 0.84) alone, if there, or on all (default reference)")  # fmt: skip
     add("--level", nargs="+", metavar="LEVEL", help=f"{', '.join(LEVELS)}: what is measured, a "
         "batch for each (default V1; V2 with --recipe paper)")  # fmt: skip
-    add("--seeds", type=int, default=5, metavar="N", help="trainings of each case (default 5)")
-    add("--cells", type=int, default=512, metavar="N", help="cells across the box of a simulation "
-        "(default 512, as in the paper)")  # fmt: skip
-    add("--stride", type=int, metavar="N", help="every how many cells a point is kept (default: "
+    add("--seeds", type=whole, default=5, metavar="N", help="trainings of each case (default 5)")
+    add("--cells", type=whole, default=512, metavar="N", help="cells across the box of a "
+        "simulation (default 512, as in the paper)")  # fmt: skip
+    add("--stride", type=whole, metavar="N", help="every how many cells a point is kept (default: "
         "the spacing of the paper's data)")  # fmt: skip
-    add("--I0", type=float, metavar="X", help="I0 for all (default: that of each flow file)")
+    add("--I0", type=number, metavar="X", help="I0 for all (default: that of each flow file)")
     add("--config", type=Path, metavar="FILE.toml", help="settings of granpinn.train; flags win")
     add("--resume", action="store_true", help="continue the run in --out")
     for name in PASSED:
@@ -168,7 +170,7 @@ def _run(request: Request, rank: int) -> int:
     ]
     if rank == 0:
         members, batches = len(cases) * request.seeds, study.batches(len(request.levels))
-        _say(f"{len(cases)} cases x {request.seeds} seeds = {members} trainings as {batches}")
+        say(f"{len(cases)} cases x {request.seeds} seeds = {members} trainings as {batches}")
     done = study.run(
         cases, request.config, request.seeds, request.I0, request.out / "runs", listener
     )
@@ -190,13 +192,9 @@ def _flows(request: Request, rank: int) -> list[Flow]:
     together = parallel.processes(choose_device(request.config.device))
     found = []
     if rank == 0:
-        found = flows.six_regimes(folder, request.cells, request.stride, _say)
+        found = flows.six_regimes(folder, request.cells, request.stride, say)
     together.barrier()
-    return found or flows.six_regimes(folder, request.cells, request.stride, _say)
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    return found or flows.six_regimes(folder, request.cells, request.stride, say)
 
 
 if __name__ == "__main__":

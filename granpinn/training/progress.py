@@ -16,6 +16,7 @@ from typing import Any, TextIO
 from granpinn.config import ConfigError
 from granpinn.output import naming
 from granpinn.physics.terms import TERMS
+from granpinn.terminal import visible
 from granpinn.training.history import Row
 
 LINE_EVERY = 10.0  # seconds between plain lines
@@ -69,7 +70,7 @@ class Lines(Silent):
         self.message(f"step {row.step}/{self.steps}  {describe(row)}  {duration(left)} left")
 
     def message(self, text: str) -> None:
-        print(text, file=self.stream, flush=True)
+        print(visible(text), file=self.stream, flush=True)
 
 
 class Bar(Silent):
@@ -105,7 +106,7 @@ class Bar(Silent):
         self.live.update(Group(self.bar, Text(describe(row))))
 
     def message(self, text: str) -> None:
-        self.live.console.print(text, markup=False, highlight=False)
+        self.live.console.print(visible(text), markup=False, highlight=False)
 
     def stop(self) -> None:
         self.live.stop()

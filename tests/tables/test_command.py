@@ -148,7 +148,7 @@ def test_the_terminal_shows_both(
         (["--out", "o", "--noise", "-1"], "numbers from 0 to 100, got -1"),
         (["--out", "o", "--noise", "nan"], "numbers from 0 to 100, got nan"),
         (["--out", "o", "--seeds", "0"], "--seeds must be a number of trainings, 1 to 1000, got 0"),
-        (["--out", "o", "--seeds", "two"], "invalid int value: 'two'"),
+        (["--out", "o", "--seeds", "two"], "invalid whole value: 'two'"),
         (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
         (["--out", "o", "--level", "V1", "V1"], "--level must be levels that differ, got V1 V1"),
         (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, paper"),

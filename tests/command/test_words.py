@@ -1,0 +1,147 @@
+"""Words of the user and of files: none acts on the terminal, on a spreadsheet or on a folder."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from granpinn import collect, convert, identify, identify_many, inspect, train
+from granpinn.command import cli
+from granpinn.config import Config, ConfigError
+from granpinn.config.values import convert as value_of
+from granpinn.data import Flow, write_flow
+from granpinn.report import __main__ as report
+from granpinn.results import write_results
+from granpinn.results.results_csv import write_csv
+from granpinn.tables import __main__ as tables
+from granpinn.terminal import visible
+from tests.examples import make_result
+from tests.flows import make_flow
+
+HOSTILE = "a\x1b[2J\x07\u202eb"
+ESCAPED = r"a\x1b[2J\x07\u202eb"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("two\nlines\tand a tab, µ and 流", "two\nlines\tand a tab, µ and 流"),
+        (HOSTILE, ESCAPED),
+        ("return\r\x9b31m", r"return\r\x9b31m"),
+        ("\udc80", r"\udc80"),
+    ],
+)
+def test_control_characters_are_shown_and_not_sent(text: str, expected: str) -> None:
+    assert visible(text) == expected
+
+
+def run(verb: str, *words: object) -> subprocess.CompletedProcess[str]:
+    argv = [sys.executable, "-m", f"granpinn.{verb}", *map(str, words)]
+    return subprocess.run(argv, capture_output=True, text=True, encoding="utf-8")
+
+
+def test_names_of_files_do_not_act_on_the_terminal(tmp_path: Path) -> None:
+    path = tmp_path / f"{HOSTILE}.h5"
+    write_flow(make_flow(frames=6, rows=12, columns=10), path)
+    done = run("inspect", path)
+    assert done.returncode == 0, done.stderr
+    assert r"a\x1b[2J\x07" in done.stdout
+    assert not {"\x1b", "\x07", "\u202e"} & {*done.stdout, *done.stderr}
+
+
+def test_names_of_runs_do_not_act_on_the_terminal(tmp_path: Path) -> None:
+    for name, text in ((f"good {HOSTILE}", None), (f"bad {HOSTILE}", "{")):
+        (tmp_path / name).mkdir()
+        path = tmp_path / name / "results.json"
+        write_results(make_result(), path)
+        if text is not None:
+            path.write_text(text)
+    done = run("collect", tmp_path)
+    assert done.returncode == 1
+    assert f"good {ESCAPED}" in done.stdout
+    assert f"bad {ESCAPED}" in done.stderr
+    assert "\x1b" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@a", "\ta"])
+def test_a_spreadsheet_computes_no_text(name: str, tmp_path: Path) -> None:
+    result = make_result()
+    object.__setattr__(result.input, "name", name)
+    write_csv(result, tmp_path / "results.csv")
+    (cells,) = csv.DictReader((tmp_path / "results.csv").read_text().splitlines())
+    assert cells["input"] == f"'{name}"
+    assert float(cells["mu_s"]) == result.parameters.mu_s.value
+
+
+EMPTY: dict[str, Callable[..., int]] = {
+    "train": lambda *words: train.main(["a.h5", *words]),
+    "convert": lambda *words: convert.main(["a.txt", *words]),
+    "inspect": lambda *words: inspect.main(["a.h5", *words]),
+    "collect": lambda *words: collect.main(["a", *words]),
+    "simulate": lambda *words: cli.command("simulate")(list(words)),
+    "tables": lambda *words: tables.main(list(words)),
+    "report": lambda *words: report.main([*words, ""]),
+}
+
+
+@pytest.mark.parametrize("words", [("--out", ""), ("--out=",)], ids=["a word", "one word"])
+@pytest.mark.parametrize("command", EMPTY)
+def test_an_empty_path_is_not_the_current_folder(
+    command: str,
+    words: tuple[str, ...],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert EMPTY[command](*words) == 2
+    assert "every argument must have a value, got '" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_folder_name_is_refused_in_python(flow: Flow) -> None:
+    with pytest.raises(ConfigError, match="--out must not be empty"):
+        Config(out="")
+    for begin in (identify, lambda flow, **others: identify_many([flow], **others)):
+        with pytest.raises(ConfigError, match="run_dir must name a folder, got ''"):
+            begin(flow, run_dir="")
+
+
+@pytest.mark.parametrize("text", ["1_0", "١٠", "1_0.5", "１", "1e1_0"])
+def test_a_number_has_plain_digits(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for kind in (int, float):
+        with pytest.raises(ConfigError, match="--steps must be a"):
+            value_of(text, kind, "--steps")
+    for command, words in (
+        (tables.main, ["--out", "a", "--seeds", text]),
+        (tables.main, ["--out", "a", "--I0", text]),
+        (convert.main, ["a.txt", "--out", "b.h5", "--track-window", text]),
+        (convert.main, ["a.txt", "--out", "b.h5", "--solid-fraction", text]),
+        (report.main, ["a", "--time", text]),
+    ):
+        assert command(words) == 2
+        assert "invalid " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e400"])
+def test_a_report_has_a_finite_time(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert report.main(["a", f"--time={text}"]) == 2
+    assert "--time must be a finite number, got" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["inspect", "convert", "train"])
+def test_a_name_that_is_too_long_is_refused(
+    command: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / ("x" * 300)
+    words = [str(path)] + ([] if command == "inspect" else ["--out", str(tmp_path / "a.h5")])
+    main = {"inspect": inspect.main, "convert": convert.main, "train": train.main}[command]
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert "Errno" not in err
+    assert err.count("\n") == 1
