@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.data.large import slabs, spread
@@ -38,7 +38,7 @@ FEWEST = 5  # columns of grains that a line of one column cannot cover
 def statement_slips(flow: Flow, speeds: Float64) -> list[Slip]:
     """Slips of the statements of a flow; `speeds` are those of some vectors [n]."""
     found = [*_lengths(flow), *_errors(flow, speeds), *_line(flow), *_frames(flow)]
-    return [*found, *_stresses(flow), *_level(flow, speeds)]
+    return [*found, *_stresses(flow), *_level(flow, speeds), *_alike(flow)]
 
 
 def _lengths(flow: Flow) -> list[Slip]:
@@ -129,8 +129,7 @@ def _level(flow: Flow, speeds: Float64) -> list[Slip]:
     layer = flow.steady and flow.periodic and flow.surface is not None
     if not layer or moves or flow.source is not None:
         return []
-    some = spread(flow)
-    u = some.u[some.valid] if flow.particles is None else flow.particles.u
+    u, _ = _vectors(flow)
     along = abs(float(np.mean(u, dtype=np.float64))) if u.size else 0.0
     g_x, g_y = flow.gravity
     if along <= ONE_WAY * float(speeds.mean()) or abs(g_x) > LEVEL * math.hypot(g_x, g_y):
@@ -140,3 +139,24 @@ def _level(flow: Flow, speeds: Float64) -> list[Slip]:
         "nothing drives it: give gravity in the axes of the slope (granpinn convert --tilt)"
     )
     return [Slip(IMPROBABLE, text)]
+
+
+def _alike(flow: Flow) -> list[Slip]:
+    """Grains that move as one body."""
+    u, v = _vectors(flow)
+    size = float(np.hypot(u, v).max(initial=0.0))
+    if size == 0 or max(float(np.ptp(u)), float(np.ptp(v))) > EXACT * size:
+        return []
+    text = (
+        f"all vectors are ({u[0]:.4g}, {v[0]:.4g}), and grains that move as one body show nothing "
+        "of their friction: check u and v"
+    )
+    return [Slip(IMPOSSIBLE, text)]
+
+
+def _vectors(flow: Flow) -> tuple[Floats, Floats]:
+    """u and v of the vectors, of a large flow in some of its frames."""
+    if flow.particles is not None:
+        return flow.particles.u, flow.particles.v
+    some = spread(flow)
+    return some.u[some.valid], some.v[some.valid]

@@ -20,6 +20,8 @@ from tests.examples import make_result
 from tests.flows import make_chute, make_flow
 from tests.runs import tiny
 
+HEAP = make_flow()
+
 
 def stating(**attributes: Any) -> Callable[[], Flow]:
     return lambda: make_flow(attributes=attributes)
@@ -75,6 +77,14 @@ ABSURD: dict[str, tuple[Callable[[], Flow], str, str]] = {
     "times": (uneven_times, UNUSUAL, "frames follow each other by 1e-06 to"),
     "stress": (pressed(1e8), IMPROBABLE, "wall_p is up to 7.1e+03 times the weight of the grains"),
     "huge stress": (pressed(1e38), IMPOSSIBLE, "times the weight of the grains: check its unit"),
+    "one body": (
+        lambda: make_flow(
+            u=np.where(np.isfinite(HEAP.u), np.float32(1), np.float32(np.nan)),
+            v=np.where(np.isfinite(HEAP.v), np.float32(0), np.float32(np.nan)),
+        ),
+        IMPOSSIBLE,
+        "all vectors are (1, 0), and grains that move as one body show nothing",
+    ),
     "level chute": (
         lambda: with_layer(make_chute(gravity=(0.0, -1.0))),
         IMPROBABLE,
