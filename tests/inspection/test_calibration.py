@@ -191,7 +191,7 @@ def test_grains_that_leave_the_view_are_no_slip() -> None:
     axis, c = np.linspace(0, 1, 400), np.zeros((3, 400, 400), np.float32)
     c[0, 101:105, 101:104] = 1
     flow = make_flow(t=np.arange(3.0), y=axis, x=axis, c=c, p=None, surface=None)
-    u = np.where(c == 1, np.float32(0.1), np.float32(np.nan))
+    u = np.where(c == 1, np.linspace(0.1, 0.2, 400, dtype=np.float32), np.float32(np.nan))
     flow = replace(flow, u=u, v=u, grain_diameter=1e-4)
     assert body_of(flow).t.tolist() == [0.0]
     assert slips(flow) == []
