@@ -134,7 +134,8 @@ def test_walls_all_around_leave_no_surface_to_move() -> None:
     pressed = np.array([np.nan, np.nan, np.nan, 0.5, 0.5], np.float32)
     layer = make_chute(surface=None, walls=dataclasses.replace(plates, p=pressed))
     full = np.ones_like(layer.c)
-    box = dataclasses.replace(layer, c=full, u=full, v=0 * full)
+    shear = full * np.asarray(layer.y, np.float32)[:, None]
+    box = dataclasses.replace(layer, c=full, u=shear, v=0 * full)
     assert assumptions.surface(pose(box, tiny(level="V0"))) is None
 
 
