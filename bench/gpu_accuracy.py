@@ -27,8 +27,8 @@ from bench.steps import HIDDEN, PHYSICS, make_task
 from granpinn import reference
 from granpinn.config import Config, ConfigError, Network
 from granpinn.config.toml import read_toml
-from granpinn.identification.case import Case, pose
-from granpinn.identification.single import start
+from granpinn.fit.case import Case, pose
+from granpinn.identification.start import start
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.simulation import demo_path

@@ -38,7 +38,7 @@ from bench.rivals import (
     expected_seconds,
     too_large,
 )
-from granpinn.identification.case import choose_device
+from granpinn.fit.case import choose_device
 
 JAX = "JAX"
 PARTS = ("rows", "accuracy", "ensembles", "training")

@@ -18,8 +18,8 @@ from bench.device import graphed, milliseconds
 from bench.rivals import STEPS_PER_GRAPH
 from bench.steps import Task, fused_step, make_task
 from granpinn.config import Config
-from granpinn.identification.case import pose
-from granpinn.identification.single import start
+from granpinn.fit.case import pose
+from granpinn.identification.start import start
 from granpinn.simulation import demo_path
 from granpinn.training.history import Row
 from granpinn.training.progress import Silent

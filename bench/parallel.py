@@ -25,7 +25,7 @@ from bench.machine import describe
 from bench.processes import run_lines
 from granpinn import identify, identify_many
 from granpinn.config import Config
-from granpinn.identification.case import choose_device
+from granpinn.fit.case import choose_device
 from granpinn.simulation import demo_path
 from granpinn.training import parallel
 

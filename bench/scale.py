@@ -46,17 +46,18 @@ STATUS = Path("/proc/self/status")
 EVERY = 0.01  # s between two looks at the memory
 # Names of the stages, and the functions whose calls they are.
 STAGES = {
-    "read": "granpinn.identification.case:sound",
-    "points and facts": "granpinn.identification.case:posed",
-    "copies for the device": "granpinn.identification.single:start",
+    "read": "granpinn.fit.case:sound",
+    "points and facts": "granpinn.fit.case:posed",
+    "copies for the device": "granpinn.identification.start:start",
     "steps": "granpinn.training.loop:TrainingLoop.train",
     "last layer": "granpinn.training.trainer:Trainer.solve_last_layer",
-    "final loss": "granpinn.identification.conclusion:final_loss",
-    "fields": "granpinn.identification.prediction:predict",
-    "fields.h5": "granpinn.identification.finish:write_fields",
-    "errors of the fields": "granpinn.identification.finish:_scored",
-    "assumptions": "granpinn.identification.assumptions:trained",
-    "balance and range of I": "granpinn.identification.judgement:with_law",
+    "final loss": "granpinn.fit.ensemble:final_loss",
+    "fields": "granpinn.fit.prediction:predict",
+    "fields.h5": "granpinn.fit.context:write_fields",
+    "errors of the fields": "granpinn.fit.context:Context.score",
+    "assumptions": "granpinn.fit.assumptions:trained",
+    "range of I": "granpinn.fit.context:with_curve",
+    "momentum balance": "granpinn.checks.momentum_balance:make",
     "page": "granpinn.report:build",
 }
 
@@ -177,7 +178,7 @@ def trained(path: Path, words: list[str]) -> dict[str, Any]:
         "seconds": round(seconds, 2),
         "stages_gb": {name: round(value, 3) for name, value in peaks.gigabytes.items()},
         "stages_s": {name: round(value, 2) for name, value in peaks.seconds.items()},
-        "not_done": [str(part) for part in found.not_done],
+        "not_done": found.not_done,
     }
 
 

@@ -1,8 +1,6 @@
 """The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
 
-flow file -> noise -> training set -> identification -> results.json, fields.h5 -> simulated
-pressure, and figures beside it -> report; with --free-I0, --calibrate and --resimulate before the
-report.
+flow file -> noise -> training set -> identification -> results.json, fields.h5 -> checks -> report
 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
 results.json, in the terminal and on the page (granpinn/results/attempt.py).
@@ -13,9 +11,9 @@ machine has GPUs, each process uses its own one.
 The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
 `--help` and refusals are quick.
 
-Exit codes: 0 done, also without the simulated pressure, a figure or the page; 2 bad input; 1 the
-run could not go on, or it lacks fields, errors, or a part that --free-I0, --calibrate or
---resimulate asks for; 129, 130, 143 stopped by SIGHUP, SIGINT, SIGTERM.
+Exit codes: 0 done, also without a check of the default, a figure or the page; 2 bad input; 1 the
+run could not go on, or it lacks fields or a check that a setting asks for; 129, 130, 143 stopped by
+SIGHUP, SIGINT, SIGTERM.
 """
 
 from __future__ import annotations

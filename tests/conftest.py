@@ -63,7 +63,7 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     from tests.command.pageless import stand_ins  # it loads the command
 
     run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
+    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
     for owner, name, value in stand_ins():
         monkeypatch.setattr(owner, name, value)
 
@@ -81,7 +81,7 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     album = importlib.import_module("granpinn.figures.album")
     run = importlib.import_module("granpinn.command.training_run")
     # Processes of their own would draw other figures than those of the tests.
-    monkeypatch.setattr(run, "_painters", lambda config: nullcontext())
+    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
 
     def only(*names: str) -> None:
         monkeypatch.setattr(album, "FIGURES", {name: album.FIGURES[name] for name in names})

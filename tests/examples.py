@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
@@ -27,7 +28,7 @@ from granpinn.results import (
     Timing,
     Zones,
 )
-from granpinn.results.baseline import Baseline, Difference, LawFit, Point
+from granpinn.results.baseline import Baseline, LawFit, Point
 from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
@@ -44,8 +45,8 @@ BASELINE = Baseline(
     law=LawFit(0.4, 0.63, 0.3, 0.01, 0.04),
     window=2,
     parts={"scatter": 0.01, "window": 0.0, "depth": 0.01, "model": 0.02},
-    network=(Difference(0.05, 1.5, 2.5),),
 )
+BALANCE = MomentumBalance(BASELINE, (Difference(0.05, 1.5, 2.5),))
 LAW = IdentifiedLaw(
     "mu_of_i",
     (0.01, 0.2),
@@ -61,7 +62,7 @@ SPARSE: dict[str, Any] = {
     "members": None,
     "residuals": None,
     "error_bars": None,
-    "baseline": None,
+    "checks": {},
     "determined": None,
     "law": IdentifiedLaw(),
     "error_percent": ErrorPercent(),
@@ -105,7 +106,7 @@ def make_result(**changes: Any) -> Result:
             constitutive=0.03,
         ),
         error_bars=ErrorBars((0.011, 0.017), 8.0, 1.86, "made up", (0.008, 0.02), (0.004, 0.01)),
-        baseline=BASELINE,
+        checks={"momentum_balance": BALANCE},
         determined=Determined(0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46)),
     )
     return replace(result, **changes)

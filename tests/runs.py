@@ -11,7 +11,7 @@ from granpinn.config import Config
 from granpinn.data import Flow, training_set
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
-from granpinn.identification.case import fixed_values
+from granpinn.fit.case import fixed_values
 from granpinn.physics.laws import LAWS
 from granpinn.training import problem
 from granpinn.training.loop import TrainingLoop

@@ -15,11 +15,10 @@ import granpinn
 from granpinn import convert, importers, inspect, train
 from granpinn.config.toml import read_saved, read_toml
 from granpinn.data import read_flow
-from granpinn.identification.network import read_network
+from granpinn.fit.network import read_network
 from granpinn.importers import formats
 from granpinn.regular import read_text
 from granpinn.results import read_fields, read_results
-from granpinn.second_opinion.comparison import read_comparison
 from granpinn.tables import __main__ as tables_command
 from granpinn.training.checkpoint import CheckpointError, newest
 from granpinn.training.history import read_history
@@ -53,7 +52,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "results.json": read_results,
     "history.csv": read_history,
     "fields.h5": read_fields,
-    "resimulation.json": read_comparison,
     "network": read_network,
     "checkpoint": newest_beside,
     "surface": lambda path: importers.read(ARRAYS, surface=str(path), **PLAIN),

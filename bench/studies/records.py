@@ -11,6 +11,7 @@ from granpinn.results.decoding import encode
 
 def records_of(result: Result) -> dict[str, Any]:
     """The records of a result that its error bars and its assessment come from, as JSON values."""
+    balance = result.checks.get("momentum_balance")
     return {
         "level": result.level,
         "data": encode(result.data),
@@ -20,7 +21,7 @@ def records_of(result: Result) -> dict[str, Any]:
         "measured_noise": result.data.measured_noise,
         "independent": result.data.independent,
         "steps": result.timing.steps,
-        "baseline": balance_of(result.baseline),
+        "baseline": balance_of(balance.balance if balance else None),
         "failure": result.failure,
     }
 

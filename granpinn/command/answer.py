@@ -21,7 +21,7 @@ class Answer:
 
     def show(self, result: Result) -> None:
         """Print the lines of a result that are new."""
-        made = tuple(part for part in result.not_done if part.why != PENDING)
+        made = {name: why for name, why in result.not_done.items() if why != PENDING}
         heading, *lines, _ = str(dataclasses.replace(result, not_done=made)).splitlines()
         table = set(takewhile(lambda line: len(line) == len(heading), lines))
         new = [line for line in lines if line not in self._printed]

@@ -10,7 +10,7 @@ import difflib
 import functools
 import math
 import types
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -52,9 +52,9 @@ class Setting:
 
     def check(self, value: Any, name: str) -> None:
         """Refuses a value outside of the choices or the range; `name` is for the message."""
-        if value == "":
+        if isinstance(value, str) and not value:
             raise ConfigError(f"{name} must not be empty: leave it out, or give a value")
-        if self.choices and value not in self.choices:
+        if self.choices and not (isinstance(value, Hashable) and value in self.choices):
             raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):

@@ -128,6 +128,12 @@ class Config:
     checkpoint_every: float = setting(
         30.0, "seconds between checkpoints", low=0, high=MOST_SECONDS, free=True
     )
+    checks: str = setting(
+        "quick",
+        "what else to compute, to trust the numbers: none, quick (what takes seconds), all, or "
+        "names of checks, with commas between them",
+        free=True,
+    )
     compare_laws: bool = setting(
         False,
         "train a free curve and a law with cohesion beside the law, and say which laws explain "

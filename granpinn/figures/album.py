@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import checks, curves, maps, profiles, residual
+from granpinn.figures import curves, maps, profiles, residual
 from granpinn.figures.style import Drawing, NothingToDraw, encoded, for_phones, save
 from granpinn.output import make_folder
-from granpinn.results import Fields, NotDone, Result
-from granpinn.results.attempt import attempt
+from granpinn.results import Fields, Result
+from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.fields import VARIABLES
 from granpinn.results.zones import after_start
-from granpinn.second_opinion.comparison import Comparison
 
 History = Mapping[str, Floats]
 
@@ -27,7 +26,6 @@ class Source(NamedTuple):
     fields: Fields | None
     history: History | None
     frame: int
-    comparison: Comparison | None = None
 
 
 class Picture(NamedTuple):
@@ -43,6 +41,10 @@ class Picture(NamedTuple):
         """The caption after the title, which it does not repeat."""
         rest = self.caption.removeprefix(self.title)
         return rest if rest != self.caption else f". {self.caption}"
+
+
+# Draws the figures of these names.
+Draw = Callable[[Sequence[str]], Iterable[Picture | NotDone]]
 
 
 class Missing(NamedTuple):
@@ -88,66 +90,47 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
 }
 
 
-def _of_checks(source: Source) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
-    """The figures of optional checks."""
-    found: dict[str, tuple[str, Callable[[Source], Drawing]]] = {}
-    profile, comparison = source.result.profile, source.comparison
-    simulated_pressure = source.result.simulated_pressure
-    if simulated_pressure is not None and simulated_pressure.frames:
-        found["pressure_simulated"] = (
-            "Simulated pressure",
-            lambda s: maps.simulated_pressure(fields_of(s), s.frame),
-        )
-    if profile is not None:
-        found["profile_of_I0"] = (
-            "Profile of I0",
-            lambda s: checks.profile_of_I0(profile, s.result),
-        )
-    if comparison is not None:
-        found["resimulation"] = (
-            "Simulated with the identified law",
-            lambda s: checks.resimulation(comparison, s.fields.units if s.fields else None),
-        )
+def figures_of(result: Result) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
+    """All figures of a run, those of its checks included."""
+    found = dict(FIGURES)
+    for record in result.checks.values():
+        found |= record.figures()
     return found
 
 
 def draw_all(
-    source: Source, folder: Path, pdf: bool = False, drawn: Sequence[Picture] = ()
+    source: Source,
+    folder: Path,
+    pdf: bool = False,
+    draw: Draw | None = None,
 ) -> tuple[list[Picture], list[Missing]]:
     """Write every possible figure to `folder`; remove old files of figures that are missing.
 
     Args:
         pdf: write every figure as a PDF too.
-        drawn: figures that are there, and stay.
+        draw: draws the figures of these names elsewhere (report/drawing.py); by default they are
+            drawn here.
     """
     make_folder(folder)
-    pictures, missing = [], []
-    there = {picture.path: picture for picture in drawn}
-    for name, title in titles(source).items():
-        path = folder / f"{name}.png"
-        if path in there:
-            pictures.append(there[path])
-            continue
-        picture = draw_one(source, folder, name, pdf)
+    figures, pictures, missing = figures_of(source.result), [], []
+    names = list(figures)
+    made = draw(names) if draw else (draw_one(source, folder, name, pdf) for name in names)
+    for name, picture in zip(names, made, strict=True):
         if isinstance(picture, NotDone):
+            path = folder / f"{name}.png"
             path.unlink(missing_ok=True)
             path.with_suffix(".pdf").unlink(missing_ok=True)
-            missing.append(Missing(title, picture.why))
+            missing.append(Missing(figures[name][0], picture.why))
         else:
             pictures.append(picture)
     return pictures, missing
 
 
-def titles(source: Source) -> dict[str, str]:
-    """The names of all figures of a run, also of those that cannot be drawn, and their titles."""
-    return {name: title for name, (title, _) in (FIGURES | _of_checks(source)).items()}
-
-
 def draw_one(source: Source, folder: Path, name: str, pdf: bool = False) -> Picture | NotDone:
     """Write a figure to a folder that exists, or the reason why it cannot be drawn."""
-    title, draw = (FIGURES | _of_checks(source))[name]
+    title, draw = figures_of(source.result)[name]
     path = folder / f"{name}.png"
-    return attempt(title, partial(_write, draw, source, path, title, pdf))
+    return attempt(partial(_write, draw, source, path, title, pdf))
 
 
 def _write(

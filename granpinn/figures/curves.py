@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +27,7 @@ from granpinn.figures.style import (
 from granpinn.physics.laws import LAWS, mu_of_i
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
+from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.identified_law import StressPoints
 from granpinn.results.summary import true_friction
@@ -79,8 +80,9 @@ def draw_law(curve: Axes, result: Result) -> str:
         if found.curve.low is not None and found.curve.high is not None:
             ends = found.curve.low, found.curve.high
             curve.fill_between(I, *ends, color=BLUE, alpha=0.2, lw=0, label="90 % band")
-    if result.comparison:
-        caption += _compared(curve, result, I)
+    if (compared := result.checks.get("comparison_of_laws")) is not None:
+        others = [c for c in compared.laws if c.law != result.law.name]
+        caption += _compared(curve, others, I)
     if (true := true_friction(result, I)) is not None:
         curve.plot(I, true, color=BLACK, lw=1.4, ls=(0, (4, 3)), label="true", zorder=4)
         caption += ", against the law that generated the data"
@@ -95,9 +97,8 @@ def draw_law(curve: Axes, result: Result) -> str:
     return caption
 
 
-def _compared(axes: Axes, result: Result, I: Floats) -> str:  # noqa: E741
+def _compared(axes: Axes, others: Sequence[ComparedLaw], I: Floats) -> str:  # noqa: E741
     """Draw the other laws of the comparison; words for the caption."""
-    others = [c for c in result.comparison if c.law != result.law.name]
     for c, color in zip(others, itertools.cycle(LAW_COLORS), strict=False):
         law = LAWS[c.law]
         mu = law.friction(I, *(c.parameters[name].value for name in law.names)) + 0 * I

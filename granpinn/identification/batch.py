@@ -12,22 +12,15 @@ from pathlib import Path
 from typing import TypeVar
 
 from granpinn import results
+from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow, large
+from granpinn.data import Flow
 from granpinn.declared import checked
-from granpinn.identification.case import Case, choose_device, fixed_values, members, posed, sound
-from granpinn.identification.comparison import companions
-from granpinn.identification.finish import (
-    Concluded,
-    conclude,
-    fields_written,
-    simulated,
-    with_assumptions,
-    with_law,
-    with_simulated_pressure,
-)
-from granpinn.identification.of_flow import OfFlow
-from granpinn.identification.single import folder_of, histories, kept, made_ahead, prepare, start
+from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
+from granpinn.fit.context import Context
+from granpinn.identification import answer
+from granpinn.identification.start import folder_of, histories, prepare, start
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
@@ -56,6 +49,8 @@ def identify_many(
     progress: Progress | None = None,
 ) -> list[Result]:
     """Identify many flows side by side, each as `identify` would, in one batch.
+
+    Checks that train more networks (--free-I0, --calibrate) are left out.
 
     The members share the settings, hence the shape of the network and the schedule. Each has its
     own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members
@@ -123,35 +118,36 @@ def identify_many(
             listener = progress if group.rank == 0 else None
             run = start(every, config, folder, listener, begin, places)
             with threads(1) as beside:
-                ahead = made_ahead(cases, beside) if run.trainer.params.is_cuda else []
+                ahead = []
+                if run.trainer.params.is_cuda:  # the cores of the CPU are idle
+                    ahead = [beside.submit(momentum_balance.prepare, case) for case in cases]
                 run.train()
                 for later in ahead:  # what has not begun is made by all cores, in its place
                     later.cancel()
-            ensembles = [every[e * K : (e + 1) * K] for e in range(len(cases))]
             behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
 
-            def concluded(e: int) -> Concluded:
-                own, after = ensembles[e], behind[e]
-                made = conclude(own, run, e * K, parts[e], keep_fields, simulate=True, others=after)
-                # The fields of all members at once would not fit into memory.
-                return fields_written(made)._replace(maps=None)
+            def valued(e: int) -> Context:
+                ensemble, first = every[e * K : (e + 1) * K], e * K
+                context = answer.valued(
+                    cases[e].flow, ensemble, run, first, parts[e], keep_fields, behind[e]
+                )
+                answer.with_fields(context)
+                context.fields = None  # those of all members would not fit into memory
+                return context
 
-            written = _side_by_side(concluded, range(len(cases)), config.device)
-            written = with_assumptions(written, run)
-            # One pool for all members: every core simulates pressures as long as frames are left.
-            # With a GPU it does so from the start.
-            with threads(max(1, _cores() // group.size)) as pool, threads(SIDE_BY_SIDE) as beside:
+            contexts = _side_by_side(valued, range(len(cases)), config.device)
+            answer.with_intervals(contexts, run)
+            # One pool for all members: every core simulates as long as frames are left.
+            with threads(max(1, _cores() // group.size)) as pool:
 
-                def finished(member: Concluded) -> Result:
-                    simulation = None
-                    if run.trainer.params.is_cuda:
-                        simulation = beside.submit(simulated, member, run, pool)
-                    member = with_law(member, run)
-                    pressure = simulation.result() if simulation else simulated(member, run, pool)
-                    made = with_simulated_pressure(member, pressure)
-                    return kept(made._replace(maps=None), run)
+                def finished(context: Context) -> Result:
+                    answer.with_curve(context)
+                    context.pool = pool
+                    checks = wanted(context.case.config)
+                    make(context, [check for check in checks if not check.trains])
+                    return answer.kept(context)
 
-                found = _side_by_side(finished, written, config.device)
+                found = _side_by_side(finished, contexts, config.device)
         return found if group.size == 1 else _in_order(found, len(flows))
 
 
@@ -192,14 +188,13 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     device = configs[0].device if configs else "cpu"
     distinct = dict(zip(keys, flows, strict=True))
     read = dict(zip(distinct, _side_by_side(sound, distinct.values(), device), strict=True))
-    of_flow = {key: OfFlow(large.spread(flow)) for key, (flow, _) in read.items()}
     plain: dict[int | str, Config] = {}
     for key, config in zip(keys, configs, strict=True):
         if not config.noise:
             plain.setdefault(key, config)
 
     def alone(key: int | str, config: Config) -> Case:
-        return posed(*read[key], config, of_flow[key])
+        return posed(*read[key], config)
 
     posed_once = _side_by_side(lambda pair: alone(*pair), plain.items(), device)
     clean = dict(zip(plain, posed_once, strict=True))

@@ -17,8 +17,8 @@ from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.errors import BadInput
-from granpinn.identification import prediction
-from granpinn.identification.network import FILE, TrainedNetwork, read_network
+from granpinn.fit import prediction
+from granpinn.fit.network import FILE, TrainedNetwork, read_network
 from granpinn.physics.laws import Law
 from granpinn.results import Fields, Result, read_fields, read_results
 from granpinn.results.dataset import fields_dataset, members_tree

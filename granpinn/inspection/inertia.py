@@ -12,7 +12,7 @@ from granpinn.inspection.precision import AssumedLaw
 from granpinn.inspection.pressure import estimated_pressure, inertial_number
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
-# granpinn/identification/scoring.py), and this many times the shear rate that noise simulates.
+# granpinn/fit/scoring.py), and this many times the shear rate that noise simulates.
 RATE_AT_REST = 0.05 * np.sqrt(2)
 RATE_OVER_NOISE = 2.5
 

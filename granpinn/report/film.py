@@ -134,16 +134,13 @@ class Film(NamedTuple):
         return sum(len(sheet.png) for sheet in self.sheets)
 
 
-def shoot(fields: Fields, frame: int, budget: int = BUDGET, largest: Film | None = None) -> Film:
+def shoot(fields: Fields, frame: int, budget: int = BUDGET) -> Film:
     """The film of a run, which shows frame index `frame` first, with as many pixels as fit.
-
-    Args:
-        largest: this film with all its pixels, if it is known.
 
     Raises:
         NothingToDraw: there are no grains, or none of the variables.
     """
-    pixels, film = MAX_PIXELS, largest or film_of(fields, frame)
+    pixels, film = MAX_PIXELS, film_of(fields, frame)
     while film.size > budget and pixels > MIN_PIXELS:
         longest = max(film.width, film.height)
         pixels = max(MIN_PIXELS, int(0.95 * longest * (budget / film.size) ** 0.5))

@@ -21,23 +21,19 @@ from granpinn.declared import checked
 from granpinn.figures import album, maps
 from granpinn.output import write_text
 from granpinn.report import film as films
-from granpinn.report.prepared import Prepared
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
     FieldsFileError,
-    NotDone,
     Result,
-    bootstrap,
-    comparison,
     number,
     read_fields,
     read_results,
     write_csv,
 )
-from granpinn.results.attempt import attempt
+from granpinn.results.attempt import NotDone, attempt
+from granpinn.results.result import in_words
 from granpinn.results.summary import summarize
-from granpinn.second_opinion.comparison import FILE, Comparison, read_comparison
 from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
@@ -54,7 +50,7 @@ def build(
     run_dir: str | Path,
     time: float | None = None,
     pdf: bool = False,
-    prepared: Prepared | None = None,
+    draw: album.Draw | None = None,
 ) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
@@ -62,43 +58,30 @@ def build(
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
-        prepared: what was made of the page before.
+        draw: as in `album.draw_all`.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
-    prepared = prepared or Prepared()
-    source, problems = read(folder, time, prepared.fields)
-    pictures, missing = album.draw_all(source, folder / "figures", pdf, prepared.pictures)
-    figures = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
-    budget = min(films.BUDGET, PAGE - figures)
-    shot = attempt(
-        FILM, lambda: films.shoot(album.fields_of(source), source.frame, budget, prepared.film)
-    )
-    film = None if isinstance(shot, NotDone) else shot
-    if isinstance(shot, NotDone):
-        missing = [album.Missing(FILM, shot.why), *missing]
+    figures = folder / "figures"
+    source, problems = read(folder, time)
+    pictures, missing = album.draw_all(source, figures, pdf, draw)
+    taken = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
+    budget = min(films.BUDGET, PAGE - taken)
+    film = attempt(lambda: films.shoot(album.fields_of(source), source.frame, budget))
+    if isinstance(film, NotDone):
+        missing = [album.Missing(FILM, film.why), *missing]
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
-    text = render(source.result, pictures, missing, problems, film)
+    shot = None if isinstance(film, NotDone) else film
+    text = render(source.result, pictures, missing, problems, shot)
     write_text(page, text)
     return page
 
 
-def largest_film(source: album.Source) -> films.Film | None:
-    """The film with all its pixels, from which `build` goes on; None if it cannot be made."""
-    film = attempt(FILM, lambda: films.film_of(album.fields_of(source), source.frame))
-    return None if isinstance(film, NotDone) else film
-
-
-def read(
-    folder: Path, time: float | None = None, known: Fields | None = None
-) -> tuple[album.Source, list[str]]:
+def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[str]]:
     """The contents of a run folder, and what of it could not be read.
-
-    Args:
-        known: fields that were read before; only what they lack is read.
 
     Raises:
         ResultsFileError: there is no valid results.json.
@@ -108,21 +91,15 @@ def read(
     fields: Fields | None = None
     history: album.History | None = None
     try:
-        fields = read_fields(folder / "fields.h5", known)
+        fields = read_fields(folder / "fields.h5")
     except FieldsFileError as error:
         problems.append(str(error))
     try:
         history = read_history(folder / "history.csv", result.friction_law)
     except HistoryFileError as error:
         problems.append(str(error))
-    compared: Comparison | None = None
-    if result.resimulation is not None and result.resimulation.objection is None:
-        try:
-            compared = read_comparison(folder / FILE)
-        except (ValueError, LookupError, TypeError) as error:
-            problems.append(f"{FILE} could not be read: {error}")
     frame = maps.frame_at(fields, time) if fields else 0
-    return album.Source(result, fields, history, frame, compared), problems
+    return album.Source(result, fields, history, frame), problems
 
 
 def for_paraview(run_dir: str | Path) -> Path:
@@ -148,10 +125,7 @@ def render(
     return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
-        which_law=comparison.sentence(result.comparison, result.chosen) if result.chosen else "",
-        comparison_rows=comparison.rows_of(result.comparison),
-        comparison_head=comparison.HEAD,
-        bootstrap_head=bootstrap.HEAD,
+        not_done=[(in_words(name), why) for name, why in result.not_done.items()],
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
         s=summary,
         a=result.assessment,

@@ -3,10 +3,10 @@
 In reading order: named (values by the names of parameters and loss terms), parameters (of a law,
 with their errors), records (data, training, ensemble, error bars), slip (likely mistakes of the
 data), baseline (the momentum balance), determined (what a narrow range of I leaves), identified_law
-(its curve over the I of the data), comparison (of laws), findings (checks and simulations),
-bootstrap (errors in simulated flows), assessment (may the numbers be used?), result (all of it),
-results_file (results.json), decoding (its JSON), attempt (parts that may fail alone), summary
-(numbers behind the words of a report), results_csv, fields, zones (which of their points flow).
+(its curve over the I of the data), loss, record (what a check leaves in a result), assessment (may
+the numbers be used?), result (all of it), results_file (results.json), decoding (its JSON), attempt
+(parts that may fail alone), summary (numbers behind the words of a report), results_csv, fields,
+zones (which of their points flow).
 """
 
 from granpinn.results.assessment import Assessment
@@ -21,7 +21,7 @@ from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.named import ErrorPercent, Residuals
 from granpinn.results.parameters import Covariance, Parameter, Parameters
-from granpinn.results.records import DataSummary, InertialNumber, Input, NotDone, Timing, Zones
+from granpinn.results.records import DataSummary, InertialNumber, Input, Timing, Zones
 from granpinn.results.result import Result, number
 from granpinn.results.results_csv import write_csv
 from granpinn.results.results_file import (
@@ -42,7 +42,6 @@ __all__ = [
     "IdentifiedLaw",
     "InertialNumber",
     "Input",
-    "NotDone",
     "Parameter",
     "Parameters",
     "Residuals",

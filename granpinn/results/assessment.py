@@ -1,7 +1,8 @@
-"""May these numbers be used? One list of conditions on the records of a result decides.
+"""May these numbers be used? A list of conditions, and the reasons of all checks, decide.
 
-A condition has a grade and a sentence for the results that it holds for. The grade of a result is
-the worst one among them; those of grade "good" are facts that speak for it. No other place judges.
+A condition has a grade and a sentence for the results that it holds for. So has a check, for what
+it found. The grade of a result is the worst one among them; those of grade "good" are facts that
+speak for it. No other place judges.
 `python -m bench.studies.coverage.assessment` measures the grades on flows whose law is known.
 """
 
@@ -10,20 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
-from granpinn.physics.laws import Law, mu_of_i
-from granpinn.results.baseline import Baseline, Difference
-from granpinn.results.bootstrap import Bootstrap
-from granpinn.results.comparison import ComparedLaw, excluded, sentence
-from granpinn.results.determined import Determined
-from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.named import Residuals
-from granpinn.results.parameters import Parameters
-from granpinn.results.records import DataSummary, ErrorBars, Timing
+from granpinn.physics.laws import mu_of_i
+from granpinn.results.record import BAD, CARE, GOOD
 from granpinn.results.slip import IMPROBABLE, UNUSUAL
 
-GOOD, CARE, BAD = "good", "care", "do not use"
+if TYPE_CHECKING:
+    from granpinn.results.result import Result
+
 GRADES = (BAD, CARE, GOOD)  # the worst first
 HEADLINES = {GOOD: "good to use", CARE: "use with care", BAD: "do not use"}
 
@@ -34,7 +30,6 @@ UNBALANCED, CONTRADICTED = 0.05, 0.15
 SETTLED, AFTER_1000 = 3000, 0.03  # a larger residual shows a training of fewer steps than the first
 # Half of the 90 % interval, of log mu.
 WIDE, USELESS = 0.1, 0.5
-DISAGREE = 3.0  # standard errors between the momentum balance and the law
 
 
 @dataclass(frozen=True)
@@ -56,79 +51,43 @@ class Assessment:
         return f"{self.headline}: {self.reasons[0]}" if self.reasons else f"{self.headline}."
 
 
-class Evidence(Protocol):
-    """The records of a `Result` that conditions read."""
-
-    @property
-    def law(self) -> IdentifiedLaw: ...
-    @property
-    def friction_law(self) -> Law: ...
-    @property
-    def parameters(self) -> Parameters: ...
-    @property
-    def error_bars(self) -> ErrorBars | None: ...
-    @property
-    def residuals(self) -> Residuals | None: ...
-    @property
-    def data(self) -> DataSummary: ...
-    @property
-    def timing(self) -> Timing: ...
-    @property
-    def stopped(self) -> str: ...
-    @property
-    def failure(self) -> str | None: ...
-    @property
-    def determined(self) -> Determined | None: ...
-    @property
-    def baseline(self) -> Baseline | None: ...
-    @property
-    def comparison(self) -> tuple[ComparedLaw, ...]: ...
-    @property
-    def chosen(self) -> str | None: ...
-    @property
-    def bootstrap(self) -> Bootstrap | None: ...
-
-
-def assess(result: Evidence) -> Assessment:
-    """The assessment of a result: every condition that holds for it."""
-    found = [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
+def assess(result: Result) -> Assessment:
+    """The assessment of a result: every condition that holds for it, and what its checks say."""
+    checks = [reason for record in result.checks.values() for reason in record.reasons(result)]
+    found = [(grade, said) for grade, said in checks if grade == BAD]  # what they exclude is first
+    found += [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
+    found += [(grade, said) for grade, said in checks if grade != BAD]
     found.sort(key=lambda pair: GRADES.index(pair[0]))
     grade = found[0][0] if found else CARE
     return Assessment(grade, HEADLINES[grade], tuple(said for _, said in found))
 
 
-def diverged(r: Evidence) -> str | None:
+def diverged(r: Result) -> str | None:
     if r.failure is None and r.stopped != "diverged":
         return None
     return f"The training diverged: {r.failure or 'its last good state is shown'}."
 
 
-def undetermined(r: Evidence) -> str | None:
+def undetermined(r: Result) -> str | None:
     if r.determined is None or r.determined.reason is None:
         return None
     return f"No friction coefficient is determined: {r.determined.reason}."
 
 
-def carried(r: Evidence) -> str | None:
-    if r.baseline is None or not r.baseline.carried:
-        return None
-    return f"Walls carry the grains, by forces that are not known: {r.baseline.reason}."
-
-
-def improbable(r: Evidence) -> str | None:
+def improbable(r: Result) -> str | None:
     return _slips(r, IMPROBABLE)
 
 
-def unusual(r: Evidence) -> str | None:
+def unusual(r: Result) -> str | None:
     return _slips(r, UNUSUAL)
 
 
-def _slips(r: Evidence, severity: str) -> str | None:
+def _slips(r: Result, severity: str) -> str | None:
     found = [slip.text for slip in r.data.slips if slip.severity == severity]
     return f"The data are {severity}: {'; '.join(found)}." if found else None
 
 
-def unsettled(r: Evidence) -> str | None:
+def unsettled(r: Result) -> str | None:
     """Equations that do not hold yet: their residual falls in proportion to the steps."""
     momentum = _momentum(r)
     if momentum is None or momentum <= UNBALANCED or r.timing.steps >= SETTLED:
@@ -136,7 +95,7 @@ def unsettled(r: Evidence) -> str | None:
     return f"The training has not settled: {_forces(momentum)}. {_longer(r, momentum / AFTER_1000)}"
 
 
-def contradicted(r: Evidence) -> str | None:
+def contradicted(r: Result) -> str | None:
     """Equations that do not hold in the default recipe; others are not tested."""
     momentum = _momentum(r)
     if momentum is None or momentum <= CONTRADICTED or r.timing.steps < SETTLED:
@@ -149,7 +108,7 @@ def contradicted(r: Evidence) -> str | None:
     )
 
 
-def unbalanced(r: Evidence) -> str | None:
+def unbalanced(r: Result) -> str | None:
     momentum = _momentum(r)
     if momentum is None or momentum <= UNBALANCED or contradicted(r) or unsettled(r):
         return None
@@ -159,14 +118,14 @@ def unbalanced(r: Evidence) -> str | None:
     )
 
 
-def balanced(r: Evidence) -> str | None:
+def balanced(r: Result) -> str | None:
     momentum = _momentum(r)
     if momentum is None or momentum > UNBALANCED:
         return None
     return f"The equations hold as in simulated flows: {_forces(momentum)}."
 
 
-def _momentum(r: Evidence) -> float | None:
+def _momentum(r: Result) -> float | None:
     return None if r.residuals is None else r.residuals.get("momentum")
 
 
@@ -174,7 +133,7 @@ def _forces(momentum: float) -> str:
     return f"the forces of the fit are out of balance by {momentum:.2g} of the weight of the grains"
 
 
-def useless(r: Evidence) -> str | None:
+def useless(r: Result) -> str | None:
     found = _widest(r)
     if found is None or found.half <= USELESS:
         return None
@@ -183,12 +142,12 @@ def useless(r: Evidence) -> str | None:
     return f"{found.words}. {_longer(r, found.half / WIDE)}"
 
 
-def wide(r: Evidence) -> str | None:
+def wide(r: Result) -> str | None:
     found = _widest(r)
     return f"{found.words}." if found is not None and WIDE < found.half <= USELESS else None
 
 
-def known(r: Evidence) -> str | None:
+def known(r: Result) -> str | None:
     found = _widest(r)
     return f"{found.words}." if found is not None and found.half <= WIDE else None
 
@@ -200,7 +159,7 @@ class Width(NamedTuple):
     words: str
 
 
-def _widest(r: Evidence) -> Width | None:
+def _widest(r: Result) -> Width | None:
     """Of mu(I) over the I of the data. Where it is wide, or has no band, those of the parameters
     count as well. None without any interval."""
     found, curve = [], r.law.curve
@@ -228,25 +187,25 @@ def _words(half: float) -> str:
     return f"+- {100 * half:.2g} %" if half < 1 else f"a factor of {math.exp(half):.2g}"
 
 
-def _longer(r: Evidence, times: float) -> str:
+def _longer(r: Result, times: float) -> str:
     """What to do, as errors fall in proportion to the steps."""
     steps = max(SETTLED, 1000 * math.ceil(r.timing.steps * times / 1000))
     return f"Train longer: about {steps:,} steps in place of {r.timing.steps:,}."
 
 
-def without_errors(r: Evidence) -> str | None:
-    if _widest(r) is not None or diverged(r) or undetermined(r) or carried(r):
+def without_errors(r: Result) -> str | None:
+    if _widest(r) is not None or diverged(r) or undetermined(r):
         return None
     return f"The errors are not known: {r.law.reason or 'none were estimated'}."
 
 
-def untested(r: Evidence) -> str | None:
+def untested(r: Result) -> str | None:
     if r.error_bars is None or not r.error_bars.outside:
         return None
     return f"The error bars are not tested here: {'; '.join(r.error_bars.outside)}."
 
 
-def extrapolated(r: Evidence) -> str | None:
+def extrapolated(r: Result) -> str | None:
     """mu_2 beyond the I of the data: no fault of mu(I)."""
     if r.law.name != mu_of_i.LAW.name or r.law.I_range is None:
         return None
@@ -256,63 +215,16 @@ def extrapolated(r: Evidence) -> str | None:
     return f"mu_2, {mu_2.words}, is extrapolated: the flow reaches {reach:.2g} I0."
 
 
-def disagreeing(r: Evidence) -> str | None:
-    found = _farthest(r)
-    if found is None or _distance(found) <= DISAGREE:
-        return None
-    return (
-        f"The law differs from the momentum balance, which needs no network, by {found}: one of "
-        "them is wrong."
-    )
-
-
-def agreeing(r: Evidence) -> str | None:
-    found = _farthest(r)
-    if found is None or _distance(found) > DISAGREE:
-        return None
-    return f"The momentum balance, which needs no network, agrees: the law differs by {found}."
-
-
-def _farthest(r: Evidence) -> Difference | None:
-    return None if r.baseline is None else max(r.baseline.network, key=_distance, default=None)
-
-
-def _distance(difference: Difference) -> float:
-    return abs(difference.percent) / difference.se_percent
-
-
-def other_law(r: Evidence) -> str | None:
-    if r.chosen is None or r.law.name not in excluded(r.comparison, r.chosen):
-        return None
-    return f"The data support another law: {sentence(r.comparison, r.chosen)}."
-
-
-def too_narrow(r: Evidence) -> str | None:
-    rows = r.bootstrap.rows if r.bootstrap is not None else ()
-    parts = [
-        f"{name} ({row.rms:.2g} +- {row.rms_error:.1g} against {row.std:.2g})"
-        for name, row in rows
-        if row.exceeds
-    ]
-    if not parts:
-        return None
-    return (
-        "The error bars may be too narrow: the rms error of flows simulated with this law exceeds "
-        f"the stated standard deviation of {', '.join(parts)}."
-    )
-
-
 class Condition(NamedTuple):
     """The sentence of a condition for a result, None where it does not hold."""
 
     grade: str
-    said: Callable[[Evidence], str | None]
+    said: Callable[[Result], str | None]
 
 
 CONDITIONS = (
     Condition(BAD, diverged),
     Condition(BAD, undetermined),
-    Condition(BAD, carried),
     Condition(BAD, improbable),
     Condition(BAD, unsettled),
     Condition(BAD, useless),
@@ -320,13 +232,9 @@ CONDITIONS = (
     Condition(CARE, wide),
     Condition(CARE, without_errors),
     Condition(CARE, unbalanced),
-    Condition(CARE, disagreeing),
     Condition(CARE, untested),
-    Condition(CARE, other_law),
-    Condition(CARE, too_narrow),
     Condition(CARE, unusual),
     Condition(GOOD, known),
     Condition(GOOD, extrapolated),
     Condition(GOOD, balanced),
-    Condition(GOOD, agreeing),
 )

@@ -1,4 +1,4 @@
-"""The record of the momentum balance, which needs no network, beside the identified law."""
+"""The record of the momentum balance, which needs no network."""
 
 from __future__ import annotations
 
@@ -27,24 +27,6 @@ class LawFit:
 
 
 @dataclass(frozen=True)
-class Difference:
-    """The law of the network against one point of the balance.
-
-    Attributes:
-        I: of the point.
-        percent: 100 (mu of the network / mu of the balance - 1).
-        se_percent: of both together: their variances are added, as the balance uses no network.
-    """
-
-    I: float  # noqa: E741
-    percent: float
-    se_percent: float
-
-    def __str__(self) -> str:
-        return f"{self.percent:+.1f} +- {self.se_percent:.1f} % at I = {self.I:.2g}"
-
-
-@dataclass(frozen=True)
 class Baseline:
     """What the momentum balance alone says about the friction (inspection/baseline.py).
 
@@ -56,8 +38,6 @@ class Baseline:
         law: None where the range is narrow or fewer than three bins are filled.
         window: cells on each side of the local fits.
         parts: relative standard errors of `mean` by their sources.
-        network: the identified law against the first point, the mean and the last point; none
-            without an identification.
         wall_friction: friction of the side walls that it counts; None without `wall_gap`.
     """
 
@@ -67,7 +47,6 @@ class Baseline:
     law: LawFit | None = None
     window: int | None = None
     parts: dict[str, float] | None = None
-    network: tuple[Difference, ...] = ()
     carried: bool = False
     wall_friction: float | None = None
 
@@ -103,7 +82,4 @@ class Baseline:
         if not self.shown:
             return f"momentum balance, no network: it does not apply: {self.reason}"
         values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        text = f"momentum balance, no network: mu = {values}{self._walls}"
-        if self.network:
-            text += f"; the network's law differs by {', '.join(map(str, self.network))}"
-        return text
+        return f"momentum balance, no network: mu = {values}{self._walls}"

@@ -188,23 +188,19 @@ def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None
 
 
 @checked
-def read_fields(path: str | Path, known: Fields | None = None) -> Fields:
-    """Read fields.h5; the message of FieldsFileError is one sentence.
-
-    Args:
-        known: what was read of this file before; only variables that it lacks are read.
-    """
+def read_fields(path: str | Path) -> Fields:
+    """Read fields.h5; the message of FieldsFileError is one sentence."""
     path = Path(path)
     try:
         with open_hdf5(path, MAX_BYTES) as file:
-            return _read(file, known)
+            return _read(file)
     except MissingFileError:
         raise FieldsFileError(f"{path} does not exist") from None
     except UnsafeFileError as error:
         raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
 
 
-def _read(file: SafeFile, known: Fields | None) -> Fields:
+def _read(file: SafeFile) -> Fields:
     attributes = file.attributes
     name = _text(attributes, "format_name")
     version = _number(attributes, "format_version")
@@ -215,15 +211,9 @@ def _read(file: SafeFile, known: Fields | None) -> Fields:
         )
     t, y, x = (_require(file, name, 1).read("float64") for name in "tyx")
     shape = t.size, y.size, x.size
-    known = None if known is None or known.shape != shape else known
-    c = _on_grid(file, "c", shape) if known is None else known.c
-    there = {} if known is None else known.values
+    c = _on_grid(file, "c", shape)
     inside = np.equal(c, 1.0)
-    values = {
-        name: there[name] if name in there else _on_grid(file, name, shape)[inside]
-        for name in VARIABLES
-        if file.holds(name)
-    }
+    values = {name: _on_grid(file, name, shape)[inside] for name in VARIABLES if file.holds(name)}
     names = ["length", "time", *(["density"] if attributes.text("density_unit") else [])]
     return Fields(
         t=t,

@@ -82,23 +82,6 @@ class ErrorBars:
 
 
 @dataclass(frozen=True)
-class NotDone:
-    """A part of a run that failed after the identification (granpinn/results/attempt.py).
-
-    Attributes:
-        what: name of the part.
-        why: the reason in a sentence.
-    """
-
-    what: str
-    why: str
-
-    def __str__(self) -> str:
-        """The line for the terminal."""
-        return f"no {self.what}: {self.why}"
-
-
-@dataclass(frozen=True)
 class Zones:
     """How the test points were split into flowing and stagnant (zones.py)."""
 

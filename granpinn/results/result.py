@@ -3,13 +3,14 @@
 A number without a meaning is None here and null in the file, never 0: an error without a reference.
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
-Format version 3.  A field may be added with a default; any other change needs a new version.
+Format version 4.  A field may be added with a default; any other change needs a new version.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from granpinn.config import LEVELS
 from granpinn.data import Truth
@@ -18,29 +19,26 @@ from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
 from granpinn.results.assessment import Assessment, assess
 from granpinn.results.assumed import Assumed
-from granpinn.results.baseline import Baseline
-from granpinn.results.bootstrap import Bootstrap
-from granpinn.results.comparison import HEAD, ComparedLaw, rows_of, table
 from granpinn.results.decoding import encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
-from granpinn.results.findings import Loss, Profile, Resimulation, SimulatedPressure
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
+from granpinn.results.loss import Loss
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
 from granpinn.results.parameters import Covariance, Parameters
+from granpinn.results.record import Record
 from granpinn.results.records import (
     DataSummary,
     ErrorBars,
     InertialNumber,
     Input,
     Members,
-    NotDone,
     Timing,
     Zones,
 )
 
 FORMAT_NAME = "granpinn-results"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 TABLE_HEAD = ("", "value", "std", "90 % interval", "true", "error %")
 
 
@@ -52,9 +50,9 @@ class Result:
         law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
-        not_done: parts after the identification that the run lacks, with the reasons.
         assumptions: what the data do not contain, and its effect on the law.
-        bootstrap: errors of identifications of flows that were simulated with the law.
+        checks: the records of the checks that were made, by the names of the checks.
+        not_done: why parts after the identification are missing, by their names.
     """
 
     parameters: Parameters
@@ -77,19 +75,13 @@ class Result:
     inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
     loss: Loss | None = None
-    simulated_pressure: SimulatedPressure | None = None
-    profile: Profile | None = None
-    resimulation: Resimulation | None = None
     members: Members | None = None
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
-    baseline: Baseline | None = None
     determined: Determined | None = None
-    not_done: tuple[NotDone, ...] = ()
     assumptions: tuple[Assumed, ...] = ()
-    comparison: tuple[ComparedLaw, ...] = ()
-    chosen: str | None = None
-    bootstrap: Bootstrap | None = None
+    checks: dict[str, Any] = field(default_factory=dict)
+    not_done: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         given = {"level": self.level, "form": self.form, "law": self.law.name}
@@ -107,8 +99,6 @@ class Result:
                 raise ValueError(f"parameters: {p.name} must be positive, got {value}")
         if self.members is not None:
             require_names(self.members.values, law.free, where="members.")
-        if self.bootstrap is not None and self.bootstrap.objection is None:
-            require_names(self.bootstrap.parameters, law.free, where="bootstrap.parameters.")
         for assumed in self.assumptions:
             for name in ("derivative", "percent"):
                 if (values := getattr(assumed, name)) is not None:
@@ -117,6 +107,16 @@ class Result:
             if name not in law.names:
                 known = ", ".join(law.names)
                 raise ValueError(f"covariance.names must be among {known}, got {name}")
+
+    def with_record(self, part: str, record: Record | None) -> Self:
+        """The result with what a check found, or with a part that leaves no record."""
+        checks = self.checks if record is None else self.checks | {part: record}
+        not_done = {name: why for name, why in self.not_done.items() if name != part}
+        return dataclasses.replace(self, checks=checks, not_done=not_done)
+
+    def without(self, part: str, why: str) -> Self:
+        """The result that lacks a part, for a reason."""
+        return dataclasses.replace(self, not_done=self.not_done | {part: why})
 
     @property
     def friction_law(self) -> Law:
@@ -155,18 +155,21 @@ class Result:
         ]
         for name, error in self._field_errors():
             lines.append(f"{name:53s}{error:>10s}")
-        lines += self._sentences(table(self.comparison, self.chosen))
+        lines += self._sentences()
         return "\n".join([*lines, f"assessment: {self.assessment}"])
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with the assessment first."""
-        compared = table(self.comparison, self.chosen)[-1:]  # its sentence
-        sentences = self._sentences(compared)
         rows = self._table()
         rows += [(name, "", "", "", "", error) for name, error in self._field_errors()]
         parts = [html.paragraphs([str(self.assessment)]), html.table(rows, TABLE_HEAD)]
-        parts += [html.table(rows_of(self.comparison), HEAD)] if compared else []
-        return "\n".join([*parts, html.paragraphs(sentences)])
+        parts.append(html.paragraphs(self._facts()))
+        for record in self.checks.values():
+            parts.append(html.paragraphs([record.words]))
+            if record.table is not None:
+                parts.append(html.table(record.table.rows, record.table.head))
+        parts.append(html.paragraphs(self._missing()))
+        return "\n".join(parts)
 
     def _table(self) -> list[tuple[str, ...]]:
         """The texts of a line for each parameter, in the columns of `TABLE_HEAD`."""
@@ -189,13 +192,23 @@ class Result:
             if error != "-" or "simulated" not in name
         ]
 
-    def _sentences(self, compared: list[str]) -> list[str]:
-        """What there is to say beside the numbers; `compared`: of laws."""
+    def _sentences(self) -> list[str]:
+        """What there is to say beside the numbers."""
+        return [*self._facts(), *map(str, self.checks.values()), *self._missing()]
+
+    def _facts(self) -> list[str]:
+        """What is known of the law beside its numbers."""
         parts: list[object] = [self.determined] if self.determined and self.determined.lost else []
         parts += [] if self.law.I_range is None else [self.law]
-        parts += [*compared, *self.assumptions, self.baseline, self.simulated_pressure]
-        parts += [self.profile, self.resimulation, self.bootstrap, *self.not_done]
-        return [str(part) for part in parts if part is not None]
+        return list(map(str, [*parts, *self.assumptions]))
+
+    def _missing(self) -> list[str]:
+        return [f"no {in_words(name)}: {why}" for name, why in self.not_done.items()]
+
+
+def in_words(name: str) -> str:
+    """A name of a check or of another part in words."""
+    return name.replace("_", " ")
 
 
 def number(value: float | None, spec: str) -> str:

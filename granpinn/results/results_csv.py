@@ -50,9 +50,10 @@ def row(result: Result) -> dict[str, Cell]:
     for name in (*result.friction_law.free, *FIELD_ERRORS):
         cells[f"error_{name}"] = result.error_percent.get(name)
     cells["error_unit"] = "%"
-    band, shear, balance = result.inertial_number, result.determined, result.baseline
-    mean = balance.mean if balance and balance.shown else None
-    nearest = [d.percent for d in balance.network if mean and d.I == mean.I] if balance else []
+    band, shear = result.inertial_number, result.determined
+    found = result.checks.get("momentum_balance")
+    mean = found.balance.mean if found and found.balance.shown else None
+    nearest = [d.percent for d in found.differences if mean and d.I == mean.I] if found else []
     cells |= {
         "I_q05": band.q05 if band else None,
         "I_median": band.median if band else None,

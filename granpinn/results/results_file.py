@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.results.decoding import decode
 from granpinn.results.json_values import read_json
+from granpinn.results.record import record_type
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 
 
@@ -54,6 +56,10 @@ def from_dict(content: Any, where: str = "the result") -> Result:
             f"got {found[0]!r} and {found[1]!r}: read it with the granpinn that wrote it"
         )
     try:
-        return decode(Result, content)
+        checks = content.pop("checks", {})
+        if not isinstance(checks, dict):
+            raise ValueError(f"checks must be an object, got {checks!r}")
+        records = {k: decode(record_type(k), v, f"checks.{k}") for k, v in checks.items()}
+        return dataclasses.replace(decode(Result, content), checks=records)
     except ValueError as error:
         raise ResultsFileError(f"{where}: {error}") from None

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +11,7 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.output import write_text
-from granpinn.results import plain
-from granpinn.results.findings import Resimulation
-from granpinn.results.json_values import read_json
 
-FILE = "resimulation.json"
-FORMAT_NAME = "granpinn-resimulation"
-FORMAT_VERSION = 1
 PROFILE_SHARES = (0.1, 0.3, 0.5, 0.75, 1.0)  # of the last time
 
 
@@ -138,29 +128,3 @@ def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any],
         return values
 
     return at
-
-
-def write_comparison(summary: Resimulation, comparison: Comparison | None, path: Path) -> None:
-    """Write resimulation.json; unknown numbers are null."""
-    content = {
-        "format_name": FORMAT_NAME,
-        "format_version": FORMAT_VERSION,
-        "summary": dataclasses.asdict(summary),
-        "comparison": None if comparison is None else comparison._asdict(),
-    }
-    write_text(path, json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
-
-
-def read_comparison(path: Path) -> Comparison | None:
-    """The comparison in a resimulation.json, None if it has none; ValueError: not readable."""
-    content = read_json(path)
-    if not isinstance(content, dict) or content.get("format_name") != FORMAT_NAME:
-        raise ValueError(f"{path.name} must have format_name {FORMAT_NAME!r}")
-    values = content.get("comparison")
-    if values is None:
-        return None
-    arrays: dict[str, Any] = {
-        name: [int(k) for k in values[name]] if name == "frames" else np.array(values[name], float)
-        for name in Comparison._fields
-    }
-    return Comparison(**arrays)

@@ -21,7 +21,7 @@ from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
 from granpinn.second_opinion.comparison import Nodes, interpolation
-from granpinn.second_opinion.resimulation import Column, cells_of, collapse_of
+from granpinn.second_opinion.scenes import Column, cells_of, collapse_of
 from granpinn.second_opinion.threads import UntilStopped
 from granpinn.simulation import Collapse
 from granpinn.simulation.engine import State

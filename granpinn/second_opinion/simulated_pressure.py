@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation
@@ -27,8 +28,7 @@ from granpinn.arrays import Float64
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.physics.laws import Law
-from granpinn.results.findings import SimulatedPressure
-from granpinn.second_opinion import layers, resimulation
+from granpinn.second_opinion import layers, scenes
 from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.second_opinion.threads import threads
@@ -47,6 +47,21 @@ FAILED, LATE = "failed", "late"
 NO_FRAME = "no frame after the start shows all of the grains"
 
 
+class Pressures(NamedTuple):
+    """
+    Attributes:
+        at: the pressure [Y, X] at the grid of the flow, by frame.
+        cells: across the box.
+        failed: frames at which a solve did not converge.
+        late: frames that the time limit left out.
+    """
+
+    at: dict[int, Float64]
+    cells: int
+    failed: int
+    late: int
+
+
 def at_frames(
     flow: Flow,
     law: Law,
@@ -59,7 +74,7 @@ def at_frames(
     pool: Executor | None = None,
     deadline: float | None = None,
     listener: Listener | None = None,
-) -> tuple[dict[int, Float64], SimulatedPressure]:
+) -> Pressures | str:
     """The pressure at evenly spaced frames, or the reason why there is none.
 
     Args:
@@ -71,23 +86,19 @@ def at_frames(
         pool: of the threads that work side by side; None for all cores at hand.
         deadline: value of time.monotonic() after which no further frame is begun.
         listener: called with the number of finished frames and of all frames.
-
-    Returns:
-        The pressure [Y, X] at the grid of the flow by frame, and the record of it.
     """
     usable = usable_frames(flow)
     if isinstance(usable, str):
-        return {}, SimulatedPressure(usable)
-    scenes: dict[int, Chute] | Collapse
+        return usable
+    scene: dict[int, Chute] | Collapse
     chosen = evenly(usable, frames)
     try:
         if flow.periodic:
-            scenes = {k: layer_in(flow, k, law, theta, cells, wall_friction) for k in chosen}
+            scene = {k: layer_in(flow, k, law, theta, cells, wall_friction) for k in chosen}
         else:
-            scenes = collapse_over(flow, usable, law, theta, cells, wall_friction)
+            scene = collapse_over(flow, usable, law, theta, cells, wall_friction)
     except ConfigError as error:
-        return {}, SimulatedPressure(str(error))
-    begin = time.monotonic()
+        return str(error)
     lock, done = threading.Lock(), 0
 
     def one(k: int) -> Float64 | str:
@@ -96,10 +107,10 @@ def at_frames(
         if deadline is not None and time.monotonic() > deadline:
             return LATE
         try:
-            if isinstance(scenes, Collapse):
-                p = above_floor(flow, k, scenes, velocity)
+            if isinstance(scene, Collapse):
+                p = above_floor(flow, k, scene, velocity)
             else:
-                p = in_layer(flow, k, scenes[k], velocity)
+                p = in_layer(flow, k, scene[k], velocity)
         except SimulationError:
             return FAILED
         with lock:
@@ -112,17 +123,13 @@ def at_frames(
     with threads(own) if pool is None else nullcontext(pool) as workers:
         # The last frame comes first, so that a time limit leaves out early frames.
         found = dict(zip(chosen[::-1], workers.map(one, chosen[::-1]), strict=True))
-    pressures = {k: p for k in chosen if not isinstance(p := found[k], str)}
     missing = [p for p in found.values() if isinstance(p, str)]
-    record = SimulatedPressure(
-        objection=None,
-        cells=(scenes if isinstance(scenes, Collapse) else scenes[chosen[-1]]).cells,
-        frames=tuple(pressures),
-        failed=missing.count(FAILED),
-        late=missing.count(LATE),
-        seconds=time.monotonic() - begin,
+    return Pressures(
+        {k: p for k in chosen if not isinstance(p := found[k], str)},
+        (scene if isinstance(scene, Collapse) else scene[chosen[-1]]).cells,
+        missing.count(FAILED),
+        missing.count(LATE),
     )
-    return pressures, record
 
 
 def above_floor(flow: Flow, k: int, collapse: Collapse, velocity: Velocity) -> Float64:
@@ -161,8 +168,8 @@ def collapse_over(
 ) -> Collapse:
     """The box around the grains of some frames, resolved; ConfigError if it is invalid."""
     ever_full = np.asarray((flow.c[frames] >= 0.5).any(axis=0))
-    everywhere = resimulation.extent(flow, ever_full)
-    collapse = resimulation.collapse_of(flow, everywhere, law, theta, cells, wall_friction)
+    everywhere = scenes.extent(flow, ever_full)
+    collapse = scenes.collapse_of(flow, everywhere, law, theta, cells, wall_friction)
     return replace(collapse, threads=1).resolved()
 
 
@@ -172,14 +179,14 @@ def usable_frames(flow: Flow) -> list[int] | str:
         there = flow.after_start(flow.t) & flow.material.any(axis=(1, 2))
         return layers.not_a_layer(flow) or np.flatnonzero(there).tolist() or NO_FRAME
     if flow.steady:
-        return resimulation.STEADY
-    if objection := foreign_wall(flow, resimulation.box_of(flow)):
+        return scenes.STEADY
+    if objection := foreign_wall(flow, scenes.box_of(flow)):
         return objection
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
-    standing = [k for k in after if resimulation.in_corner(flow, k)]
+    standing = [k for k in after if scenes.in_corner(flow, k)]
     if after and not standing:
-        return f"the grains {resimulation.CORNER}"
-    if resimulation.box_of(flow) is None:
+        return f"the grains {scenes.CORNER}"
+    if scenes.box_of(flow) is None:
         # A picture may cut grains off. The file of a simulation states its box instead.
         edges = np.concatenate([flow.c[:, :, -1], flow.c[:, -1]], axis=1)
         cut_off = np.asarray((edges >= 0.5).any(axis=1))
@@ -232,7 +239,7 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> 
         return share
     # The next node behind the last one with grains has none.
     last = [min(k.max() + 1, len(axis) - 1) for k, axis in zip(held, (flow.y, flow.x), strict=True)]
-    dx, dy = resimulation.spacings(flow)
+    dx, dy = scenes.spacings(flow)
     ends = flow.y[last[0]] + dy / 2, flow.x[last[1]] + dx / 2
     y, x = ((np.arange(n * count) + 0.5) * h / n for count in share.shape)
     y, x = y[y < ends[0]], x[x < ends[1]]

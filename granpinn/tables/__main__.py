@@ -27,7 +27,7 @@ from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml
 from granpinn.config.values import convert, number, whole
 from granpinn.data import Flow
-from granpinn.identification.case import choose_device
+from granpinn.fit.case import choose_device
 from granpinn.output import objection_to_folder, owned
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import Case

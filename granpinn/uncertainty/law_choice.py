@@ -33,7 +33,7 @@ import scipy  # loads scipy.optimize at its first use
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import LAWS, Law, LawParameter, cohesive, free, mu_of_i
-from granpinn.results.comparison import ComparedLaw
+from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
 from granpinn.results.summary import NORMAL_90
 from granpinn.uncertainty.curve import POINTS

@@ -13,8 +13,9 @@ interval where both ends of the grid are excluded, and is else not determined.
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
@@ -22,7 +23,6 @@ from scipy.special import ndtr
 
 from granpinn.arrays import Float64
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.findings import Profile, ProfilePoint
 from granpinn.results.summary import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
 
@@ -30,30 +30,55 @@ TAIL = 0.05  # of a mixture, at either side of its 90 % interval
 WIDE = 40.0  # standard deviations beyond all parts of a mixture
 
 
-def with_unknown_I0(profile: Profile, result: Result) -> Profile:
-    """The profile with mu_s, slope and I0 where I0 is not known; without error bars as it is.
+@dataclass(frozen=True)
+class ProfilePoint:
+    """One value of I0 of mu(I): the law that was identified with it, and whether it is excluded.
+
+    Attributes:
+        mu_s, mu_2, slope: means over the seeds; slope = (mu_2 - mu_s) / I0.
+        loss_rise: loss minus the loss at the best I0 with the same seed, mean over the seeds.
+        law_difference: largest |mu(I) - mu(I) at the best I0| over the I that the data cover.
+        excluded: whether the data exclude this I0.
+    """
+
+    I0: float
+    mu_s: float
+    mu_2: float
+    slope: float
+    loss_rise: float
+    law_difference: float
+    excluded: bool
+
+
+def unknown_I0(
+    points: Sequence[ProfilePoint],
+    best: float | None,
+    bounds: tuple[float | None, float | None],
+    result: Result,
+) -> Parameters | None:
+    """mu_s, slope and I0 where I0 is not known; None without error bars.
 
     Args:
+        best, bounds: estimate and bounds of I0; None where there is none.
         result: the run at its own I0, with the error bars of that.
     """
     law, shear, bars = result.covariance, result.determined, result.error_bars
     if law is None or shear is None or bars is None or law.names != ("mu_s", "mu_2"):
-        return profile
+        return None
     run_I0 = result.parameters["I0"].value
     J = line(ends_of((shear.I_low, shear.I_high), run_I0))
     of_ends = J @ np.array(law.matrix) @ J.T
-    allowed = [point for point in profile.points if not point.excluded]
+    allowed = [point for point in points if not point.excluded]
     each = [_sd_at(point, of_ends, (shear.I_low, shear.I_high)) for point in allowed]
     widths = bars.half_width / NORMAL_90  # Student's distribution
     sd_s, sd_slope = (np.array(each) * widths).T
     mu_s = np.array([point.mu_s for point in allowed])
     slope = np.array([point.slope for point in allowed])
-    found = Parameters(
+    return Parameters(
         mu_s=_mixture(np.log(mu_s), sd_s / mu_s, logarithmic=True),
         slope=_mixture(slope, sd_slope),
-        I0=_of_I0(profile, run_I0),
+        I0=_of_I0(best, bounds, run_I0),
     )
-    return dataclasses.replace(profile, unknown=found)
 
 
 def _sd_at(point: ProfilePoint, of_ends: Float64, shear: tuple[float, float]) -> Float64:
@@ -81,8 +106,10 @@ def _mixture(mean: Float64, sd: Float64, logarithmic: bool = False) -> Parameter
     return Parameter(middle, False, std, (low, high))
 
 
-def _of_I0(profile: Profile, given: float) -> Parameter:
-    low, high = profile.allowed
-    if profile.best is None or low is None or high is None:
+def _of_I0(
+    best: float | None, bounds: tuple[float | None, float | None], given: float
+) -> Parameter:
+    low, high = bounds
+    if best is None or low is None or high is None:
         return Parameter(given, False, determined=False)
-    return Parameter(profile.best, False, interval_90=(low, high))
+    return Parameter(best, False, interval_90=(low, high))

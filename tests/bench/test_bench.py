@@ -27,7 +27,7 @@ from bench.steps import fused_step, make_task
 from bench.studies.simulated_pressure import run as simulated_pressure
 from granpinn.config import Config
 from granpinn.data import write_flow
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.kernels.network import initial_parameters
 from tests.flows import make_flow
 

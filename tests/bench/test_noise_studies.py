@@ -17,7 +17,7 @@ from bench.studies.noise import run as noise_study
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
 from granpinn.results import Parameter, Parameters, Result, plain
-from granpinn.results.findings import Loss
+from granpinn.results.loss import Loss
 from tests.examples import make_result
 from tests.flows import make_flow
 

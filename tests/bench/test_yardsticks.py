@@ -13,7 +13,7 @@ from bench.studies.regression.run import identify, smooth
 from bench.studies.simulator_fit.bound import bound, sensitivities
 from bench.studies.simulator_fit.run import fit_draws
 from granpinn.data import read_flow, write_flow
-from granpinn.identification.scoring import difference
+from granpinn.fit.scoring import difference
 from granpinn.simulation import Collapse, demo_path, simulate
 
 

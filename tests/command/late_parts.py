@@ -24,4 +24,4 @@ def raising(error: BaseException) -> Callable[..., Any]:
 
 
 def missing(result: results.Result) -> dict[str, str]:
-    return {part.what: part.why for part in result.not_done}
+    return result.not_done

@@ -25,7 +25,6 @@ def stand_ins() -> list[tuple[Any, str, Any]]:
     """What takes the place of what makes the page: object, name of its attribute, value."""
     run = importlib.import_module("granpinn.command.training_run")
     return [
-        (run.early, "draw", lambda folder, painters: run.Prepared()),
         (run.report, "build", lambda folder, **made: folder / "report.html"),
     ]
 

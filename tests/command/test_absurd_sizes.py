@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from granpinn import results
+from granpinn.checks.resimulation import resimulate
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
-from granpinn.second_opinion import resimulation, simulated_pressure
+from granpinn.second_opinion import scenes, simulated_pressure
 from tests.command.test_results_first import raising, run
 from tests.flows import make_flow
 
@@ -41,18 +42,18 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     if not possible:
         assert f"the attribute '{name}' must be 0 or from" in capsys.readouterr().err
         return
-    record = results.read_results(tmp_path / "run" / "results.json").simulated_pressure
-    assert record is not None
+    checks = results.read_results(tmp_path / "run" / "results.json").checks
+    record = checks["simulated_pressure"]
     assert record.objection is not None
     assert "column" in record.objection or "box" in record.objection
 
 
 def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing() -> None:
     flow = make_flow()
-    column = resimulation.Column(1.0, 1.0)
+    column = scenes.Column(1.0, 1.0)
     for spacing, cells in ((1e-30, 512), (0.01, 216), (1e30, 32)):
         stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})
-        assert resimulation.cells_of(stated, column) == cells
+        assert scenes.cells_of(stated, column) == cells
 
 
 def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:
@@ -67,6 +68,6 @@ def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:
         ),
     )
     late = dataclasses.replace(late, t=late.t - late.t[0])
-    summary, compared = resimulation.resimulate(late, LAWS["mu_of_i"], (0.4, 0.64, 0.3))
-    assert compared is None
+    summary = resimulate(late, LAWS["mu_of_i"], (0.4, 0.64, 0.3))
+    assert summary.curves is None
     assert "t_end must be at most" in (summary.objection or "")

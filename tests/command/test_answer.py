@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
+from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.command.answer import Answer
-from granpinn.results import ErrorPercent, NotDone
+from granpinn.results import ErrorPercent
 from granpinn.results.attempt import PENDING
-from granpinn.results.findings import SimulatedPressure
 from tests.examples import make_result
 
 
 def test_every_line_is_printed_once_and_no_pending_part(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    early = make_result(not_done=(NotDone("simulated pressure", PENDING),))
+    early = make_result(not_done={"simulated_pressure": PENDING})
     errors = ErrorPercent({**early.error_percent, "pressure_simulated": 3.5})
     simulated = SimulatedPressure(None, frames=(1, 2), flowing_percent=4.0)
-    whole = make_result(error_percent=errors, simulated_pressure=simulated)
+    checks = early.checks | {"simulated_pressure": simulated}
+    whole = make_result(error_percent=errors, checks=checks)
     answer = Answer()
     answer.show(early)
     first = capsys.readouterr().out.splitlines()
@@ -30,6 +29,6 @@ def test_every_line_is_printed_once_and_no_pending_part(
     assert set(second[1:]) == set(str(whole).splitlines()[:-1]) - set(first)
     answer.show(whole)
     assert capsys.readouterr().out == ""
-    failed = dataclasses.replace(whole, not_done=(NotDone("report", "no page today"),))
+    failed = whole.without("report", "no page today")
     answer.show(failed)
     assert capsys.readouterr().out == "no report: no page today\n"

@@ -69,7 +69,7 @@ def test_every_law_from_the_simulation_to_the_results(
             assert p.bounds[0] <= of_result["value"] <= 2 * p.bounds[1]
             # the coefficients of a curve over another range of I have no error
             assert (found["error_percent"][p.name] is None) == (p.name in law.curve)
-    assert found["resimulation"]["objection"] is None
+    assert found["checks"]["resimulation"]["objection"] is None
     header = (run / "history.csv").read_text().splitlines()[0]
     assert header == ",".join(columns(law))
 

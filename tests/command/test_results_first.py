@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from granpinn import identify, identify_many, results
-from granpinn.command import training_run
-from granpinn.data import Flow, read_flow
-from granpinn.data.surface_sd import SURFACE_SD
+from granpinn import checks, identify, identify_many, results
+from granpinn.checks import bootstrap, profile_of_I0, resimulation
+from granpinn.checks import simulated_pressure as pressure_check
+from granpinn.data import Flow
 from granpinn.errors import Interrupted
-from granpinn.identification import finish, prediction, simulated_fields
-from granpinn.identification.case import Case
+from granpinn.fit import ensemble, prediction
+from granpinn.fit.case import Case
+from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
-from granpinn.results import NotDone
-from granpinn.results.attempt import (
-    ASSUMPTIONS,
-    BASELINE,
-    FIELDS,
-    PENDING,
-    attempt,
-    awaited,
-)
-from granpinn.second_opinion import resimulation, simulated_pressure
+from granpinn.results.attempt import PENDING, NotDone, attempt
+from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import SimulationError
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
+PRESSURE = "simulated_pressure"
 STAGE_ERRORS = [
     MemoryError("Unable to allocate 31 GiB"),
     SimulationError("the pressure did not converge"),
@@ -58,11 +51,10 @@ def test_the_simulated_pressure_fails_alone(
     assert run(flow_file, "--out", tmp_path / "run") == 0
     result = results.read_results(tmp_path / "run" / "results.json")
     if isinstance(error, SimulationError):  # a frame that does not converge is left out
-        assert result.simulated_pressure is not None
-        assert (result.simulated_pressure.failed, result.not_done) == (2, ())
+        assert (result.checks[PRESSURE].failed, result.not_done) == (2, {})
     else:
-        assert result.simulated_pressure is None
-        why = missing(result)["simulated pressure"]
+        assert PRESSURE not in result.checks
+        why = missing(result)[PRESSURE]
         assert f"no simulated pressure: {why}" in capsys.readouterr().out
         assert why.isprintable()
     assert result.parameters.mu_s.value > 0
@@ -70,21 +62,15 @@ def test_the_simulated_pressure_fails_alone(
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
 
 
-def test_the_answer_comes_before_the_fields(flow_file: Path, tmp_path: Path) -> None:
-    told: list[tuple[results.Result, bool]] = []
-
-    def look(result: results.Result) -> None:
-        told.append((result, (tmp_path / "fields.h5").exists()))
-
-    flow = read_flow(flow_file)
-    exact = {**flow.attributes, SURFACE_SD: 0.0}  # hence no effect of an assumption
-    flow = dataclasses.replace(flow, attributes=exact)
-    last = identify(flow, tiny(steps=3), run_dir=tmp_path, answered=look, known=look)
-    (answer, written), (whole, written_then) = told
-    assert (written, written_then) == (False, True)
-    assert awaited(answer, FIELDS)
-    assert not awaited(whole, FIELDS)
-    assert answer.parameters == whole.parameters == last.parameters
+def test_the_answer_comes_before_the_checks(flow_file: Path, tmp_path: Path) -> None:
+    told: list[results.Result] = []
+    last = identify(flow_file, tiny(steps=3), run_dir=tmp_path, shown=told.append)
+    answer, *grown = told
+    assert answer.checks == {}
+    assert set(answer.not_done) == {check.name for check in checks.wanted(tiny())}
+    assert [len(result.checks) for result in grown] == [1, 2]
+    assert answer.parameters == last.parameters
+    assert last.not_done == {}
 
 
 def test_values_are_on_disk_before_the_fields(
@@ -99,9 +85,10 @@ def test_values_are_on_disk_before_the_fields(
     monkeypatch.setattr(prediction, "predict", look)
     last = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     (without_fields,) = found
-    assert missing(without_fields) == dict.fromkeys((ASSUMPTIONS, BASELINE, FIELDS), PENDING)
+    parts = (FIELDS, CURVE, "momentum_balance", PRESSURE, ASSUMPTIONS)
+    assert missing(without_fields) == dict.fromkeys(parts, PENDING)
     assert without_fields.theta == last.theta
-    assert last.baseline is not None
+    assert "momentum_balance" in last.checks
     assert missing(last) == {FIELDS: "there is not enough memory"}
 
 
@@ -109,7 +96,7 @@ def test_everything_is_on_disk_when_the_simulator_begins(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: list[results.Result] = []
-    real = simulated_pressure.at_frames
+    real = pressure_check.at_frames
 
     def look(*args: Any, **kwargs: Any) -> Any:
         assert {path.name for path in tmp_path.iterdir()} >= FILES
@@ -117,12 +104,12 @@ def test_everything_is_on_disk_when_the_simulator_begins(
         found.append(results.read_results(tmp_path / "results.json"))
         return real(*args, **kwargs)
 
-    monkeypatch.setattr(simulated_pressure, "at_frames", look)
+    monkeypatch.setattr(pressure_check, "at_frames", look)
     last = identify(flow_file, tiny(simulated_pressure__frames=2), run_dir=tmp_path)
     (before,) = found
-    assert missing(before) == {"simulated pressure": PENDING}
+    assert missing(before) == {PRESSURE: PENDING}
     assert before.parameters == last.parameters
-    assert last.not_done == ()
+    assert last.not_done == {}
     assert results.read_results(tmp_path / "results.json").to_dict() == last.to_dict()
     assert "p_simulated" in results.read_fields(tmp_path / "fields.h5").values
 
@@ -133,15 +120,15 @@ def test_a_signal_in_the_simulator_stops_and_resume_makes_the_rest(
 ) -> None:
     assert run(flow_file, "--out", tmp_path / "whole") == 0
     with monkeypatch.context() as patch:
-        patch.setattr(simulated_pressure, "at_frames", raising(Interrupted(15, "stopped")))
+        patch.setattr(pressure_check, "at_frames", raising(Interrupted(15, "stopped")))
         assert run(flow_file, "--out", tmp_path / "run") == 143
     left = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(left) == {"simulated pressure": PENDING}
+    assert missing(left) == {PRESSURE: PENDING}
     assert run("--out", tmp_path / "run", "--resume") == 0
     whole, resumed = (
         results.read_results(tmp_path / name / "results.json") for name in ("whole", "run")
     )
-    assert resumed.not_done == ()
+    assert resumed.not_done == {}
     assert resumed.parameters == whole.parameters == left.parameters
     assert resumed.error_percent == whole.error_percent
 
@@ -172,8 +159,8 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(training_run, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(training_run, "bootstrap", raising(KeyError("a bug")))
+    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyError("a bug")))
     monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", flag) == 1
     out, err = capsys.readouterr()
@@ -182,54 +169,54 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     assert "mu_s" in out
     result = results.read_results(tmp_path / "run" / "results.json")
     assert len(missing(result)) == 1
-    assert result.simulated_pressure is not None
+    assert PRESSURE in result.checks
 
 
 @pytest.mark.usefixtures("no_report")
 def test_a_kill_in_simulated_flows_leaves_them_pending(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(training_run, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(training_run, "bootstrap", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
+    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyboardInterrupt()))
     assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--calibrate") == 130
     result = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(result) == {
-        "identification of simulated flows": PENDING,
-        "profile of I0": "KeyError: 'a bug'",
-    }
+    assert missing(result) == {"bootstrap": PENDING, "profile_of_I0": "KeyError: 'a bug'"}
 
 
 @pytest.mark.usefixtures("no_report")
 def test_a_kill_in_the_profile_leaves_it_pending(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(training_run, "profile_I0", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--resimulate") == 130
     result = results.read_results(tmp_path / "run" / "results.json")
     assert missing(result) == {
-        "simulation with the identified law": PENDING,
-        "profile of I0": PENDING,
+        "resimulation": "KeyError: 'a bug'",
+        "profile_of_I0": PENDING,
     }
 
 
 def test_a_member_of_a_batch_fails_alone(
     flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = simulated_fields.pressures
+    real = pressure_check.velocity_of
+    begun = []
 
-    def second_fails(case: Case, *args: Any) -> Any:
+    def second_fails(flow: Flow, model: Any) -> Any:
         written = [(tmp_path / f"{e:03d}" / "results.json").exists() for e in range(3)]
         assert all(written)  # of all members, before the first simulation
-        if case.config.seed == 1:
+        begun.append(flow)
+        if len(begun) == 2:
             raise MemoryError
-        return real(case, *args)
+        return real(flow, model)
 
-    monkeypatch.setattr(simulated_fields, "pressures", second_fails)
+    monkeypatch.setattr(pressure_check, "velocity_of", second_fails)
     config = tiny(simulated_pressure__frames=1)
     found = identify_many([flow] * 3, config, [0, 1, 2], run_dir=tmp_path)
     assert [missing(result) for result in found] == [
         {},
-        {"simulated pressure": "there is not enough memory"},
+        {PRESSURE: "there is not enough memory"},
         {},
     ]
     for e, result in enumerate(found):
@@ -242,14 +229,14 @@ def test_a_member_of_a_batch_fails_alone(
 def test_a_bug_in_one_member_leaves_the_files_of_the_others(
     flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = finish.conclusion.result
+    real = ensemble.result
 
     def first_fails(case: Case, *args: Any) -> Any:
         if case.config.seed == 0:
             raise KeyError("a bug")
         return real(case, *args)
 
-    monkeypatch.setattr(finish.conclusion, "result", first_fails)
+    monkeypatch.setattr(ensemble, "result", first_fails)
     with pytest.raises(KeyError, match="a bug"):
         identify_many([flow] * 2, tiny(), [0, 1], run_dir=tmp_path)
     assert results.read_results(tmp_path / "001" / "results.json").seed == 1
@@ -257,16 +244,15 @@ def test_a_bug_in_one_member_leaves_the_files_of_the_others(
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
 def test_every_error_of_a_part_is_one_sentence(error: Exception) -> None:
-    found = attempt("report", raising(error))
+    found = attempt(raising(error))
     assert isinstance(found, NotDone)
-    assert found.what == "report"
     assert found.why.isprintable()
     assert found.why
 
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(OutputError, match="no room"):
-        attempt("report", raising(OutputError("no room")))
+        attempt(raising(OutputError("no room")))
     with pytest.raises(KeyboardInterrupt):
-        attempt("report", raising(KeyboardInterrupt()))
-    assert attempt("report", lambda: 3) == 3
+        attempt(raising(KeyboardInterrupt()))
+    assert attempt(lambda: 3) == 3

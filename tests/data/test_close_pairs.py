@@ -14,7 +14,7 @@ from granpinn.config import Config
 from granpinn.data import FlowFileError, Walls, check_flow
 from granpinn.data.wall_points import MOST_WARNINGS
 from granpinn.data.walls import ON_WALL, Segments, crossed, segments_of
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from tests.flows import make_flow
 
 MANY = 99_999  # points: walls may have 100,000

@@ -31,7 +31,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.variants import training_sets
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.view import BETWEEN_RUNS
-from granpinn.identification import case
+from granpinn.fit import case
 from granpinn.inspection.baseline import baseline
 from granpinn.inspection.inspection import inspect
 from tests.data.test_variants import walled

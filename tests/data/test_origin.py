@@ -23,8 +23,8 @@ from granpinn.data import (
 from granpinn.data.flow import Particles
 from granpinn.data.scaling import origin_of, scales_of
 from granpinn.figures.maps import frame_at
-from granpinn.identification.case import Model
-from granpinn.identification.prediction import predict, velocity_at_particles
+from granpinn.fit.case import Model
+from granpinn.fit.prediction import predict, velocity_at_particles
 from granpinn.inspection import inspect
 from granpinn.results.fields import read_fields, write_fields
 from tests.examples import make_model

@@ -142,7 +142,7 @@ def test_every_figure_is_drawn_or_said_to_be_missing(
     two = {name: album.FIGURES[name] for name in ("friction_law", "evolution")}
     monkeypatch.setattr(album, "FIGURES", two)
     (tmp_path / f"{absent}.png").write_bytes(b"of an earlier run")
-    bare = contents._replace(result=replace(contents.result, simulated_pressure=None))
+    bare = contents._replace(result=replace(contents.result, checks={}))
     pictures, missing = album.draw_all(album.Source(*bare, 8)._replace(**{file: None}), tmp_path)
     assert {p.path for p in pictures} == set(tmp_path.iterdir())
     assert [(m.title, m.reason.split(".")[0]) for m in missing] == [

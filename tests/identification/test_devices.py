@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -18,13 +18,14 @@ import pytest
 import torch
 
 from granpinn import results, train
+from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
 from granpinn.data import Flow, write_flow
 from granpinn.data.norms import relative_l2
-from granpinn.identification import simulated_fields
-from granpinn.identification.case import Model, members, pose
-from granpinn.identification.prediction import predict
-from granpinn.identification.single import start
+from granpinn.fit.case import Model, members, pose
+from granpinn.fit.prediction import predict
+from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
+from granpinn.second_opinion.simulated_pressure import Pressures, at_frames
 from granpinn.tables import __main__ as tables
 from tests.flows import make_flow
 from tests.runs import tiny
@@ -51,6 +52,13 @@ def settings(tmp_path: Path) -> Path:
     return path
 
 
+def simulated(flow: Flow, model: Model, pool: Executor) -> Pressures:
+    theta = model.law.to_physical(model.theta.tolist(), model.scales.pressure)
+    found = at_frames(flow, DEFAULT, theta, velocity_of(flow, model), 3, pool=pool)
+    assert not isinstance(found, str)
+    return found
+
+
 @pytest.mark.parametrize("device", DEVICES)
 def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: Flow) -> None:
     config = tiny(device=device, steps=50, members=2, simulated_pressure__frames=3)
@@ -69,11 +77,10 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
             assert error is not None
             assert error < 1e-2, name  # in %: hundreds of roundings of float32
         with ThreadPoolExecutor(2) as pool:
-            pressures, record = simulated_fields.pressures(case, run, there, pool)
-            maps = simulated_fields.with_simulated_pressure(maps, pressures)
-            pressures, _ = simulated_fields.pressures(case, run, here, pool)
-            same = simulated_fields.with_simulated_pressure(same, pressures)
-        assert (len(record.frames), record.failed, record.late) == (3, 0, 0)
+            found = simulated(case.flow, there, pool)
+            maps = with_simulated_pressure(maps, found.at)
+            same = with_simulated_pressure(same, simulated(case.flow, here, pool).at)
+        assert (len(found.at), found.failed, found.late) == (3, 0, 0)
         found, wanted = (fields.values["p_simulated"] for fields in (maps, same))
         known = np.isfinite(wanted)
         np.testing.assert_array_equal(np.isfinite(found), known)
@@ -95,14 +102,14 @@ def test_the_command_leaves_everything(
     assert result.failure is None
     assert result.members is not None
     assert len(result.members.seed) == 2
-    assert result.simulated_pressure is not None
-    assert (len(result.simulated_pressure.frames), result.simulated_pressure.failed) == (3, 0)
+    record = result.checks["simulated_pressure"]
+    assert (len(record.frames), record.failed) == (3, 0)
     for name in ("velocity", "pressure", "pressure_simulated"):
         assert np.isfinite(getattr(result.error_percent, name))
     with h5py.File(out / "fields.h5") as file:
         simulated = file["p_simulated"][()]
     frames = np.flatnonzero(np.isfinite(simulated).any(axis=(1, 2)))
-    assert tuple(frames) == result.simulated_pressure.frames
+    assert tuple(frames) == record.frames
     assert (out / "report.html").stat().st_size > 10_000
 
 
@@ -121,6 +128,8 @@ def test_tables_close_the_pressure_of_every_member(
     for k, member in enumerate(content["members"]):
         assert member["failure"] is None
         assert member["error_percent"]["pressure_simulated"] > 0
-        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").simulated_pressure
+        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").checks[
+            "simulated_pressure"
+        ]
         assert found is not None
         assert (len(found.frames), found.failed, found.late) == (3, 0, 0)

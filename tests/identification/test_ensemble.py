@@ -15,8 +15,8 @@ from granpinn.data import Flow
 from granpinn.estimates import facts
 from granpinn.estimates.noise import Noise, grid_noise
 from granpinn.estimates.view import View
-from granpinn.identification.case import pose
-from granpinn.identification.single import start
+from granpinn.fit.case import pose
+from granpinn.identification.start import start
 from granpinn.results import Result
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop

@@ -14,12 +14,13 @@ import torch
 
 import granpinn
 from granpinn import results
+from granpinn.checks import simulated_pressure
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
-from granpinn.identification import case as case_module
-from granpinn.identification import prediction, simulated_fields
-from granpinn.identification.case import choose_device, pose
+from granpinn.fit import case as case_module
+from granpinn.fit import prediction
+from granpinn.fit.case import choose_device, pose
 from granpinn.identification.single import identify
 from granpinn.output import OutputError
 from granpinn.training.loop import TrainingLoop
@@ -65,22 +66,20 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
 def test_every_form_at_every_level(form: str, level: str, flow: Flow) -> None:
     result = identify(flow, tiny(form=form, level=level, steps=3, optimizer__prefit=0.0))
     assert (result.form, result.level) == (form, level)
-    assert result.simulated_pressure is not None
-    assert result.simulated_pressure.frames == (5, 11)
+    assert "simulated_pressure" in result.checks
+    assert result.checks["simulated_pressure"].frames == (5, 11)
     assert result.data.n_surface > 0
 
 
 def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> None:
     result = identify(flow, tiny(simulated_pressure__frames=3), run_dir=tmp_path)
-    simulated_pressure = result.simulated_pressure
-    assert simulated_pressure is not None
+    simulated_pressure = result.checks["simulated_pressure"]
     assert simulated_pressure.frames == (3, 7, 11)
     # The box is 1.1 times as wide as the grid; 32 cells are the fewest.
     assert simulated_pressure.cells == 32
-    assert simulated_pressure.flowing_percent is not None
     assert simulated_pressure.flowing_percent > 0
     assert result.error_percent.pressure_simulated is not None
-    assert results.read_results(tmp_path / "results.json").simulated_pressure == simulated_pressure
+    assert results.read_results(tmp_path / "results.json").checks == result.checks
     fields = results.read_fields(tmp_path / "fields.h5")
     frame = fields.index // (fields.y.size * fields.x.size)
     simulated = fields.values["p_simulated"]
@@ -94,7 +93,7 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
 
 def test_the_pressure_is_not_simulated_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
     result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
-    assert result.simulated_pressure is None
+    assert "simulated_pressure" not in result.checks
     assert result.error_percent.pressure_simulated is None
     assert "simulated" not in str(result)
     assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
@@ -104,8 +103,8 @@ def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: F
     assert flow.surface is not None
     surface = dataclasses.replace(flow.surface, x=flow.surface.x + 5)
     result = identify(dataclasses.replace(flow, x=flow.x + 5, surface=surface), tiny())
-    assert result.simulated_pressure is not None
-    assert "do not stand in the corner" in (result.simulated_pressure.objection or "")
+    assert "simulated_pressure" in result.checks
+    assert "do not stand in the corner" in result.checks["simulated_pressure"].objection
     assert result.error_percent.pressure is not None
     assert result.error_percent.pressure_simulated is None
 
@@ -113,10 +112,13 @@ def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: F
 def test_a_time_limit_is_one_of_the_simulation_too(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulated_fields, "SIMULATION_PART", -1000.0)
+    monkeypatch.setattr(simulated_pressure, "SIMULATION_PART", -1000.0)
     result = identify(flow, tiny(max_time=20.0, steps=3, simulated_pressure__frames=12))
-    assert result.simulated_pressure is not None
-    assert (result.simulated_pressure.frames, result.simulated_pressure.late) == ((), 12)
+    assert "simulated_pressure" in result.checks
+    assert (
+        result.checks["simulated_pressure"].frames,
+        result.checks["simulated_pressure"].late,
+    ) == ((), 12)
 
 
 def test_the_paper_recipe_runs(flow: Flow) -> None:
@@ -272,5 +274,5 @@ def test_a_time_limit_leaves_time_for_the_report(
     for max_time in (40.0, 600.0):
         identify(flow, tiny(max_time=max_time, simulated_pressure__frames=25))
     identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
-    closing = simulated_fields.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
+    closing = simulated_pressure.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
     assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)

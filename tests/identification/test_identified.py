@@ -22,9 +22,9 @@ from matplotlib.figure import Figure
 import granpinn
 from granpinn.data import Flow
 from granpinn.errors import BadInput
+from granpinn.fit.network import FILE, NetworkFileError, read_network
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
-from granpinn.identification.network import FILE, NetworkFileError, read_network
 from granpinn.results import FieldsFileError, Result, read_fields, read_results
 from granpinn.training.history import HistoryFileError, read_history
 from tests.flows import make_flow

@@ -8,8 +8,8 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, read_flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
+from granpinn.fit.case import fixed_values
 from granpinn.identification.batch import identify_many
-from granpinn.identification.case import fixed_values
 from granpinn.identification.single import identify
 from granpinn.physics.laws import LAWS
 from granpinn.simulation import demo_path

@@ -13,10 +13,10 @@ import pytest
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
+from granpinn.fit import case as case_module
+from granpinn.fit.case import member_seed, members, pose
+from granpinn.fit.ensemble import measured_noise
 from granpinn.identification import batch
-from granpinn.identification import case as case_module
-from granpinn.identification.case import member_seed, members, pose
-from granpinn.identification.conclusion import measured_noise
 from granpinn.results.slip import Slip
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
@@ -64,7 +64,7 @@ def test_a_repeated_flow_of_a_batch_is_checked_once(
     made = batch._pose([flow, flow], configs)
     assert len(checked) == 1
     assert [case.member.fixed for case in made] == [{"I0": 0.3}, {"I0": 0.25}]
-    assert (made[0].balance is made[1].balance) == (noise == 0)  # their noise differs
+    assert (made[0].shared is made[1].shared) == (noise == 0)  # their noise differs
 
 
 @pytest.mark.usefixtures("all_settings_tested")

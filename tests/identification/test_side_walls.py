@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from granpinn import identify
-from granpinn.identification import assumptions
-from granpinn.identification.case import pose
+from granpinn.fit import assumptions
+from granpinn.fit.case import pose
 from granpinn.results import Result
 from granpinn.training.progress import Silent
 from tests.flows import make_channel, make_chute
@@ -58,8 +58,7 @@ def test_the_friction_of_the_walls_is_told_from_that_of_the_grains() -> None:
     with_walls = identified(FRICTION)
     np.testing.assert_allclose(mu(*with_walls.theta), truth, rtol=0.02)
     assert with_walls.assumptions == ()
-    assert with_walls.baseline is not None
-    assert with_walls.baseline.wall_friction == FRICTION
+    assert with_walls.checks["momentum_balance"].balance.wall_friction == FRICTION
     # without the term, the walls count as friction between grains: mu_w z / W = 0.12 on average
     without = identified(0.0)
     assert (mu(*without.theta) - truth)[:2].min() > 0.06

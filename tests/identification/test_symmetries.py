@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from granpinn import results
+from granpinn.checks.resimulation import resimulate
 from granpinn.config import Config
 from granpinn.data import Flow, add_noise, write_flow
+from granpinn.fit.case import pose
 from granpinn.identification.batch import identify_many
-from granpinn.identification.case import pose
 from granpinn.identification.single import identify
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import read_fields
 from granpinn.results.zones import after_start
-from granpinn.second_opinion.resimulation import resimulate
 from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.train import main
 from granpinn.training.checkpoint import CheckpointError
@@ -126,7 +126,7 @@ REASONS: dict[str, tuple[Callable[[], Flow], str]] = {
 @pytest.mark.parametrize(("make", "words"), REASONS.values(), ids=REASONS.keys())
 def test_the_simulator_says_why_it_has_no_such_flow(make: Callable[[], Flow], words: str) -> None:
     flow = make()
-    for found in (resimulate(flow, DEFAULT, (0.4, 0.64, 0.3))[0].objection, usable_frames(flow)):
+    for found in (resimulate(flow, DEFAULT, (0.4, 0.64, 0.3)).objection, usable_frames(flow)):
         assert isinstance(found, str)
         assert words in found
 
@@ -154,7 +154,7 @@ def test_the_command_on_one_frame(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "not simulated again: the flow is steady" in printed.out
     assert "warning" not in printed.err
     found = results.read_results(tmp_path / "run" / "results.json")
-    assert found.not_done == ()
+    assert found.not_done == {}
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "of 1 frame and" in page
     assert "The flow was taken as the same along x" in page

@@ -13,7 +13,7 @@ from granpinn.config import Config
 from granpinn.data import Flow, Surface
 from granpinn.data.surface_offset import outward_normals
 from granpinn.estimates.robust import quantiles
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.inspection import inspect
 from tests.flows import make_flow
 

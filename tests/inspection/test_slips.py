@@ -16,7 +16,7 @@ from granpinn import inspect, train
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.inspection.frame_slips import UNSTEADY
 from granpinn.inspection.slips import slips
 from granpinn.simulation import demo_path, simulate

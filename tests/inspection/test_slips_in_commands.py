@@ -11,7 +11,7 @@ import pytest
 from granpinn import convert, inspect
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileError, FlowFileWarning, write_flow
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.importers import Settings
 from granpinn.importers import convert as converted
 from tests.flows import make_flow

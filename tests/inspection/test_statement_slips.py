@@ -12,7 +12,7 @@ import pytest
 
 from granpinn.data import Flow, FlowFileError, Surface, check_flow
 from granpinn.data.symmetry import with_layer
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.inspection.slips import refuse_slips, slips
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL
 from tests.data.walled import line

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.data import Truth
 from granpinn.figures import album
 from granpinn.report import page as pages
@@ -23,7 +24,6 @@ from granpinn.results import (
     read_results,
 )
 from granpinn.results.assumed import Assumed
-from granpinn.results.findings import SimulatedPressure
 from tests.examples import PARAMETERS, make_result
 from tests.page import Page
 
@@ -136,17 +136,16 @@ def test_small_errors_keep_two_digits() -> None:
             SimulatedPressure(
                 None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3
             ),
-            "At 2 times the predicted pressure differs from this simulated one by 1.23 % in "
-            "flowing grains and 12.30 % in resting ones: the motion leaves that much open (left "
-            "out: 1 did not converge). The simulated pressure is off the reference by 1.60 %.",
+            "Simulated pressure at 2 times: the predicted pressure differs by 1.2 % in flowing "
+            "grains and 12.3 % in resting grains (left out: 1 did not converge).",
         ),
         (
             SimulatedPressure("gravity is strange"),
-            "no simulated pressure to compare them with: gravity is strange.",
+            "No simulated pressure: gravity is strange.",
         ),
         (
             SimulatedPressure(None, 64, late=4),
-            "There is no simulated pressure (left out: 4 had no time left).",
+            "No simulated pressure (left out: 4 had no time left).",
         ),
     ],
 )
@@ -154,10 +153,12 @@ def test_the_simulated_pressure_is_said_in_words(
     simulated_pressure: SimulatedPressure, words: str
 ) -> None:
     errors = ErrorPercent(pressure=4.0, pressure_simulated=1.6, pressure_simulated_stagnant=0.9)
-    text = render(make_result(simulated_pressure=simulated_pressure, error_percent=errors)).text
+    checks = {"simulated_pressure": simulated_pressure}
+    text = render(make_result(checks=checks, error_percent=errors)).text
     assert words in text
+    assert "The simulated pressure is off the reference by 1.60 %." in text
     assert "simulated pressure, all 1.60 simulated, flowing - simulated, stagnant 0.90" in text
-    assert "simulator" not in render(make_result(simulated_pressure=None)).text
+    assert "simulator" not in render(make_result(checks={})).text
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,9 @@ from typing import Any
 
 import pytest
 
+from granpinn.checks.bootstrap import Bootstrap, Recovery
+from granpinn.checks.comparison_of_laws import LawComparison
+from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.results import (
     Parameter,
     Parameters,
@@ -20,12 +23,11 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assessment import CONDITIONS, GRADES
-from granpinn.results.baseline import Difference
-from granpinn.results.bootstrap import Bootstrap, Recovery
-from granpinn.results.comparison import ComparedLaw
+from granpinn.results.baseline import Baseline
+from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.identified_law import Curve
 from granpinn.results.slip import Slip
-from tests.examples import make_result
+from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()
 
@@ -67,9 +69,8 @@ def slips(severity: str) -> dict[str, Any]:
 
 
 def far(percent: float) -> dict[str, Any]:
-    assert EXAMPLE.baseline is not None
-    network = (Difference(0.01, 0.0, 2.0), Difference(0.2, percent, 5.0))
-    return {"baseline": replace(EXAMPLE.baseline, network=network)}
+    differences = (Difference(0.01, 0.0, 2.0), Difference(0.2, percent, 5.0))
+    return {"checks": {"momentum_balance": MomentumBalance(BASELINE, differences)}}
 
 
 def outside() -> dict[str, Any]:
@@ -79,7 +80,8 @@ def outside() -> dict[str, Any]:
 
 def bootstrap(rms: float) -> dict[str, Any]:
     row = Recovery(0.4, 0.0, 0.01, 0.01, 0.01, rms, 0.01, 0.02)
-    return {"bootstrap": Bootstrap(None, flows=4, parameters={"mu_s": row, "mu_2": row})}
+    record = Bootstrap(None, flows=4, parameters={"mu_s": row, "mu_2": row})
+    return {"checks": {"bootstrap": record}}
 
 
 # Changes of a result that is good, its grade then, and words of the first reason.
@@ -92,7 +94,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
         "No friction coefficient is determined: walls drive it.",
     ),
     "carried": (
-        {"baseline": replace(EXAMPLE.baseline, carried=True, reason="they hang")},  # type: ignore[type-var]
+        {"checks": {"momentum_balance": MomentumBalance(Baseline("they hang", carried=True))}},
         "do not use",
         "Walls carry the grains, by forces that are not known: they hang.",
     ),
@@ -134,7 +136,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),
     "another law": (
-        {"comparison": LAWS, "chosen": "coulomb"},
+        {"checks": {"comparison_of_laws": LawComparison(LAWS, "coulomb")}},
         "care",
         "The data support another law: a constant friction of 0.4 explains these data",
     ),
@@ -165,7 +167,9 @@ def test_every_condition_is_met_by_a_case() -> None:
 
 def test_reasons_are_ordered_by_their_grades() -> None:
     result = make_result(**slips("improbable"), **outside(), residuals=residuals(0.06))
-    grades = [c.grade for r in result.assessment.reasons for c in CONDITIONS if c.said(result) == r]
+    said = {c.said(result): c.grade for c in CONDITIONS}
+    said |= {s: g for record in result.checks.values() for g, s in record.reasons(result)}
+    grades = [said[reason] for reason in result.assessment.reasons]
     assert grades == sorted(grades, key=GRADES.index)
     assert set(grades) == set(GRADES)
 

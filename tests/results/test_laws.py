@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granpinn.checks.profile_of_I0 import require_mu_of_i
 from granpinn.config import Config, ConfigError
 from granpinn.data import Truth
 from granpinn.figures import curves
-from granpinn.identification.inertial_profile import require_mu_of_i
 from granpinn.physics.laws import LAWS
 from granpinn.report import page as pages
 from granpinn.results import (
@@ -27,8 +27,7 @@ from granpinn.results import (
 )
 from granpinn.results.records import Members
 from granpinn.results.summary import friction_sd, summarize
-from granpinn.second_opinion import simulator_fit
-from granpinn.second_opinion.resimulation import Column, collapse_of
+from granpinn.second_opinion.scenes import Column, collapse_of
 from granpinn.uncertainty.center import center, nearest
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.of_training import judge
@@ -120,6 +119,5 @@ def test_values_without_error_bars_and_the_reason() -> None:
 def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
     collapse = collapse_of(make_flow(frames=3), Column(0.5, 0.5), LAW, (0.33,), 64)
     assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
-    assert not simulator_fit.exists_for(LAW)
     with pytest.raises(ConfigError, match=r"--free-I0 is for mu\(I\) alone, got --law coulomb"):
         require_mu_of_i(Config(law="coulomb"))

@@ -57,7 +57,7 @@ def test_the_file_says_what_it_is_and_keeps_every_digit(tmp_path: Path) -> None:
     write_results(make_result(), tmp_path / "results.json")
     content = strict(tmp_path / "results.json")
     assert list(content)[:2] == ["format_name", "format_version"]
-    assert (content["format_name"], content["format_version"]) == ("granpinn-results", 3)
+    assert (content["format_name"], content["format_version"]) == ("granpinn-results", 4)
     assert content["parameters"]["mu_s"] == {
         "value": 0.41,
         "fixed": False,

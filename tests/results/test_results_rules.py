@@ -80,7 +80,7 @@ def test_rounding_does_not_break_the_symmetry() -> None:
 
 
 EDITS: list[tuple[str, Any, str]] = [
-    ("format_name", "other", "must have format_name 'granpinn-results' and format_version 3, got"),
+    ("format_name", "other", "must have format_name 'granpinn-results' and format_version 4, got"),
     ("format_version", 1, "and 1: read it with the granpinn that wrote it"),
     ("colour", "red", "results.json: colour is not known; expected parameters, level,"),
     ("parameters.mu_s.mean", 1, "parameters.mu_s.mean is not known; expected value, fixed, std"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,10 @@ import numpy as np
 import pytest
 
 from granpinn import results, train
+from granpinn.checks.resimulation import resimulate
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion import layers, simulated_pressure
-from granpinn.second_opinion.comparison import FILE
-from granpinn.second_opinion.resimulation import resimulate
 from granpinn.simulation import Chute, simulate
 from tests.flows import make_chute
 
@@ -31,19 +29,19 @@ def flow() -> Flow:
 
 
 def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
-    summary, comparison = resimulate(flow, DEFAULT, LAW)
-    assert comparison is not None
+    summary = resimulate(flow, DEFAULT, LAW)
+    assert summary.curves is not None
     assert summary.objection is None
     assert (summary.cells, summary.layer, summary.column) == (16, pytest.approx(20.0), None)
     assert summary.common_percent == 100
     assert summary.velocity_percent == pytest.approx(0, abs=0.01)
-    assert np.isnan(comparison.front).all()
+    assert set(summary.curves.front) == {None}
     assert "front" not in str(summary)
     assert "no fit of the simulator, which exists for collapses alone" in str(summary)
 
 
 def test_another_law_does_not(flow: Flow) -> None:
-    summary, _ = resimulate(flow, DEFAULT, (0.33, 0.7, 0.3))
+    summary = resimulate(flow, DEFAULT, (0.33, 0.7, 0.3))
     assert summary.velocity_percent is not None
     assert summary.velocity_percent > 5
 
@@ -58,7 +56,7 @@ def test_the_columns_of_the_data_are_their_own(flow: Flow) -> None:
         y=flow.y[::2],
         **{name: getattr(flow, name)[:, ::2, :3] for name in ("u", "v", "c", "p")},
     )
-    summary, _ = resimulate(coarse, DEFAULT, LAW)
+    summary = resimulate(coarse, DEFAULT, LAW)
     assert summary.cells == 32
     assert summary.common_percent == 100
     assert summary.velocity_percent is not None
@@ -78,10 +76,11 @@ def steady_velocity(flow: Flow) -> simulated_pressure.Velocity:
 def test_pressure_of_a_steady_chute_is_the_weight_above() -> None:
     flow = make_chute()
     assert flow.p is not None
-    pressures, record = simulated_pressure.at_frames(flow, DEFAULT, LAW, steady_velocity(flow), 3)
-    assert (record.objection, record.frames) == (None, (0,))
+    found = simulated_pressure.at_frames(flow, DEFAULT, LAW, steady_velocity(flow), 3)
+    assert not isinstance(found, str)
+    assert list(found.at) == [0]
     full = flow.material[0]
-    np.testing.assert_allclose(pressures[0][full], flow.p[0][full], atol=0.002 * flow.p[0].max())
+    np.testing.assert_allclose(found.at[0][full], flow.p[0][full], atol=0.002 * flow.p[0].max())
 
 
 OTHERS: dict[str, tuple[Callable[[Flow], Flow], str]] = {
@@ -122,8 +121,8 @@ OTHERS: dict[str, tuple[Callable[[Flow], Flow], str]] = {
 def test_another_layer_is_left_out_with_the_reason(
     change: Callable[[Flow], Flow], words: str, flow: Flow
 ) -> None:
-    summary, comparison = resimulate(change(flow), DEFAULT, LAW)
-    assert comparison is None
+    summary = resimulate(change(flow), DEFAULT, LAW)
+    assert summary.curves is None
     assert words in str(summary.objection)
 
 
@@ -146,12 +145,9 @@ def test_the_command_has_both_opinions(
     assert "simulated again with this law: velocity off by" in printed.out
     assert "simulated pressure at" in printed.out
     found = results.read_results(tmp_path / "run" / "results.json")
-    assert found.not_done == ()
-    assert found.resimulation is not None
-    assert found.resimulation.layer == pytest.approx(20.0)
-    assert found.resimulation.fit is None
+    assert found.not_done == {}
+    assert found.checks["resimulation"].layer == pytest.approx(20.0)
+    assert "simulator_fit" not in found.checks
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert "An even layer 20 deep was released on the slope" in page
+    assert "which exists for collapses alone" in page
     assert (tmp_path / "run" / "figures" / "resimulation.png").exists()
-    written = json.loads((tmp_path / "run" / FILE).read_text(encoding="utf-8"))
-    assert set(written["comparison"]["front"]) == {None}

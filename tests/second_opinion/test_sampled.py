@@ -12,8 +12,8 @@ from granpinn.data.flow import Particles, Surface
 from granpinn.data.particles import particle_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.resimulation import scene_of
 from granpinn.second_opinion.sampled import Sampler, crossings
+from granpinn.second_opinion.scenes import scene_of
 from granpinn.simulation import Chute, Collapse, simulate
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.run import record

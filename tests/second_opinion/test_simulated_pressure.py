@@ -8,22 +8,23 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from granpinn.checks import simulated_pressure as check
+from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.identification import simulated_fields
-from granpinn.identification.scoring import strain_rate
+from granpinn.fit.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.zones import D2_STAGNANT
 from granpinn.second_opinion import simulated_pressure
-from granpinn.second_opinion.resimulation import Column, collapse_of
+from granpinn.second_opinion.scenes import Column, collapse_of
 from granpinn.simulation import Collapse, Engine, SimulationError, State
 from granpinn.simulation.engine import Start
 from granpinn.simulation.recorder import Recorder
@@ -85,11 +86,21 @@ def error(p: Array, flow: Flow, k: int, where: npt.NDArray[np.bool_]) -> float:
     return found
 
 
+def pressures(
+    known: Known, theta: Any = THETA, velocity: Any = None, frames: int = 2, **others: Any
+) -> dict[int, Any]:
+    """The simulated pressure of these frames."""
+    velocity = velocity or known.velocity
+    found = simulated_pressure.at_frames(known.flow, DEFAULT, theta, velocity, frames, **others)
+    assert not isinstance(found, str)
+    return found.at
+
+
 def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> None:
     flow = known.flow
     told: list[tuple[int, int]] = []
     with ThreadPoolExecutor(2) as pool:
-        simulated, record = simulated_pressure.at_frames(
+        found = simulated_pressure.at_frames(
             flow,
             DEFAULT,
             THETA,
@@ -98,11 +109,11 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
             pool=pool,
             listener=lambda *done: told.append(done),
         )
-    assert record.objection is None
-    assert (record.cells, record.frames) == (128, (0, 1, 2, 3))
-    assert (record.failed, record.late) == (0, 0)
+    assert not isinstance(found, str)
+    assert (found.cells, list(found.at)) == (128, [0, 1, 2, 3])
+    assert (found.failed, found.late) == (0, 0)
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    for k, p in simulated.items():
+    for k, p in found.at.items():
         rest = stagnant(flow, k)
         # What another solver differs by, about (bench/studies/simulator_validation).
         assert error(p, flow, k, flow.valid[k]) < 4
@@ -113,16 +124,9 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
 
 def test_shared_threads_give_the_same_pressure(known: Known) -> None:
     with ThreadPoolExecutor(1) as one:
-        alone, _ = simulated_pressure.at_frames(
-            known.flow, DEFAULT, THETA, known.velocity, 2, pool=one
-        )
+        alone = pressures(known, pool=one)
     with ThreadPoolExecutor(2) as pool:
-        together = [
-            simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 2, pool=pool)[
-                0
-            ]
-            for _ in range(2)
-        ]
+        together = [pressures(known, pool=pool) for _ in range(2)]
         assert pool.submit(sum, (1, 2)).result() == 3
     for simulated in together:
         assert list(simulated) == list(alone) == [1, 3]
@@ -132,21 +136,19 @@ def test_shared_threads_give_the_same_pressure(known: Known) -> None:
 
 def test_a_time_limit_leaves_time_for_every_case() -> None:
     config = Config(max_time=1e6, members=2, simulated_pressure__frames=10)
-    one, many = (simulated_fields.kept_after_training(config, members) for members in (2, 60))
+    one, many = (check.kept_after_training(config, members) for members in (2, 60))
     cores = len(os.sched_getaffinity(0))
-    assert one == pytest.approx(
-        simulated_fields.AFTER_TRAINING + simulated_fields.EACH_FRAME * 10 / cores
-    )
-    assert many - one == pytest.approx(simulated_fields.EACH_FRAME * 29 * 10 / cores)
+    assert one == pytest.approx(check.AFTER_TRAINING + check.EACH_FRAME * 10 / cores)
+    assert many - one == pytest.approx(check.EACH_FRAME * 29 * 10 / cores)
     limited = dataclasses.replace(config, max_time=10.0)
-    assert simulated_fields.kept_after_training(limited, 60) == 2.5
-    assert simulated_fields.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
+    assert check.kept_after_training(limited, 60) == 2.5
+    assert check.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
 
 
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:
     last = known.flow.valid[3]
-    other, _ = simulated_pressure.at_frames(known.flow, DEFAULT, (0.1, 0.2, 0.3), known.velocity, 1)
-    still, _ = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, nothing, 1)
+    other = pressures(known, theta=(0.1, 0.2, 0.3), frames=1)
+    still = pressures(known, velocity=nothing, frames=1)
     assert list(other) == list(still) == [3]
     assert error(other[3], known.flow, 3, last) > 8
     assert error(still[3], known.flow, 3, last) > 8
@@ -212,22 +214,15 @@ def upwards(flow: Flow) -> Flow:
 def test_what_the_simulator_cannot_have_is_said(
     change: Callable[[Flow], Flow], words: str, known: Known
 ) -> None:
-    simulated, record = simulated_pressure.at_frames(
-        change(known.flow), DEFAULT, THETA, known.velocity, 3
-    )
-    assert simulated == {}
-    assert record.objection is not None
-    assert words in record.objection
-    assert record.frames == ()
-    assert str(record) == f"no simulated pressure: {record.objection}"
+    found = simulated_pressure.at_frames(change(known.flow), DEFAULT, THETA, known.velocity, 3)
+    assert isinstance(found, str)
+    assert words in found
+    assert str(SimulatedPressure(found)) == f"no simulated pressure: {found}"
 
 
 def test_cells_that_the_simulator_cannot_have_are_said(known: Known) -> None:
-    _, record = simulated_pressure.at_frames(
-        known.flow, DEFAULT, THETA, known.velocity, 3, cells=33
-    )
-    assert record.objection is not None
-    assert "cells must be a multiple of 8" in record.objection
+    found = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 3, cells=33)
+    assert "cells must be a multiple of 8" in str(found)
 
 
 def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,15 +236,19 @@ def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.Monkey
     collapse = collapse_of(known.flow, Column(1.0, 10.0), DEFAULT, THETA, None)
     first = simulated_pressure.fraction_of(known.flow, 0, collapse, settled_after(collapse)).sum()
     monkeypatch.setattr(simulated_pressure, "settle", failing)
-    simulated, record = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 4)
-    assert list(simulated) == [1, 2, 3]
-    assert record.failed == 1
+    found = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 4)
+    assert not isinstance(found, str)
+    assert list(found.at) == [1, 2, 3]
+    assert found.failed == 1
+    record = SimulatedPressure(None, found.cells, tuple(found.at), found.failed)
     assert "(left out: 1 did not converge)" in str(record)
 
 
 def test_no_frame_is_begun_after_the_deadline(known: Known) -> None:
-    simulated, record = simulated_pressure.at_frames(
-        known.flow, DEFAULT, THETA, known.velocity, 4, deadline=time.monotonic() - 1
+    deadline = time.monotonic() - 1
+    found = simulated_pressure.at_frames(
+        known.flow, DEFAULT, THETA, known.velocity, 4, deadline=deadline
     )
-    assert (simulated, record.frames, record.late) == ({}, (), 4)
-    assert "(left out: 4 had no time left)" in str(record)
+    assert not isinstance(found, str)
+    assert (found.at, found.late) == ({}, 4)
+    assert "(left out: 4 had no time left)" in str(SimulatedPressure(None, late=4))

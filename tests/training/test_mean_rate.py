@@ -8,8 +8,8 @@ import time
 import pytest
 
 from granpinn.data import Flow
-from granpinn.identification.case import members, pose
-from granpinn.identification.single import start
+from granpinn.fit.case import members, pose
+from granpinn.identification.start import start
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import mean_rate

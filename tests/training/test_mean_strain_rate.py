@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from granpinn.data import Flow
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training.equations import residuals

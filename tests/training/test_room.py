@@ -12,7 +12,8 @@ import pytest
 
 from granpinn import identify
 from granpinn.config import Config, ConfigError
-from granpinn.identification import case, single
+from granpinn.fit import case
+from granpinn.identification import start
 from granpinn.training import continuation, room
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
@@ -25,7 +26,7 @@ from pathlib import Path
 import torch
 from granpinn import identify
 from granpinn.config import Config
-from granpinn.identification.case import need_of_case
+from granpinn.fit.case import need_of_case
 from tests.flows import make_flow
 warnings.simplefilter("ignore")
 torch.set_num_threads(1)
@@ -98,9 +99,9 @@ def test_what_does_not_fit_is_refused_with_its_numbers(
 def test_a_batch_is_refused_before_its_networks_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
     posed = case.pose(make_flow(), tiny())
     monkeypatch.setattr(room, "available", lambda: 10**6)
-    monkeypatch.setattr(single, "Objective", None)
+    monkeypatch.setattr(start, "Objective", None)
     with pytest.raises(ConfigError, match=r"needs about 0.0\d+ GB .* got 0.001 GB: choose"):
-        single.start([posed, posed], tiny(), None, None, 0.0)
+        start.start([posed, posed], tiny(), None, None, 0.0)
 
 
 def test_copies_that_do_not_fit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

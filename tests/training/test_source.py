@@ -16,7 +16,7 @@ from granpinn.config import Batch
 from granpinn.data import Flow, FlowFileError, write_flow
 from granpinn.data.flow import Source
 from granpinn.data.source import source_at
-from granpinn.identification.case import Case, pose
+from granpinn.fit.case import Case, pose
 from granpinn.inspection.baseline import baseline
 from granpinn.inspection.slips import slips
 from granpinn.kernels import ops

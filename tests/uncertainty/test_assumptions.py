@@ -14,9 +14,10 @@ from torch import Tensor
 from granpinn import results
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.identification import assumptions, single
+from granpinn.fit import assumptions
+from granpinn.fit.case import Case, pose
+from granpinn.identification import start
 from granpinn.identification.batch import identify_many
-from granpinn.identification.case import Case, pose
 from granpinn.identification.single import identify
 from granpinn.results.assumed import Assumed
 from granpinn.training.objective import Member
@@ -179,7 +180,7 @@ def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [pose(flow, tiny()) for flow in (make_flow(), solver())]
     assert assumptions.seconds(cases, 10.0) == pytest.approx(2.0)
     assert assumptions.seconds(cases[1:], 10.0) == 0
-    with_rest = single.start(cases[:1], tiny(max_time=100.0, steps=None), None, None, 0.0)
+    with_rest = start.start(cases[:1], tiny(max_time=100.0, steps=None), None, None, 0.0)
     assert with_rest.deadline is not None
     assert with_rest.deadline + with_rest.later == pytest.approx(75.0)
 

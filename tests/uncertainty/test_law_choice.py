@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.physics.laws import LAWS, free
 from granpinn.results import Parameter, Parameters
-from granpinn.results.comparison import ComparedLaw, sentence, table
+from granpinn.results.compared_law import ComparedLaw
 from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.curve import POINTS
@@ -56,7 +57,7 @@ def test_a_constant_friction_is_chosen_where_it_explains_the_data() -> None:
     assert chosen == records[0].law == "coulomb"
     assert set(records[0].not_told_apart_from) >= {"mu_of_i", "power", "free"}
     assert records[0].parameters.mu_s.value == pytest.approx(0.41, abs=2 * SD)
-    words = sentence(records, chosen)
+    words = LawComparison(records, chosen).words
     assert words.startswith("a constant friction of 0.41 explains these data as well as ")
     assert "is not known" in words
 
@@ -67,7 +68,7 @@ def test_mu_of_i_excludes_a_constant_friction(I0: float) -> None:
     assert chosen == "mu_of_i"
     by_name = {c.law: c for c in records}
     assert "coulomb" not in by_name["mu_of_i"].not_told_apart_from
-    assert "excluded: constant friction" in sentence(records, chosen)
+    assert "excluded: constant friction" in LawComparison(records, chosen).words
     assert by_name["coulomb"].score < by_name["mu_of_i"].score - 100
     fit = next(f for f in found if f.law.name == "mu_of_i")
     np.testing.assert_allclose(fit.mu, friction("mu_of_i", 0.38, 0.64, I0), atol=0.01)
@@ -85,7 +86,8 @@ def test_a_curve_of_no_named_law_stays_free() -> None:
     records, chosen, _ = compared(falls_and_rises)
     assert chosen == "free"
     assert records[0].not_told_apart_from == ()
-    assert sentence(records, chosen).startswith("free curve explains these data; excluded: ")
+    words = LawComparison(records, chosen).words
+    assert words.startswith("free curve explains these data; excluded: ")
 
 
 def test_a_curve_that_falls_below_zero_has_its_laws() -> None:
@@ -121,7 +123,7 @@ def test_what_the_data_do_not_tell_is_not_determined() -> None:
     flat, *_ = compared(np.full(I.shape, 0.41))
     law = next(c for c in flat if c.law == "mu_of_i").parameters
     assert not law.I0.determined
-    assert "I0 not determined" in table(flat, "coulomb")[4]
+    assert "I0 not determined" in str(LawComparison(flat, "coulomb"))
 
 
 def cohesion(c: float) -> Cohesion:

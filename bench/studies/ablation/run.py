@@ -31,10 +31,10 @@ from bench.studies import raw
 from bench.studies.ablation.flows import Known, known_flows
 from bench.studies.ablation.variants import VARIANTS, Variant
 from granpinn.config import Config
-from granpinn.identification.case import Case, pose
-from granpinn.identification.conclusion import model_of
-from granpinn.identification.law_curve import inertial_range
-from granpinn.identification.single import start
+from granpinn.fit.case import Case, pose
+from granpinn.fit.ensemble import model_of
+from granpinn.fit.shear import inertial_range
+from granpinn.identification.start import start
 from granpinn.training.progress import Lines
 
 COLUMNS = ("variant", "group", "flow", "seed", "rms", "low", "high", "mu_s", "mu_2")

@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 from bench.studies.ablation.tolerances import advancing, by_evidence, by_noise
 from granpinn.data import collocation, points, surface_strip
-from granpinn.identification import case
+from granpinn.fit import case
 from granpinn.training import equations, last_layer, mean_rate, problem, tolerances, trainer
 
 

@@ -23,9 +23,9 @@ from bench.studies import raw
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, read_flow
 from granpinn.data.surface_sd import spacing
-from granpinn.identification import assumptions
-from granpinn.identification.case import Case, pose
-from granpinn.identification.single import start
+from granpinn.fit import assumptions
+from granpinn.fit.case import Case, pose
+from granpinn.identification.start import start
 from granpinn.training.last_layer import last_layer
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.of_assumptions import effects

@@ -16,19 +16,18 @@ from __future__ import annotations
 
 import argparse
 import csv
-import dataclasses
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from bench.studies.coverage.materials import LAW
 from bench.studies.coverage.table import GRAINS, PATH
+from granpinn.checks import momentum_balance
 from granpinn.config import Config
-from granpinn.identification import balance
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
 from granpinn.results.assessment import CONDITIONS, GRADES, contradicted
@@ -119,13 +118,16 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
         covariance=found.covariance,
         error_bars=found.bars,
     )
-    result = balance.judged(result, _balance(cells))
+    if cells["carried"] == "True":
+        result = momentum_balance.without_error_bars(result)
     number = np.repeat(I_range, 10)
     if (range_ := determined(result, number, np.ones(20))) is not None:
         result = applied(result, range_)
     result = with_curve(result, number, np.ones(20))
-    points = tuple(balance.difference(p, result) for p in _points(cells["balance"]))
-    return _with_balance(result, points)
+    points = tuple(momentum_balance.difference(p, result) for p in _points(cells["balance"]))
+    balance = Baseline("walls carry the grains", carried=cells["carried"] == "True")
+    record = momentum_balance.MomentumBalance(balance, points)
+    return result.with_record("momentum_balance", record)
 
 
 def _slips(text: str) -> tuple[Slip, ...]:
@@ -135,16 +137,6 @@ def _slips(text: str) -> tuple[Slip, ...]:
 def _points(text: str) -> list[Point]:
     numbers = np.reshape(list(map(float, text.split())), (-1, 3)).tolist()
     return [Point(at, mu, se, 0) for at, mu, se in numbers]
-
-
-def _balance(cells: dict[str, str]) -> Baseline:
-    return Baseline("walls carry the grains", carried=cells["carried"] == "True")
-
-
-def _with_balance(result: Result, differences: Sequence[Any]) -> Result:
-    assert result.baseline is not None
-    known = dataclasses.replace(result.baseline, network=tuple(differences))
-    return dataclasses.replace(result, baseline=known)
 
 
 def _error(cells: dict[str, str], n: dict[str, float]) -> float:

@@ -31,10 +31,10 @@ from bench.studies.cores import processes
 from bench.studies.coverage.materials import Task, draw, make_all, read
 from bench.studies.records import balance_of, records_of
 from granpinn.config import Config, ConfigError
-from granpinn.identification import conclusion
-from granpinn.identification.case import Case, members, pose
-from granpinn.identification.conclusion import model_of
-from granpinn.identification.single import start
+from granpinn.fit import ensemble
+from granpinn.fit.case import Case, members, pose
+from granpinn.fit.ensemble import model_of
+from granpinn.identification.start import start
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 
@@ -44,9 +44,9 @@ FEW = 6  # flows whose momentum balances this process makes
 def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dict[str, Any]:
     """The records of one identification: the members of `run` from `first` on."""
     c = task.scene
-    found, shown = conclusion.members_of(cases, run, first)
+    found, shown = ensemble.members_of(cases, run, first)
     case, e = cases[shown], first + shown
-    result = conclusion.result(case, run, e, found, model_of(case, run.trainer, e))
+    result = ensemble.result(case, run, e, found, model_of(case, run.trainer, e))
     names = ("I0", "d", "aspect", "stride", "frames")
     return {
         "name": task.name,
@@ -68,7 +68,7 @@ def settings_of(task: Task, config: Config, i: int) -> Config:
 
 def balanced(task: Task, path: Path, config: Config) -> dict[str, Any] | None:
     """The momentum balance of a flow, as its identification sees it."""
-    return balance_of(pose(read(task, path), config).balance.at(config.I0))
+    return balance_of(pose(read(task, path), config).shared.balance(config.I0))
 
 
 def identified(

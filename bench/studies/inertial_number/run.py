@@ -28,15 +28,15 @@ import numpy as np
 from bench.studies import raw
 from bench.studies.draws import read_bounds, read_study, statistics, thinned, with_bounds
 from granpinn import identify_many
-from granpinn.config import Config, ConfigError, flatten
-from granpinn.data import Flow, FlowFileError, Truth, read_flow
-from granpinn.identification.inertial_profile import (
+from granpinn.checks.profile_of_I0 import (
     fair_losses,
     grid_of,
     profile_from,
     settings_of,
     vertex,
 )
+from granpinn.config import Config, ConfigError, flatten
+from granpinn.data import Flow, FlowFileError, Truth, read_flow
 from granpinn.results import Result
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Lines

@@ -26,12 +26,12 @@ from bench.studies import raw
 from bench.studies.coverage.fit import sharpness
 from bench.studies.coverage.materials import Task, draw, make_all, read
 from granpinn import identify_many
+from granpinn.checks.profile_of_I0 import grid_of, profile_from, settings_of
 from granpinn.config import Config, ConfigError
-from granpinn.identification.inertial_profile import grid_of, profile_from, settings_of
 from granpinn.results import Result
 from granpinn.results.decoding import encode
 from granpinn.training.progress import Lines
-from granpinn.uncertainty.unknown_I0 import with_unknown_I0
+from granpinn.uncertainty.unknown_I0 import unknown_I0
 
 ASSUMED = 0.3
 
@@ -61,7 +61,9 @@ def row(task: Task, run: Result, trained: Sequence[Result], law_accuracy: float)
     """The truth of one flow and its profile with error bars."""
     c = task.scene
     truth = {"mu_s": c.mu_s, "slope": (c.mu_2 - c.mu_s) / c.I0, "I0": c.I0}
-    profile = with_unknown_I0(profile_from(trained, law_accuracy, ASSUMED), run)
+    profile = profile_from(trained, law_accuracy, ASSUMED)
+    known = unknown_I0(profile.points, profile.best, profile.allowed, run)
+    profile = dataclasses.replace(profile, unknown=known)
     return {"name": task.name, "truth": truth, "mu_2": c.mu_2, "profile": encode(profile)}
 
 

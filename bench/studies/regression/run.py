@@ -29,7 +29,7 @@ from bench.studies.simulator_validation.balance import Balance, regression
 from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.norms import relative_l2
 from granpinn.data.scaling import scales_of
-from granpinn.identification.scoring import difference
+from granpinn.fit.scoring import difference
 
 Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -27,8 +27,8 @@ import torch
 from bench.studies.reliability import runs
 from bench.studies.reliability.record import RESULTS, Record, command_of
 from granpinn.config import Config
-from granpinn.identification.case import pose
-from granpinn.identification.single import start
+from granpinn.fit.case import pose
+from granpinn.identification.start import start
 from granpinn.training import checkpoint
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop

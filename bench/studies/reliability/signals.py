@@ -147,9 +147,9 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
 
     exit_codes.guard_process("train")
     from granpinn import train
-    from granpinn.command import training_run
+    from granpinn.checks import resimulation
     from granpinn.report import page
-    from granpinn.second_opinion import resimulation
+    from granpinn.second_opinion import simulated_pressure
     from granpinn.training.trainer import Trainer
     from granpinn.uncertainty import of_assumptions
 
@@ -191,7 +191,7 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
         "training": (Trainer, "advance", lambda t: t.step > 200),
         "last layer": (Trainer, "solve_last_layer", always),
         "copies": (of_assumptions, "continued", always),
-        "simulated pressure": (training_run.Drawn, "draw", always),  # in its threads
+        "simulated pressure": (simulated_pressure, "settle", always),
         "resimulation": (resimulation, "resimulate", always),
         "figures": (page, "build", always),
     }

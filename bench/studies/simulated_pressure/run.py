@@ -32,12 +32,13 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from bench.studies import raw
+from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.identification import scoring, simulated_fields
-from granpinn.identification.case import Model, pose
-from granpinn.identification.prediction import predict
+from granpinn.fit import scoring
+from granpinn.fit.case import Model, pose
+from granpinn.fit.prediction import predict
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Fields, number
 from granpinn.second_opinion import simulated_pressure
@@ -59,7 +60,7 @@ def frames_of(
     """Simulated pressures of some frames, cells across the box, CPU seconds of a frame."""
     law, theta = model.law, model.theta.tolist()
     collapse = simulated_pressure.collapse_over(flow, usable, law, theta, cells)
-    velocity = simulated_fields.velocity_of(flow, model)
+    velocity = velocity_of(flow, model)
     before = settling.settled_after(collapse, *how)
 
     def one(k: int) -> tuple[Array, float]:
@@ -120,9 +121,7 @@ def study(
                 row = {"flow": path.stem, "source": flow.attributes.get("source")}
                 row |= {"seed": seed, "cells": used, "steps": how[0], "step": how[1]}
                 row |= {"frames": len(found), "seconds_of_frame": seconds}
-                row |= errors(
-                    scored, simulated_fields.with_simulated_pressure(maps, dict(enumerate(found)))
-                )
+                row |= errors(scored, with_simulated_pressure(maps, dict(enumerate(found))))
                 (rows if how == USUAL else variants).append(row)
                 print(line(row), flush=True)
     return {"rows": rows, "variants": variants}

@@ -30,7 +30,7 @@ from granpinn.data import Flow, read_flow
 from granpinn.data.noise import max_speed
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.resimulation import collapse_of, initial_column
+from granpinn.second_opinion.scenes import collapse_of, initial_column
 from granpinn.simulation import Collapse
 from granpinn.simulation.progress import Silent
 from granpinn.simulation.recorder import Recorder

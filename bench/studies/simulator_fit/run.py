@@ -24,11 +24,10 @@ import numpy as np
 
 from bench.studies import raw
 from bench.studies.draws import read_bounds, statistics, thinned, with_bounds
+from granpinn.checks.simulator_fit import SimulatorFit, fit
 from granpinn.data import add_noise, read_flow
-from granpinn.results.findings import SimulatorFit
 from granpinn.second_opinion.law_runs import LawRuns
-from granpinn.second_opinion.resimulation import initial_column
-from granpinn.second_opinion.simulator_fit import fit
+from granpinn.second_opinion.scenes import initial_column
 
 START = (0.3, 0.6)
 START_I0 = 0.7  # of the true one, where it is free

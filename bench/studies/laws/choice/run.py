@@ -50,6 +50,7 @@ def made(task: tuple[str, int], folder: Path, cells: int, stride: int, frames: i
 
 def row(law: str, number: int, noise: float, flow: Flow, result: Result) -> dict[str, Any]:
     """What the table needs of one identification, and what a later one may ask."""
+    compared = result.checks.get("comparison_of_laws")
     found: dict[str, Any] = {
         "law": law,
         "number": number,
@@ -57,9 +58,9 @@ def row(law: str, number: int, noise: float, flow: Flow, result: Result) -> dict
         "truth": None if flow.truth is None else encode(flow.truth),
         "pressure": scales_of(flow).pressure,
         "failure": result.failure,
-        "not_done": [str(part) for part in result.not_done],
-        "chosen": result.chosen,
-        "comparison": [encode(c) for c in result.comparison],
+        "not_done": result.not_done,
+        "chosen": compared.chosen if compared else None,
+        "comparison": [encode(c) for c in compared.laws] if compared else [],
         "velocity_percent": result.error_percent.velocity,
     }
     curve = result.law.curve

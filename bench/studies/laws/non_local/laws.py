@@ -22,7 +22,7 @@ from bench.studies.grains.make import FLOW
 from bench.studies.laws.non_local.zones import FEWEST_TILES, Zones, cross, jackknife
 from granpinn.arrays import Bool, Float64
 from granpinn.config import Config
-from granpinn.identification.case import pose
+from granpinn.fit.case import pose
 from granpinn.physics.laws import LAWS
 from granpinn.results.zones import D2_STAGNANT
 

@@ -1,0 +1,329 @@
+"""A flow with its settings as a training problem, and the trained model."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from granpinn.arrays import Floats
+from granpinn.config import Config, ConfigError, SideWalls
+from granpinn.data import (
+    Flow,
+    TrainingSet,
+    add_noise,
+    check_flow,
+    known_sd,
+    large,
+    read_flow,
+    streamed,
+    with_partial_cells,
+)
+from granpinn.data.flow import Surface
+from granpinn.data.memory import available
+from granpinn.data.points import surface_of
+from granpinn.data.scaling import scales_of
+from granpinn.data.steady import said, steady_mean
+from granpinn.data.surface_sd import surface_sd
+from granpinn.data.surface_strip import LARGEST_PART
+from granpinn.data.symmetry import with_layer
+from granpinn.data.variants import training_sets
+from granpinn.data.walls import grid_spacing, segments_of
+from granpinn.estimates.facts import Facts
+from granpinn.fit.scoring import strain_rate_of
+from granpinn.inspection.baseline import baseline
+from granpinn.inspection.inertia import inertial_numbers
+from granpinn.inspection.slips import refuse_slips
+from granpinn.kernels import builds
+from granpinn.kernels.network import NetworkSpec
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.scales import Scales
+from granpinn.results.baseline import Baseline
+from granpinn.results.slip import Slip
+from granpinn.training import problem, room
+from granpinn.training.objective import Member
+
+COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
+
+
+class Shared:
+    """Values of a flow that are made when they are first asked for.
+
+    Args:
+        flow: as in its file; of a large flow, frames spread over its time.
+        seen: as the training saw it.
+        side_walls: their friction, as the training took it.
+    """
+
+    def __init__(self, flow: Flow, seen: Flow, side_walls: SideWalls) -> None:
+        self._flow, self._seen, self._side_walls = flow, seen, side_walls
+        self._surface_sd: dict[str, float] = {}
+        self._balance: dict[float, Baseline] = {}
+
+    @cached_property
+    def strain_rate(self) -> Floats:
+        """D2 of the velocity in the file at the points of the fields [K]."""
+        return strain_rate_of(self._flow)
+
+    def surface_sd(self, level: str) -> float:
+        """Standard deviation of the offset of the surface line (granpinn/data/surface_sd.py)."""
+        if level not in self._surface_sd:
+            self._surface_sd[level] = surface_sd(self._flow, level)
+        return self._surface_sd[level]
+
+    def balance(self, scale: float) -> Baseline:
+        """The momentum balance with a law of an inertial scale."""
+        if scale not in self._balance:
+            self._balance[scale] = baseline(self._seen, scale, self._side_walls)
+        return self._balance[scale]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flow, the settings to identify it with, and the part of it that training uses.
+
+    Attributes:
+        flow: as in its file; of a large flow, frames spread over its time (granpinn/data/large.py).
+        slips: likely mistakes of the flow, which were warned of.
+        config: with the seed and the I0 of this case.
+        seen: the flow that training uses: with added noise and its partly filled cells under the
+            surface, without the true values; of a large flow, runs of frames.
+        stated: the frames of `seen` as in the file.
+        whole: a large flow with all its frames, from which the training points come; else None.
+        known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
+        facts: what the vectors of `seen` show; members of one flow share it.
+        shared: further values of this flow, which members of one flow share.
+    """
+
+    flow: Flow
+    slips: tuple[Slip, ...]
+    config: Config
+    scales: Scales
+    member: Member
+    seen: Flow
+    stated: Flow
+    whole: Flow | None
+    known_sd: float
+    facts: Facts
+    shared: Shared
+
+    @property
+    def sampled(self) -> str | None:
+        """What of a large flow is used for what, or that a flow is a mean, in words."""
+        if self.whole is None:
+            return said(self.flow)
+        runs = len(self.seen.starts)
+        return (
+            f"large flow: {len(self.member.data.points):,} vectors of all {self.whole.t.size} "
+            f"frames train; noise, symmetries and momentum balance are those of "
+            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
+            f"{self.flow.t.size} frames"
+        )
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained network with the friction law that was identified with it.
+
+    Attributes:
+        spec: widths, input map and form of the network.
+        physics: constants of the equations.
+        params: parameters of the network [P].
+        theta: parameters of the law, in its order [N], dimensionless.
+        scales: units of everything dimensionless.
+    """
+
+    spec: NetworkSpec
+    physics: Physics
+    params: Tensor
+    theta: Tensor
+    scales: Scales
+    law: Law
+
+
+def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
+    """Read and check a flow, and make the problem that the training solves.
+
+    Raises:
+        FlowFileError: the flow breaks a rule, or contradicts the conservation of mass or energy.
+    """
+    choose_device(config.device)
+    return posed(*sound(flow), config)
+
+
+def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
+    """A flow that was read and checked (a steady one as its mean), and its likely slips.
+
+    Raises:
+        FlowFileError: as `pose`.
+    """
+    if isinstance(flow, Flow):
+        check_flow(flow)
+    else:
+        flow = read_flow(flow)
+    slips = tuple(refuse_slips(flow := with_layer(flow)))
+    return steady_mean(flow), slips
+
+
+def posed(flow: Flow, slips: tuple[Slip, ...], config: Config) -> Case:
+    """The problem of a sound flow with its likely slips."""
+    # Training gets neither the true parameters nor the reference pressure.
+    bare = dataclasses.replace(flow, truth=None, p=None)
+    whole = bare if large.is_large(flow) else None
+    if whole is not None and config.noise:
+        raise ConfigError(
+            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
+            f"{flow.c.size:,}: leave it out, or choose fewer frames"
+        )
+    need_of_case(bare, config).require(available(), "memory")
+    stated = large.runs(bare)
+    seen = add_noise(stated, config.noise, config.seed)
+    scales = scales_of(seen if whole is None else whole)
+    seen = with_partial_cells(seen)
+    data = training_data(seen, scales, config, whole)
+    facts = Facts(seen, scales)
+    built = problem.build(facts, data, config)
+    law = LAWS[config.law]
+    if not law.compiled and config.form != "mixed":
+        raise ConfigError(
+            f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
+            "mixed form"
+        )
+    shown = large.spread(flow)
+    member = Member(built, data, config.seed, law, fixed_values(config, facts), shown)
+    if whole is None:
+        stated = flow
+    return Case(
+        flow=shown,
+        slips=slips,
+        config=config,
+        scales=scales,
+        member=member,
+        seen=seen,
+        stated=stated,
+        whole=whole,
+        known_sd=known_sd(seen),
+        facts=facts.without_arrays(),
+        shared=Shared(shown, seen, config.side_walls),
+    )
+
+
+def need_of_case(flow: Flow, config: Config) -> room.Need:
+    """What the training of a flow will need: its members, and copies for two assumptions."""
+    big, points = large.is_large(flow), most_points(flow, config.batch.collocation)
+    device = choose_device(config.device).type
+    need = room.need_of(config, config.members, [points], device, copies=COPIES)
+    if device == "cuda":  # the GPU has the networks
+        need = dataclasses.replace(need, networks=0, batches=0, last_layer=0)
+    each = room.POINT * getattr(torch, config.dtype).itemsize * points
+    return dataclasses.replace(
+        need,
+        points=streamed.MOST_BYTES if big else each,
+        flow=room.CELL * (large.most_cells(flow) if big else flow.c.size),
+    )
+
+
+def most_points(flow: Flow, share: float) -> int:
+    """Points of a training set at most: vectors, points between them, in the strip, on walls."""
+    if flow.particles is not None:
+        vectors, between = flow.particles.u.size, 0
+    else:
+        _, vectors = streamed.vector_counts(flow)
+        between = round(share * vectors)
+    walls = 0
+    if flow.walls is not None:
+        walls = int(segments_of(flow.walls).length.sum() / grid_spacing(flow)) * flow.t.size
+    return round((1 + LARGEST_PART) * (vectors + between)) + walls
+
+
+def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
+    """Values of the fixed parameters of the friction law, by name: given, of the flow, or usual.
+
+    Raises:
+        ConfigError: the range of I of the flow contradicts a given value.
+    """
+    law = LAWS[config.law]
+    usual = {p.name: p.start for p in law.parameters if p.fixed}
+    given = config.rheology.fixed | ({"I0": config.I0} if "I0" in usual else {})
+    levels = {name: level for name, level in law.quantiles.items() if name not in given}
+    found = inertial_numbers(facts).quantiles(*levels.values()) if levels else None
+    own = dict(zip(levels, found, strict=True)) if found else {}
+    values = usual | own | given
+    try:
+        law.check_range(values)
+    except ValueError as error:
+        raise ConfigError(f"--rheology.fix: {error}") from None
+    return values
+
+
+def training_data(
+    flow: Flow, scales: Scales, config: Config, whole: Flow | None = None
+) -> TrainingSet:
+    """The points of a fit: the data of a flow, points between them for the equations alone, and
+    points of its walls.
+
+    Args:
+        whole: the large flow, if `flow` is runs of one.
+
+    Raises:
+        FlowFileError: the flow lacks data that the level needs.
+    """
+    if whole is not None:
+        return streamed.streamed_set(whole, flow, scales, *of_points(config))
+    variant = flow, surface_of(flow, config.level)
+    return training_sets([variant], flow, scales, *of_points(config))[0]
+
+
+def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
+    """The member of a case with the data of variants of its flow (`training_sets`)."""
+    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config))
+    return [dataclasses.replace(case.member, data=data) for data in sets]
+
+
+def of_points(config: Config) -> tuple[str, float, torch.dtype]:
+    """The settings of a training set: level, share of points between vectors, and dtype."""
+    return config.level, config.batch.collocation, getattr(torch, config.dtype)
+
+
+def members(case: Case) -> list[Case]:
+    """The ensemble of a case: its first member, and others that differ in their seeds."""
+    config, made = case.config, [case]
+    for k in range(1, config.members):
+        member = dataclasses.replace(case.member, seed=member_seed(config.seed, k))
+        made.append(dataclasses.replace(case, member=member))
+    return made
+
+
+def member_seed(seed: int, k: int) -> int:
+    """The seed of member k of an ensemble, in [0, 2^63); member 0 has the given seed.
+
+    The others are hashed, so that ensembles of neighboring seeds have no member in common.
+    """
+    if k == 0:
+        return seed
+    digest = hashlib.sha256(f"{seed} {k}".encode()).digest()
+    return int.from_bytes(digest[:8], "big") >> 1
+
+
+def choose_device(name: str) -> torch.device:
+    """The device for "auto", "cpu" or "cuda"; ConfigError if it cannot be used."""
+    kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
+    if name == "cuda" and not kernels:
+        raise ConfigError(
+            f"--device cuda needs the CUDA kernels ({builds.cuda_missing()}): install the wheel "
+            "with them, or build granpinn where nvcc is, or use --device cpu"
+        )
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ConfigError(
+            "--device cuda needs a GPU that torch can use, and torch.cuda.is_available() is false: "
+            "python -m granpinn.doctor says why; or use --device cpu"
+        )
+    usable = kernels and torch.cuda.is_available()
+    return torch.device("cuda" if usable and name != "cpu" else "cpu")

@@ -1,0 +1,117 @@
+"""A fit, with all that checks of it may use, and its result, which grows."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from granpinn.config import Config
+from granpinn.data import Flow
+from granpinn.fit import ensemble, prediction
+from granpinn.fit.case import Case, Model
+from granpinn.fit.free_curve import with_free_band
+from granpinn.fit.shear import Shear, shear_of, with_curve
+from granpinn.results import Fields, Result, write_csv, write_fields, write_results
+from granpinn.results.attempt import NotDone, attempt
+from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty.of_assumptions import Assumption
+
+
+@dataclass
+class Context:
+    """
+    Attributes:
+        flow: as it was given.
+        result: all that is known so far; with a folder it is on the disk.
+        case, model: the member that is shown, and its network.
+        run, place: the training, and the place of this member in it.
+        uncertain: the assumptions whose effect enters the error bars.
+        of_laws: place in the run of every law of a comparison.
+        folder: where the result is written; None: nowhere.
+        keep_fields: whether fields.h5 is written there.
+        fields: the predicted fields, where they are kept.
+        shear: the points of the fields where grains shear.
+        runs: where the folders of further trainings are.
+        pool: threads for simulations side by side.
+        identify_many: identifies further flows (identification/batch.py).
+        shown: called with the result whenever it has grown.
+    """
+
+    flow: Flow | str | os.PathLike[str]
+    result: Result
+    case: Case
+    model: Model
+    run: TrainingLoop
+    place: int
+    uncertain: tuple[Assumption, ...] = ()
+    of_laws: Mapping[str, int] = field(default_factory=dict)
+    folder: Path | None = None
+    keep_fields: bool = True
+    fields: Fields | None = None
+    shear: Shear | None = None
+    runs: Path | None = None
+    pool: Executor | None = None
+    identify_many: Callable[..., list[Result]] | None = None
+    shown: Callable[[Result], None] | None = None
+
+    def keep(self, result: Result) -> None:
+        """Take a result that has grown: write it and show it.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        self.result = result
+        if self.folder is not None:
+            write_results(result, self.folder / "results.json")
+            write_csv(result, self.folder / "results.csv")
+        if self.shown is not None:
+            self.shown(result)
+
+    def attempt(self, part: str, work: Callable[[], None]) -> None:
+        """Do what may fail alone (results/attempt.py); the result has the reason then."""
+        made = attempt(work)
+        if isinstance(made, NotDone):
+            self.result = self.result.without(part, made.why)
+        else:
+            self.result = self.result.with_record(part, None)
+
+    def predicted(self) -> Fields:
+        """The fields; a batch does not keep those of all its members."""
+        return self.fields or prediction.predict(self.case.flow, self.model)
+
+    def predict(self) -> None:
+        """Predict the fields, compare them with the reference, and write fields.h5 if asked for."""
+        fields = self.fields = self.predicted()
+        cohesion = self.model.law.cohesion_of(self.result.theta)
+        self.shear = shear_of(fields, cohesion)
+        self.score(fields)
+        if self.keep_fields and self.folder is not None:
+            write_fields(fields, self.folder / "fields.h5")
+
+    def score(self, fields: Fields) -> None:
+        """Take errors of fields and parameters against the reference in the flow file."""
+        scores = ensemble.scores(self.case, self.model, fields, self.result.parameters)
+        self.result = dataclasses.replace(self.result, **scores._asdict())
+
+    def draw_curve(self) -> None:
+        """Take the law over the range of I where grains shear, with its band."""
+        assert self.shear is not None
+        result = with_curve(self.result, self.case, self.shear)
+        self.result = with_free_band(result, self.case, self.run, self.place)
+
+
+def values_alone(config: Config) -> Config:
+    """The settings of a training for its values alone, without checks."""
+    return dataclasses.replace(
+        config,
+        checks="none",
+        compare_laws=False,
+        free_I0=False,
+        resimulate=False,
+        calibrate=False,
+        tensorboard=False,
+    )

@@ -1,0 +1,202 @@
+"""From trained networks to a result: the center of the ensemble and its error bars."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from granpinn import results
+from granpinn.fit import prediction, scoring
+from granpinn.fit.case import Case, Model
+from granpinn.fit.final_loss import final_loss
+from granpinn.fit.shear import inertial_range
+from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.terms import LAW, TERMS
+from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results.assumed import Assumed
+from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.loss import Loss
+from granpinn.results.records import ErrorBars, Members
+from granpinn.training.loop import TrainingLoop
+from granpinn.training.trainer import Trainer
+from granpinn.uncertainty import of_training
+from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.error_model import Known, Pair, ends_of
+
+
+def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
+    """The values of the members from `first` on, and the place of the member that is shown.
+
+    Members that diverged are left out. If all did, the first is kept in its last good state.
+    """
+    law = LAWS[cases[0].config.law]
+    places = range(len(cases))
+    sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
+    theta = [
+        run.trainer.in_units(first + k, run.trainer.solution(first + k)[1].tolist()) for k in sound
+    ]
+    members = Members(
+        seed=tuple(cases[k].member.seed for k in sound),
+        values={name: tuple(t[law.names.index(name)] for t in theta) for name in law.free},
+        diverged=sum(first + k in run.trainer.diverged for k in places),
+    )
+    shown = nearest(members, law)
+    return dataclasses.replace(members, shown=shown), sound[shown]
+
+
+def model_of(case: Case, trainer: Trainer, e: int) -> Model:
+    """The trained network and law of a case, member e of the run."""
+    problem = case.member.problem
+    law = LAWS[case.config.law]
+    return Model(problem.spec, problem.physics, *trainer.solution(e), case.scales, law)
+
+
+def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
+    """The residuals of a trained member; None if one of them is not finite."""
+    if loss is None:
+        return None
+    rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
+    noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
+    speed = _rms_speed(case)
+    return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
+
+
+def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) -> Known:
+    """What a run of so many steps knows of the accuracy of its law.
+
+    Args:
+        x: I/(I + I0) at both ends of the range of I.
+        mu: mu_s and mu_2.
+    """
+    noise = residuals.noise or measured_noise(case) or 0.0
+    outline, real = case.config.level == "V0", not case.flow.of_solver
+    fit = residuals.velocity, residuals[TERMS[LAW].name]
+    return Known(x, mu, *fit, noise, case.facts.independent(), steps, outline, real)
+
+
+def measured_noise(case: Case) -> float | None:
+    """Noise that the vectors show, relative to their rms; None if they are too few."""
+    sigma = case.facts.noise.sigma
+    return None if sigma is None else sigma * math.sqrt(2) / _rms_speed(case)
+
+
+def _rms_speed(case: Case) -> float:
+    """Root mean square of the fitted velocity, dimensionless; 1 for grains at rest."""
+    return math.sqrt(2 * float(case.member.data.velocity.square().mean())) or 1.0
+
+
+def data_of(case: Case) -> results.DataSummary:
+    """What the data of a case are, and what they show."""
+    flow, data = case.flow, case.member.data
+    return results.DataSummary(
+        n_points=len(data.points),
+        n_surface=len(data.surface_points),
+        noise=case.config.noise,
+        n_frames=int((case.whole or flow).t.size),
+        sampled=case.sampled,
+        symmetries=case.member.problem.symmetries,
+        slips=case.slips,
+        measured_noise=measured_noise(case),
+        independent=case.facts.independent(),
+    )
+
+
+def result(
+    case: Case,
+    run: TrainingLoop,
+    e: int,
+    members: Members,
+    model: Model,
+    assumed: tuple[Assumed, ...] = (),
+) -> Result:
+    """The result of an ensemble before its fields are known.
+
+    Args:
+        case, e: the member that is shown, and its place in the run.
+        model: its network.
+        assumed: assumptions and their effect on the law.
+    """
+    flow, config, data = case.flow, case.config, case.member.data
+    loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
+    residuals, steps = residuals_of(case, loss), run.trainer.step
+    I_range = inertial_range(data, model)
+    law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
+    return Result(
+        **law._asdict(),
+        level=config.level,
+        form=config.form,
+        recipe=config.recipe,
+        seed=config.seed,
+        data=data_of(case),
+        timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
+        device=str(run.trainer.params.device),
+        versions=results.versions(),
+        input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
+        settings=dataclasses.asdict(config),
+        stopped=run.stopped if failure is None else "diverged",
+        failure=failure,
+        truth=flow.truth,
+        loss=loss,
+        members=members,
+        residuals=residuals,
+    )
+
+
+class _Law(NamedTuple):
+    """The fields of a result that the assumptions change."""
+
+    parameters: Parameters
+    covariance: Covariance | None
+    error_bars: ErrorBars | None
+    law: IdentifiedLaw
+    assumptions: tuple[Assumed, ...]
+
+
+def _law(
+    case: Case,
+    members: Members,
+    residuals: Residuals | None,
+    steps: int,
+    diverged: bool,
+    assumed: tuple[Assumed, ...],
+    I_range: Pair | None,
+) -> _Law:
+    """The law of an ensemble with its error bars, or why it has none."""
+    I0, known = case.member.fixed.get("I0"), None
+    of_mu_of_I = LAWS[case.config.law] is DEFAULT
+    if of_mu_of_I and residuals is not None and I_range is not None and I0 is not None:
+        mu_s, mu_2 = center(members)
+        known = known_by(case, residuals, steps, ends_of(I_range, I0), (mu_s, mu_2))
+    judged = of_training.judge(
+        members,
+        residuals,
+        known,
+        case.config,
+        diverged,
+        case.member.problem.symmetries,
+        assumed,
+    )
+    fixed = case.member.fixed
+    parameters = Parameters(
+        (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
+        for name in LAWS[case.config.law].names
+    )
+    law = IdentifiedLaw(case.config.law, I_range, reason=judged.reason)
+    return _Law(parameters, judged.covariance, judged.bars, law, assumed)
+
+
+def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:
+    """The result of `result` with other effects of its assumptions on the law."""
+    assert result.members is not None
+    steps, diverged = result.timing.steps, result.failure is not None
+    known = result.members, result.residuals, steps, diverged
+    law = _law(case, *known, assumed, result.law.I_range)
+    return dataclasses.replace(result, **law._asdict())
+
+
+def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
+    """Errors of a result against the reference in its flow file, by its fields."""
+    at_particles = prediction.velocity_at_particles(case.flow, model)
+    return scoring.score(case.flow, maps, parameters, lambda: case.shared.strain_rate, at_particles)

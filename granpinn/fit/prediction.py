@@ -1,0 +1,183 @@
+r"""Evaluate a trained network on the input grid.
+
+At every grid point inside the grains (c = 1), from the network and the identified parameters:
+
+$$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\sqrt{|p|/\rho},
+   \quad \eta = \mu(I)\,p/\dot\gamma \ \text{inside its limits,} $$
+
+the deviatoric stress tau (an output of the network in the mixed form, 2 eta D in the strong form),
+and the residual of the strong momentum equation, for both forms.
+"""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from granpinn.arrays import Float32, Float64
+from granpinn.data import Flow, test_grid
+from granpinn.data.symmetry import axes_of
+from granpinn.fit.case import Model
+from granpinn.kernels import ops
+from granpinn.kernels.network import NetworkSpec
+from granpinn.physics.axes import Axes
+from granpinn.physics.constants import Physics
+from granpinn.physics.laws import Law
+from granpinn.physics.rheology import inertial_number
+from granpinn.physics.scales import Quantity, Scales
+from granpinn.results import Fields
+from granpinn.results.fields import VARIABLES, Units
+from granpinn.training.operators import operators_of
+
+CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
+SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
+
+
+def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
+    """The fields of a model at all points inside the grains, in the units of `flow`.
+
+    Args:
+        flow: the file's own flow, without added noise: u, v and p become the reference values.
+        chunk: points per evaluation.
+    """
+    scales, grid = model.scales, test_grid(flow, model.scales)
+    values = values_at(grid.points, axes_of(flow), model, chunk)
+    if flow.source is not None:
+        _subtract_source(values, flow, grid.points, scales)
+    for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
+        if known is not None:
+            values[f"{name}_reference"] = known[grid.indices].astype(np.float32)
+    return Fields(
+        t=flow.t,
+        y=flow.y,
+        x=flow.x,
+        c=np.minimum(flow.c, np.float32(1.0)),
+        values=values,
+        units=Units(flow.length_unit, flow.time_unit, flow.density_unit),
+        length=scales.length,
+        time=scales.time,
+        pressure=scales.pressure,
+        steady=flow.steady,
+    )
+
+
+def values_at(points: Tensor, axes: Axes, model: Model, chunk: int = CHUNK) -> dict[str, Float32]:
+    """The predicted `fields.VARIABLES` [N] in the units and axes of a flow.
+
+    Args:
+        points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
+        axes: of the training.
+        chunk: points per evaluation.
+    """
+    values: dict[str, Float32] = {}
+    for start in range(0, len(points), chunk):
+        part = _turned(points[start : start + chunk], axes).to(model.params)
+        found = evaluate(part, model.spec, model.params, model.law, model.theta, model.physics)
+        for name, value in _turned_back(found, axes).items():
+            if name not in values:
+                values[name] = np.empty(len(points), np.float32)
+            kind = VARIABLES[name][0]
+            if kind in get_args(Quantity):
+                value = model.scales.to_physical(value, kind)  # type: ignore[arg-type]
+            values[name][start : start + chunk] = value.cpu().numpy()
+    return values
+
+
+def _subtract_source(
+    values: dict[str, Float32], flow: Flow, points: Tensor, scales: Scales
+) -> None:
+    """Take the source term of a flow off the residuals of momentum at its own points [N, 3]."""
+    assert flow.source is not None
+    for axis, force in zip("xy", flow.source(*scales.points_to_physical(points).T), strict=True):
+        dimensionless = scales.to_dimensionless(force, "acceleration")
+        values[f"momentum_residual_{axis}"] -= dimensionless.astype(np.float32)
+
+
+def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
+    """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
+    p = flow.particles
+    if p is None:
+        return None
+    points = model.scales.points_to_dimensionless(p.x, p.y, p.t)
+    return velocity(points, axes_of(flow), model)
+
+
+@torch.no_grad()
+def velocity(points: Float64, axes: Axes, model: Model) -> Float64:
+    """Predicted (u, v) [2, N] in the units and axes of a flow.
+
+    Args:
+        points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
+        axes: of the training.
+    """
+    turned_points = _turned(torch.as_tensor(points), axes)
+    spec, params = model.spec, model.params
+    network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
+    parts = [
+        ops.network_value(part.to(params), params, *network)[:, :2].cpu()
+        for part in torch.split(turned_points, CHUNK)
+    ]
+    turned = model.physics.velocity_scale * torch.cat(parts).double().numpy().T
+    predicted = np.stack(axes.undo(turned[0], turned[1]))
+    return np.asarray(model.scales.to_physical(predicted, "velocity"))
+
+
+def _turned(points: Tensor, axes: Axes) -> Tensor:
+    """Points [N, 3] = (x, y, t) in the axes of the training."""
+    x, y, t = points.unbind(1)
+    return torch.stack([*axes.turn(x, y), t], 1)
+
+
+def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
+    """The values of `evaluate` in the axes of the file."""
+    found = dict(values)
+    for x, y in (("u", "v"), ("momentum_residual_x", "momentum_residual_y")):
+        found[x], found[y] = axes.undo(values[x], values[y])
+    stress = values["tau_xx"], values["tau_xy"]
+    found["tau_xx"], found["tau_xy"] = axes.undo_stress(*stress)
+    return found
+
+
+@torch.no_grad()
+def evaluate(
+    points: Tensor, spec: NetworkSpec, params: Tensor, law: Law, theta: Tensor, physics: Physics
+) -> dict[str, Tensor]:
+    """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
+
+    All in the axes of the training.
+    """
+    U, P = physics.velocity_scale, physics.pressure_scale
+    network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
+    z, z_x, z_y, _ = ops.network_jet(points, params, *network, 1)
+    u, v = U * z[:, 0], U * z[:, 1]
+    D_xx, D_yy = U * z_x[:, 0], U * z_y[:, 1]
+    D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2
+    p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
+    D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
+    gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
+    d, floor = physics.grain_diameter, physics.pressure_floor
+    limits = physics.eta_min, physics.eta_max
+    operators = operators_of([law])
+    eta = operators.viscosity(gamma_dot, p, theta, d, *limits, floor, law.name)
+    if spec.form == "mixed":
+        tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
+    else:
+        tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
+    residual = operators.strong_residual(points, params, theta, *network, list(physics), law.name)
+    e_u, e_v, divergence = residual.unbind(1)
+    return {
+        "u": u,
+        "v": v,
+        "p": p,
+        "tau_xx": tau_xx,
+        "tau_xy": tau_xy,
+        "D2": torch.sqrt(D_squared),
+        "I": inertial_number(gamma_dot, p, d, floor),
+        "eta": eta,
+        "momentum_residual_x": e_u,
+        "momentum_residual_y": e_v,
+        "divergence": divergence,
+    }

@@ -1,0 +1,146 @@
+"""From trained networks to the answer: the values on the disk, fields, intervals and curve.
+
+What follows the values can fail without harm to them. In the file it is "not done" until then.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from granpinn.checks import NONE, wanted
+from granpinn.checks.comparison_of_laws import places
+from granpinn.data import Flow
+from granpinn.fit import assumptions, ensemble
+from granpinn.fit.case import Case
+from granpinn.fit.context import Context
+from granpinn.fit.network import FILE, TrainedNetwork, write_network
+from granpinn.identification.identified import Identification, InFolder, InMemory
+from granpinn.output import OutputError, replacing
+from granpinn.results import Result
+from granpinn.results.attempt import PENDING, NotDone, attempt
+from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty.of_assumptions import without_effect
+
+FIELDS, ASSUMPTIONS, CURVE = "fields", "assumptions", "curve"
+LEFT_OUT = "--checks none leaves it out"
+
+
+def valued(
+    flow: Flow | str | os.PathLike[str],
+    cases: Sequence[Case],
+    run: TrainingLoop,
+    first: int,
+    folder: Path | None = None,
+    keep_fields: bool = True,
+    others: int | None = None,
+) -> Context:
+    """The fit of an ensemble, the members of the run from `first` on, with its values on the disk.
+
+    Args:
+        flow: as it was given.
+        others: place of the first companion of these cases (checks/comparison_of_laws.py), by
+            default behind them.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    members, place = ensemble.members_of(cases, run, first)
+    case, e = cases[place], first + place
+    model = ensemble.model_of(case, run.trainer, e)
+    uncertain = () if e in run.trainer.diverged else assumptions.assumptions_of(case)
+    why = PENDING
+    if case.config.checks == NONE:
+        why = LEFT_OUT
+    unknown = tuple(without_effect(assumption, why) for assumption in uncertain)
+    result = ensemble.result(case, run, e, members, model, unknown)
+    parts = [FIELDS, CURVE, *(check.name for check in wanted(case.config))]
+    if uncertain and why == PENDING:
+        parts.append(ASSUMPTIONS)
+    for part in parts:
+        result = result.without(part, PENDING)
+    context = Context(
+        flow,
+        result,
+        case,
+        model,
+        run,
+        e,
+        uncertain if why == PENDING else (),
+        places(case, e, first + len(cases) if others is None else others),
+        folder,
+        keep_fields,
+    )
+    context.keep(result)
+    if folder is not None:
+        write_network(TrainedNetwork.of(model, case.flow), folder / FILE)
+        if len(cases) > 1:
+            shown = parts_of(folder, len(cases))[place]
+            with replacing(folder / "history.csv") as temporary:
+                shutil.copyfile(shown / "history.csv", temporary)
+    return context
+
+
+def with_fields(context: Context) -> None:
+    """Predict the fields of a fit, and write them."""
+    context.attempt(FIELDS, context.predict)
+    context.keep(context.result)
+
+
+def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
+    """Find the effects of uncertain assumptions, and with them the intervals, as one batch."""
+    asked = {c.place: c.uncertain for c in contexts if c.uncertain}
+    found = attempt(lambda: assumptions.trained(asked, run)) if asked else {}
+    for context in contexts:
+        if not context.uncertain:
+            continue
+        if isinstance(found, NotDone):
+            why = found.why
+            effects = tuple(without_effect(assumption, why) for assumption in context.uncertain)
+            result = context.result.without(ASSUMPTIONS, why)
+        else:
+            effects = found[context.place]
+            result = context.result.with_record(ASSUMPTIONS, None)
+        context.keep(ensemble.with_assumptions(result, context.case, effects))
+
+
+def with_curve(context: Context, shown: Callable[[Result], None] | None = None) -> None:
+    """Find the law over the range of I that the data have; the answer is known then.
+
+    Args:
+        shown: called with the result from now on whenever it has grown.
+    """
+    if context.shear is not None:
+        context.attempt(CURVE, context.draw_curve)
+    else:
+        context.result = context.result.with_record(CURVE, None)
+    context.shown = shown
+    context.keep(context.result)
+
+
+def kept(context: Context) -> Identification:
+    """The result with its network, fields and history: those of its folder, else in memory."""
+    case, model = context.case, context.model
+    if context.folder is not None and context.keep_fields:
+        return Identification.of(context.result, InFolder(context.folder, model.law))
+    trained = TrainedNetwork.of(model, case.flow)
+    rows = context.run.histories[context.place].rows
+    parts = InMemory(trained, case.flow, model.law, rows, context.fields)
+    return Identification.of(context.result, parts)
+
+
+def parts_of(folder: Path, count: int) -> list[Path]:
+    """The folders of the histories of `count` members of a run."""
+    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+
+
+def require_kept(folder: Path) -> None:
+    """Raise OutputError if files of a finished run are gone: somebody removed its folder."""
+    missing = [name for name in ("config.toml", "results.json") if not (folder / name).exists()]
+    if missing:
+        raise OutputError(
+            f"{folder} was removed during the run (it lacks {' and '.join(missing)}): start again "
+            f"with an --out that stays"
+        )

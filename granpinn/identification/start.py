@@ -1,0 +1,109 @@
+"""The start of a training: its folder, and the loop that trains its cases side by side."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from granpinn.checks.simulated_pressure import kept_after_training
+from granpinn.config import Config, ConfigError
+from granpinn.config.toml import to_toml
+from granpinn.fit import assumptions
+from granpinn.fit.case import Case, choose_device
+from granpinn.identification.answer import parts_of
+from granpinn.inspection.confined import undetermined
+from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.training.loop import TrainingLoop
+from granpinn.training.objective import Objective
+from granpinn.training.parallel import Processes
+from granpinn.training.progress import Progress, by_default
+from granpinn.training.room import require_room
+
+
+def histories(folder: Path | None, count: int) -> list[Path | None]:
+    """The folders of the histories of `count` members; None for each without a run folder."""
+    return [None] * count if folder is None else [*parts_of(folder, count)]
+
+
+def start(
+    cases: Sequence[Case],
+    config: Config,
+    folder: Path | None,
+    progress: Progress | None,
+    begin: float,
+    members: Sequence[Path | None] | None = None,
+    together: Processes | None = None,
+) -> TrainingLoop:
+    """The run that trains the cases side by side; it counts its time limit from `begin`."""
+    device = choose_device(config.device)
+    together = together or Processes()
+    share = (together.rank, together.size)
+    everyone = [case.member for case in cases]
+    require_room(everyone, config, device)
+    objective = Objective(everyone, config.batch, device, share, config.precision)
+    deadline, later = None, 0.0
+    if config.max_time is not None:
+        limit = config.max_time - kept_after_training(config, len(cases))
+        later = assumptions.seconds(cases, limit)
+        deadline = begin + limit - later
+    progress = progress or by_default()
+    run = TrainingLoop(objective, config, folder, progress, deadline, members, together, later)
+    many = f"{len(cases)} members, " if len(cases) > 1 else ""
+    many += f"{together.size} processes, " if together.size > 1 else ""
+    vectors = sum(len(data.points) for data in objective.distinct)
+    walls = sum(len(data.wall_points) for data in objective.distinct)
+    between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
+    many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
+    many += f"{walls} points on walls, " if walls else ""
+    for sampled in dict.fromkeys(case.sampled for case in cases):
+        if sampled is not None:
+            progress.message(sampled)
+    for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
+        if words:
+            progress.message("; ".join(words))
+    if any(case.member.problem.physics.side_wall > 0 for case in cases):
+        progress.message(
+            f"side walls: their friction {config.side_walls.friction:g} is in the equations"
+        )
+    for reason in dict.fromkeys(undetermined(case.seen, config.level) for case in cases):
+        if reason is not None:
+            progress.message(f"warning: no friction coefficient will be determined: {reason}")
+    progress.message(
+        f"{many}{len(objective.surface_points)} surface points, "
+        f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
+    )
+    return run
+
+
+def folder_of(run_dir: str | os.PathLike[str] | None) -> Path | None:
+    """The folder of a run; ConfigError for an empty name, which is no word for the current one."""
+    if run_dir is not None and not os.fspath(run_dir):
+        raise ConfigError("run_dir must name a folder, got '': the current one is '.'")
+    return None if run_dir is None else Path(run_dir)
+
+
+def prepare(folder: Path, config: Config, members: int = 1) -> Path:
+    """Make the folders of a run and write config.toml.
+
+    Raises:
+        ConfigError: the folder holds another run, or is none.
+        OutputError: the folders cannot be made or written to.
+    """
+    taken = [
+        name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
+    ]
+    if taken and not config.resume:
+        raise ConfigError(
+            f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
+            f"another --out"
+        )
+    if objection := objection_to_folder(folder):
+        raise ConfigError(f"--out {objection}")
+    for part in parts_of(folder, members):
+        make_folder(part)
+    if not (config.resume and (folder / "config.toml").exists()):
+        settings = dataclasses.replace(config, resume=False)
+        write_text(folder / "config.toml", to_toml(settings))
+    return folder

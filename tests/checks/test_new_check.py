@@ -1,0 +1,124 @@
+"""A new check is one new file: it is made, judged, printed, drawn, written and read again."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from granpinn import checks, identify, load, report
+from granpinn.config import ConfigError
+from granpinn.data import Flow
+from granpinn.results import ResultsFileError, read_results
+from tests.runs import tiny
+
+FILE = '''
+"""The largest predicted speed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from granpinn.checks import Check
+from granpinn.figures.style import Drawing, new_figure
+from granpinn.results.record import CARE, Reason, Record, Table
+
+
+@dataclass(frozen=True)
+class LargestSpeed(Record):
+    title = "Largest speed"
+    notes = "Of the network, at the points of the grid."
+
+    speed: float
+
+    @property
+    def words(self):
+        return f"no grain is faster than {self.speed:.3g}"
+
+    @property
+    def table(self):
+        return Table(("", "speed"), [("largest", f"{self.speed:.4f}")])
+
+    def reasons(self, result):
+        return [Reason(CARE, "A test says so.")]
+
+    def figures(self):
+        return {"largest_speed": (self.title, lambda source: Drawing(new_figure(1.0), "Empty."))}
+
+
+def make(context):
+    values = context.predicted().values
+    return LargestSpeed(float(np.hypot(values["u"], values["v"]).max()))
+
+
+CHECK = Check("largest_speed", LargestSpeed, make, seconds=0.5, quick=False)
+'''
+
+
+@pytest.fixture
+def new_check(tmp_path: Path) -> Iterator[None]:
+    """The file in the folder of the checks, as it were."""
+    place = tmp_path / "checks"
+    place.mkdir()
+    (place / "largest_speed.py").write_text(FILE)
+    checks.__path__.append(str(place))
+    checks.every.cache_clear()
+    yield
+    checks.__path__.remove(str(place))
+    sys.modules.pop("granpinn.checks.largest_speed", None)
+    checks.every.cache_clear()
+
+
+def test_one_file_is_enough(
+    new_check: None, flow: Flow, tmp_path: Path, figures: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert len(FILE.splitlines()) < 60
+    folder = tmp_path / "run"
+    result = identify(flow, tiny(checks="largest_speed"), run_dir=folder)
+    assert list(result.checks) == ["largest_speed"]
+    record = result.checks["largest_speed"]
+    assert "A test says so." in result.assessment.reasons
+    assert f"no grain is faster than {record.speed:.3g}" in str(result)
+    assert f"largest  {record.speed:.4f}" in str(result)
+    assert read_results(folder / "results.json").checks == load(folder).checks == result.checks
+    monkeypatch.setattr("granpinn.figures.album.FIGURES", {})
+    page = report.build(folder).read_text()
+    assert "<h2>Largest speed</h2>" in page
+    assert (folder / "figures" / "largest_speed.png").exists()
+
+
+def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--checks must be words of none, quick, all, bootstrap,"):
+        identify(flow, tiny(checks="largest_speed"))
+    identify(flow, tiny(checks="none"), run_dir=tmp_path)
+    path = tmp_path / "results.json"
+    path.write_text(path.read_text().replace('"checks": {}', '"checks": {"os": {}}'))
+    with pytest.raises(ResultsFileError, match="checks.os is not known; expected bootstrap,"):
+        read_results(path)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, {"momentum_balance", "simulated_pressure"}),
+        ({"checks": "none"}, set()),
+        ({"checks": "none", "resimulate": True}, {"resimulation", "simulator_fit"}),
+        ({"checks": "bootstrap"}, {"bootstrap"}),
+        ({"checks": "quick,bootstrap"}, {"momentum_balance", "simulated_pressure", "bootstrap"}),
+    ],
+)
+def test_the_settings_say_which_checks_are_made(
+    settings: dict[str, object], expected: set[str]
+) -> None:
+    assert {check.name for check in checks.wanted(tiny(**settings))} == expected
+
+
+def test_quick_checks_come_first() -> None:
+    every = checks.every()
+    assert {check.name for check in checks.wanted(tiny(checks="all"))} == {c.name for c in every}
+    quick = [check.quick for check in sorted(every, key=lambda check: check.seconds)]
+    assert [check.name for check in every] == [c.name for c in checks.wanted(tiny(checks="all"))]
+    assert quick[0]
+    assert not quick[-1]

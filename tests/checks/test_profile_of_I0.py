@@ -1,0 +1,188 @@
+"""The profile of I0: excluded values, the answer, and the profile in a run."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from granpinn import reference, results, train
+from granpinn.checks.profile_of_I0 import Profile, grid_of, profile_from
+from granpinn.data import Flow
+from granpinn.fit.case import pose
+from granpinn.fit.final_loss import final_loss
+from granpinn.identification.start import start
+from granpinn.physics.terms import NAMES as TERMS
+from granpinn.results import InertialNumber, Parameter, Parameters, Result
+from granpinn.results.loss import Loss
+from granpinn.training.guard import NonFiniteError
+from tests.examples import make_result
+from tests.runs import tiny
+
+GRID = [0.1, 0.2, 0.3, 0.4, 0.8]
+SEEDS = (0, 1, 2)
+SCATTER = 1e-6
+BAND = InertialNumber(q05=0.0, median=0.03, q95=0.09)
+
+
+def member(I0: float, seed: int, loss: float, mu_2: float) -> Result:
+    parameters = Parameters(
+        mu_s=Parameter(0.4, False), mu_2=Parameter(mu_2, False), I0=Parameter(I0, True)
+    )
+    # What a seed does to all its losses must drop out.
+    draw = np.random.default_rng([round(1000 * I0), seed]).normal()
+    scatter = 0.5 * seed + SCATTER * draw
+    terms = {"velocity": loss + scatter, "momentum": 0.0}
+    weights = {"velocity": 1.0, "momentum": 10.0}
+    return make_result(
+        parameters=parameters,
+        seed=seed,
+        failure=None,
+        inertial_number=BAND,
+        loss=Loss(100, terms, weights),
+    )
+
+
+def profile_of(
+    loss: Callable[[float], float], mu_2: Callable[[float], float] = lambda I0: 0.64
+) -> Profile:
+    members = [member(I0, seed, loss(I0), mu_2(I0)) for I0 in GRID for seed in SEEDS]
+    return profile_from(members, law_accuracy=0.005, given=0.3)
+
+
+def parabola(I0: float) -> float:
+    return 0.01 * math.log(I0 / 0.26) ** 2
+
+
+def test_a_valley_gives_its_bottom() -> None:
+    profile = profile_of(parabola)
+    assert profile.status == "separable"
+    assert profile.best == pytest.approx(0.26, rel=1e-2)
+    assert profile.answer.startswith("I0 = 0.26")
+    low, high = profile.allowed
+    assert low is not None
+    assert high is not None
+    assert low < 0.26 < high
+    assert [p.excluded for p in profile.points] == [True, True, False, True, True]
+
+
+def test_a_flat_loss_gives_no_number() -> None:
+    profile = profile_of(lambda I0: 0.0)
+    assert profile.status == "not separable"
+    assert profile.best is None
+    assert profile.allowed == (None, None)
+    assert profile.answer == "I0 is not separable in these data: I covers 0.00..0.09"
+    assert not any(p.excluded for p in profile.points)
+
+
+def test_laws_that_agree_on_the_data_are_not_told_apart_by_their_loss() -> None:
+    """One slope, (mu_2 - 0.4)/(I0 + 0.045): the laws meet in the middle of the band."""
+    profile = profile_of(parabola, lambda I0: 0.4 + 0.5 * (I0 + 0.045))
+    assert max(p.law_difference for p in profile.points[1:]) < 0.005
+    assert max(p.loss_rise for p in profile.points) > 1000 * profile.smallest_rise
+    assert profile.best is None
+
+
+@pytest.mark.parametrize(("sign", "status"), [(1, "upper bound"), (-1, "lower bound")])
+def test_a_slope_gives_a_bound(sign: int, status: str) -> None:
+    profile = profile_of(lambda I0: 0.01 * max(0.0, sign * math.log(I0 / 0.3)))
+    assert profile.status == status
+    assert (profile.allowed[0] is None) == (sign > 0)
+    assert (profile.allowed[1] is None) == (sign < 0)
+    assert profile.best is None
+
+
+def test_slope_derivative_and_correlation() -> None:
+    profile = profile_of(lambda I0: 0.0, lambda I0: 0.4 + 0.6 * I0)
+    assert profile.slope == pytest.approx(0.6)
+    assert profile.slope_std == pytest.approx(0.0, abs=1e-12)
+    assert profile.mu_2_by_I0 == pytest.approx(0.6)
+    assert profile.correlation == pytest.approx(1.0)
+
+
+def test_a_seed_that_diverged_is_left_out() -> None:
+    members = [member(I0, seed, parabola(I0), 0.64) for I0 in GRID for seed in SEEDS]
+    members[1] = dataclasses.replace(members[1], failure="not finite")
+    assert profile_from(members, 0.005, 0.3).n_seeds == 2
+    members[2] = dataclasses.replace(members[2], failure="not finite")
+    with pytest.raises(NonFiniteError, match="needs two seeds that end at every value, got 1"):
+        profile_from(members, 0.005, 0.3)
+
+
+def test_the_weights_are_the_same_for_all() -> None:
+    members = [member(I0, seed, 0.0, 0.64) for I0 in GRID for seed in SEEDS]
+    loss = members[0].loss
+    assert loss is not None
+    heavier = Loss(100, loss.terms, {"velocity": 5.0, "momentum": 10.0})
+    members[0] = dataclasses.replace(members[0], loss=heavier)
+    rise = profile_from(members, 0.005, 0.3).points[0].loss_rise
+    assert rise == pytest.approx(0.0, abs=10 * SCATTER)
+
+
+def test_the_grid_is_even_in_log_I0() -> None:
+    grid = grid_of(tiny(I0=0.2, profile__values=5, profile__reach=4.0))
+    np.testing.assert_allclose(grid, [0.05, 0.1, 0.2, 0.4, 0.8])
+
+
+def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) -> None:
+    config = tiny(dtype="float64", optimizer__average=0.3)
+    run = start([pose(flow, config)], config, None, None, time.monotonic())
+    run.train()
+    found = final_loss(run.trainer, 0)
+    assert found is not None
+    objective = run.trainer.objective
+    params, theta = run.trainer.solution(0)
+    assert not torch.equal(params, run.trainer.params[0])  # the average
+    spec, strip = objective.spec, len(objective.members[0].data.strip)
+    assert strip > 0
+    held = slice(len(objective.points) - strip)
+    terms = reference.residual_loss(
+        params,
+        theta,
+        objective.points[held],
+        objective.velocity[held],
+        objective.point_weights[held],
+        objective.surface_points,
+        objective.surface_pressure,
+        objective.term_weights[0],
+        spec.widths,
+        objective.input_shift[0].tolist(),
+        objective.input_scale[0].tolist(),
+        objective.physics[0].tolist(),
+        spec.form,
+    )[1]
+    assert list(found.terms) == list(TERMS)
+    velocity, equations = objective.point_weights[held].mean(0)  # a part of all points
+    terms = terms / torch.stack([velocity, torch.ones(()), *[equations] * 3])
+    np.testing.assert_allclose(list(found.terms.values()), terms.tolist(), rtol=1e-9)
+    assert found.n_points == len(objective.points) - strip
+    assert found.weights["momentum"] == pytest.approx(0.05**-2)
+
+
+@pytest.mark.usefixtures("no_report")
+def test_the_command_says_it_and_writes_it(
+    flow_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["--steps", "20", "--log-every", "10", "--network.widths", "6,5"]
+    flags += ["--profile.values", "3", "--profile.seeds", "2", "--batch.interior", "16"]
+    flags += ["--simulated_pressure.frames", "0"]
+    out = tmp_path / "run"
+    assert train.main([str(flow_file), "--out", str(out), "--free-I0", *flags]) == 0
+    found = results.read_results(out / "results.json")
+    profile = found.checks["profile_of_I0"]
+    assert [p.I0 for p in profile.points] == pytest.approx([0.075, 0.3, 1.2])
+    assert profile.answer in capsys.readouterr().out
+    assert found.parameters.I0.fixed
+    assert not (out / "profile" / "000" / "fields.h5").exists()
+    settings = json.loads((out / "profile" / "000" / "results.json").read_text())["settings"]
+    assert settings["optimizer"]["average"] == 0.2
+    # Again, from what is there: nothing is trained anew.
+    assert train.main(["--out", str(out), "--resume"]) == 0
+    assert results.read_results(out / "results.json").checks["profile_of_I0"] == profile
