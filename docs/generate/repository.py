@@ -2,7 +2,7 @@
 
 README.md, CONTRIBUTING.md, CHANGELOG.md, SECURITY.md, the notes of the studies and the notebooks of
 examples/ (notebooks.py) become pages. Any other file that a page links to, such as
-../bench/results/cpu_step.json, is copied. Of links to a folder only the text stays, because a site
+../bench/results/steps.csv, is copied. Of links to a folder only the text stays, because a site
 has no folders.
 """
 

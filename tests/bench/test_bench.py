@@ -24,12 +24,7 @@ from bench import (
 from bench.jets import jets_step
 from bench.rivals import EAGER, OURS, Rival
 from bench.steps import fused_step, make_task
-from bench.studies.simulated_pressure import run as simulated_pressure
 from granpinn.config import Config
-from granpinn.data import write_flow
-from granpinn.fit.case import pose
-from granpinn.kernels.network import initial_parameters
-from tests.flows import make_flow
 
 CPU = torch.device("cpu")
 CEILINGS = {"sgemm_tflops": 50.0, "tf32_tflops": 350.0, "copy_tb_per_s": 4.0}
@@ -240,25 +235,6 @@ def test_numbers_of_the_file_are_rounded() -> None:
     }
 
 
-def test_the_simulated_pressure_of_a_checkpoint(tmp_path: Path) -> None:
-    write_flow(make_flow(), tmp_path / "heap.h5")
-    spec = pose(tmp_path / "heap.h5", Config()).member.problem.spec
-    tensors = {
-        "params": torch.stack([initial_parameters(spec, seed) for seed in (0, 1)]),
-        "theta": torch.tensor([[0.4, 0.6, 0.3]] * 2, dtype=torch.float64),
-    }
-    found = simulated_pressure.study([tmp_path / "heap.h5"], tensors, 2, 3, None, [(2, 6e-5)])
-    rows, (variant,) = found["rows"], found["variants"]
-    assert [(row["flow"], row["seed"], row["frames"]) for row in rows] == [
-        ("heap", 0, 3),
-        ("heap", 1, 3),
-    ]
-    assert (variant["seed"], variant["steps"]) == (0, 2)
-    assert variant["network"] == rows[0]["network"] != rows[1]["network"]
-    assert 0 < variant["simulated"]["all"] != rows[0]["simulated"]["all"]
-    assert variant["simulated"]["stagnant"] is None  # nothing rests in this flow
-
-
 STUDIES = Path(__file__).parents[2] / "bench" / "studies"
 NOTES = sorted(STUDIES.glob("**/note.md"))
 
@@ -266,7 +242,8 @@ NOTES = sorted(STUDIES.glob("**/note.md"))
 @pytest.mark.parametrize("note", NOTES, ids=lambda note: note.parent.name)
 def test_a_note_has_question_setting_and_answer(note: Path) -> None:
     lines = note.read_text().splitlines()
-    assert len(lines) <= 120
+    assert len(lines) <= 60
+    assert max(len(line) for line in lines if line[:1] != "|") <= 120  # tables may be wider
     assert re.fullmatch(r"# .+\?", lines[0])
     assert "## Setting" in lines
     assert any(line.startswith("## Answer") for line in lines)
@@ -277,7 +254,7 @@ def test_a_note_names_results_and_commands_that_exist(note: Path) -> None:
     text = note.read_text()
     for name in re.findall(r"`(results/[^`]+)`", text):
         assert list(note.parent.glob(name)), name
-    for link in re.findall(r"\]\((\.\.?/[^)#]+|results/[^)#]+)\)", text):
+    for link in re.findall(r"\]\((\.\.?/[^)#]+|results/[^)#]+)", text):
         if "docs/" not in link:
             assert (note.parent / link).exists(), link
     for module in re.findall(r"python -m (bench\.[\w.]+)", text):

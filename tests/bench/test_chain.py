@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.studies.experiment import commands
-from bench.studies.experiment import run as experiment
-from bench.studies.experiment.commands import ExperimentError, run
-from bench.studies.experiment.film import Film
-from bench.studies.experiment.losses import table
-from bench.studies.units_invariance.run import demonstration
-from granpinn.data import read_flow, write_flow
-from tests.command.pageless import pageless
+from bench.studies.experiment.commands import ExperimentError, convert, openpiv, run
+from bench.studies.experiment.film import Film, column, shoot
+from granpinn.simulation import Collapse
 
 WINDOW = 8
 INVALID = 7  # every seventh vector
-TINY = [
-    "--steps",
-    "20",
-    "--network.widths",
-    "16,16",
-    "--batch.interior",
-    "64",
-    "--batch.surface",
-    "16",
-    "--simulated_pressure.frames",
-    "0",
-]
 
 
 def true_vectors(film: Film, out: Path) -> None:
@@ -57,51 +39,30 @@ def true_vectors(film: Film, out: Path) -> None:
 
 def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
     """Rounding to five digits is all that happens to them; the line is off by a pixel or so."""
-    arguments = experiment.parser().parse_args(
-        [
-            *("--out", str(tmp_path), "--cells", "64", "--pairs", "4", "--pixel", "0.4"),
-            *("--window", str(WINDOW), "--measure-only"),
-        ]
-    )
-    found = experiment.experiment(arguments, [], true_vectors)
-    assert found == json.loads((tmp_path / "experiment.json").read_text())
-    piv, conversion = found["piv"], found["conversion"]
-    assert piv["relative_l2_percent"] < 0.01
-    assert piv["outliers_percent"] == 0
-    assert piv["rejected_percent"] == pytest.approx(100 / INVALID, abs=2)
-    assert 0.01 < piv["window_mean_percent"] < 20
-    assert conversion["relative_l2_percent"] < 0.01
-    assert conversion["slope_of_velocity"] == pytest.approx(1, abs=1e-4)
-    assert conversion["time_error_s"] < 1e-9
-    # Corners are rounded by the radius of the mean, 4 px: 1.6 % of the height.
-    assert conversion["surface"]["rms_percent_of_height"] < 1.6
-    assert abs(conversion["surface"]["bias_percent_of_height"]) < 0.8
-    flow = read_flow(tmp_path / "measured.h5")
+    collapse = Collapse(0.4, 0.64, cells=64)
+    film = shoot(column(64, 16, collapse), 4, 4e-4, 8.0, tmp_path, seed=0)
+    true_vectors(film, tmp_path / "vectors")
+    flow = convert(film, tmp_path / "vectors", tmp_path)
     assert (flow.length_unit, flow.time_unit) == ("m", "s")
     assert flow.truth is None
-    assert "surface line" in table(found)
-
-
-def test_a_flow_of_an_earlier_run_is_identified_and_no_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(commands, "run", lambda command: run(pageless(command)))
-    write_flow(demonstration(every=20), tmp_path / "flow.h5")
-    arguments = experiment.parser().parse_args(
-        ["--out", str(tmp_path / "out"), "--flow", str(tmp_path / "flow.h5")]
+    np.testing.assert_allclose(flow.t, film.times, atol=1e-9)
+    rejected = np.isnan(flow.u[flow.c == 1]).mean()
+    assert rejected == pytest.approx(1 / INVALID, abs=0.02)
+    x, y = (a.ravel() for a in np.meshgrid(flow.x, flow.y))
+    true = np.array([film.field.velocity(t, x, y) for t in film.times]).reshape(
+        4, 2, *flow.u.shape[1:]
     )
-    result = experiment.experiment(arguments, TINY)
-    assert result == json.loads((tmp_path / "out" / "experiment.json").read_text())
-    assert list(result["identification"]) == ["measured"]
-    assert not (tmp_path / "out" / "pictures").exists()
-    found = result["identification"]["measured"]
-    assert found["steps"] == 20
-    value = found["parameters"]["mu_s"]["value"]
-    assert found["error_percent"]["mu_s"] == pytest.approx(100 * (value / 0.4 - 1))
-    assert 0 < found["misfit_percent"] < 100
-    assert set(found["truth_in_interval_90"]) == {"mu_s", "mu_2"}
-    rows = {"identification": {"measured": found}}
-    assert f"mu_s {value:.4f}" in table(rows)
+    found = np.stack([flow.u, flow.v], axis=1)
+    error = np.where(np.isfinite(found), found - true, 0)
+    assert np.linalg.norm(error) < 1e-4 * np.linalg.norm(true[np.isfinite(found)])
+    # Corners are rounded by the radius of the mean, 4 px.
+    line = flow.surface
+    assert line is not None
+    for t, a, b in zip(line.t, line.x, line.y, strict=True):
+        away = 5 * film.camera.pixel
+        around = [(a + way * away, b + up * away) for way in (-1, 0, 1) for up in (-1, 0, 1)]
+        inside = [film.field.fraction(t, *map(np.atleast_1d, at))[0] for at in around]
+        assert min(inside) < 0.5 < max(inside)
 
 
 def test_without_openpiv(tmp_path: Path) -> None:
@@ -110,7 +71,7 @@ def test_without_openpiv(tmp_path: Path) -> None:
     without.chmod(0o755)
     for python in (without, tmp_path / "missing"):
         with pytest.raises(ExperimentError, match="python must have OpenPIV|missing must have"):
-            experiment.openpiv(str(python), 16)
+            openpiv(str(python), 16)
 
 
 def test_a_failing_command_is_named() -> None:

@@ -98,8 +98,6 @@ def test_velocity_goes_on_beyond_the_surface() -> None:
     u, v = flowing.velocity(1.0, x, np.array([29.0, 31.0, 60.0]))
     np.testing.assert_allclose(u, [1.5, 1.5, 0.0])
     np.testing.assert_allclose(v, [-0.5, -0.5, 0.0])
-    inside = flowing.inside(1.0, x, np.array([28.0, 29.8, 60.0]))
-    np.testing.assert_array_equal(inside, [True, False, False])
 
 
 def test_grains_are_in_the_material_only(seed: int) -> None:

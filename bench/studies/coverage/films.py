@@ -27,9 +27,8 @@ from bench.studies import raw
 from bench.studies.cores import on_all_cores
 from bench.studies.coverage.materials import Task, draw
 from bench.studies.coverage.run import identified
-from bench.studies.experiment.commands import ExperimentError, convert
+from bench.studies.experiment.commands import ExperimentError, Piv, convert, openpiv
 from bench.studies.experiment.film import HEIGHT, column, shoot
-from bench.studies.experiment.run import Piv, openpiv
 from granpinn.config import ConfigError
 from granpinn.simulation import Collapse
 

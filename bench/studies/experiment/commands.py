@@ -1,17 +1,16 @@
-"""The commands of the experiment: those of granpinn, as a laboratory would give them."""
+"""The outside programs of the experiment: a PIV program, and granpinn.convert as a lab calls it."""
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-from bench.studies.experiment.film import FRACTION, GRAIN_DENSITY, TRUTH, Film
+from bench.studies.experiment.film import FRACTION, GRAIN_DENSITY, Film
 from granpinn.data import Flow, read_flow
+
+Piv = Callable[[Film, Path], None]  # measures a film into a folder
 
 
 class ExperimentError(RuntimeError):
@@ -51,29 +50,25 @@ def convert(film: Film, vectors: Path, out: Path) -> Flow:
     return read_flow(flow)
 
 
-def inspect(flow: Path, out: Path) -> dict[str, Any]:
-    """granpinn.inspect on a flow file: its numbers and its facts."""
-    command = [sys.executable, "-m", "granpinn.inspect", str(flow), "--out", str(out), "--json"]
-    found: dict[str, Any] = json.loads(run(command))
-    return found
+def openpiv(python: str, window: int) -> Piv:
+    """The PIV of OpenPIV, in a process of its own with its own interpreter.
 
+    Raises:
+        ExperimentError: the interpreter has no OpenPIV.
+    """
+    try:
+        found = subprocess.run([python, "-c", "import openpiv"], capture_output=True, check=False)
+    except OSError:
+        found = None
+    if found is None or found.returncode:
+        raise ExperimentError(
+            f"{python} must have OpenPIV, got none: install the package openpiv in an environment "
+            "of its own and name that with --openpiv-python"
+        )
 
-def identify(flow: Path, out: Path, settings: Sequence[str]) -> dict[str, Any]:
-    """granpinn.train on a flow file: parameters with their intervals, errors in % and seconds."""
-    begin = time.monotonic()
-    run([sys.executable, "-m", "granpinn.train", str(flow), "--out", str(out), *settings])
-    result = json.loads((out / "results.json").read_text())
-    parameters = {name: result["parameters"][name] for name in ("mu_s", "mu_2")}
-    intervals = {name: parameters[name]["interval_90"] for name in TRUTH}
-    return {
-        "parameters": parameters,
-        "error_percent": {n: 100 * (parameters[n]["value"] / TRUTH[n] - 1) for n in TRUTH},
-        "truth_in_interval_90": {
-            name: None if interval is None else interval[0] <= TRUTH[name] <= interval[1]
-            for name, interval in intervals.items()
-        },
-        "misfit_percent": result["error_percent"]["velocity"],
-        "steps": result["timing"]["steps"],
-        "assessment": result["assessment"],
-        "command_s": round(time.monotonic() - begin, 1),
-    }
+    def measure(film: Film, out: Path) -> None:
+        script = Path(__file__).with_name("openpiv_program.py")
+        out.mkdir(parents=True, exist_ok=True)
+        run([python, str(script), str(film.folder), str(out), str(window)])
+
+    return measure

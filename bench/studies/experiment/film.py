@@ -22,12 +22,10 @@ from bench.studies.experiment.velocity_field import VelocityField
 from granpinn.data import Flow
 from granpinn.simulation import Collapse, simulate
 
-TRUTH = {"mu_s": 0.4, "mu_2": 0.64}
 HEIGHT = 0.1  # m, of the column; its shape is that of the paper
 GRAVITY = 9.81
 FRACTION = 0.6  # of the volume: grains
 GRAIN_DENSITY = 2500.0
-PAPER = Collapse(mu_s=TRUTH["mu_s"], mu_2=TRUTH["mu_2"])
 FASTEST = 99.5  # percentile of the speed that makes the largest displacement
 MARGIN = 16  # px of dark above and beside the grains
 
@@ -44,8 +42,8 @@ class Film:
     folder: Path
 
 
-def column(cells: int, frames: int, like: Collapse = PAPER) -> Flow:
-    """A collapse in SI units, 0.1 m high, with every cell of the grid; by default the paper's."""
+def column(cells: int, frames: int, like: Collapse) -> Flow:
+    """A collapse in SI units, 0.1 m high, with every cell of the grid."""
     scale = HEIGHT / like.height
     return simulate(
         dataclasses.replace(

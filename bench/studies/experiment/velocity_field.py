@@ -26,8 +26,6 @@ class VelocityField:
         self.t, self.y, self.x = flow.t, flow.y, flow.x
         self.c = flow.c.astype(np.float64)
         self.u, self.v = (beyond(a.astype(np.float64), LAYERS) for a in (flow.u, flow.v))
-        self.known = np.isfinite(flow.u)
-        self.p = beyond(flow.p.astype(np.float64), LAYERS) if flow.p is not None else None
 
     def velocity(self, t: float, x: Array, y: Array) -> Array:
         """(u, v) [2, n] at a time and at points [n]; 0 farther than LAYERS cells from grains."""
@@ -36,17 +34,6 @@ class VelocityField:
     def fraction(self, t: float, x: Array, y: Array) -> Array:
         """Volume fraction of grains [n]."""
         return self._sample(self.c, t, x, y)
-
-    def pressure(self, t: float, x: Array, y: Array) -> Array:
-        """Pressure [n], of a flow that knows it."""
-        assert self.p is not None
-        return self._sample(self.p, t, x, y)
-
-    def inside(self, t: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
-        """Points [n] all of whose neighbors in space are full of grains, in the nearest frame."""
-        k = int(np.argmin(np.abs(self.t - t)))
-        known = self.known[k].astype(np.float64)
-        return np.asarray(_bilinear(known, *self._place(x, y)) > 1 - 1e-9)
 
     def _place(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Positions in cells; beyond the outermost cell centers those count."""

@@ -1,4 +1,4 @@
-"""The default identification on every scene of grains: table, JSON and figure.
+"""The default identification on every scene of grains.
 
     python -m bench.studies.grains.run --all SCENES --out RUNS --device cuda
 
@@ -20,7 +20,6 @@ from typing import Any
 
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains.figure import draw
 from bench.studies.grains.make import FLOW, SUMMARY
 from bench.studies.grains.score import line, score
 from granpinn import identify_many
@@ -79,7 +78,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--all", type=Path, required=True, help="folder of the scenes")
     parser.add_argument("--only", nargs="+", help="names of scene folders, by default every one")
-    parser.add_argument("--out", type=Path, required=True, help="folder for runs, table and figure")
+    parser.add_argument("--out", type=Path, required=True, help="folder for runs and grains.json")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--group", type=int, default=0, help="flows at a time; 0: all")
     chosen, settings, config = raw.parse(parser)
@@ -101,7 +100,6 @@ def main() -> int:
         "scores": scores,
     }
     raw.write(chosen.out / "grains.json", found)
-    draw(scenes, scores, chosen.out / "grains.png")
     return 0
 
 

@@ -1,8 +1,6 @@
 """Scores a run of granpinn on a scene of grains.
 
-    python -m bench.studies.grains.score RUN --scene SCENE
-
-RUN is a folder of granpinn.train (results.json, fields.h5), SCENE one of
+The run is a folder of granpinn.train (results.json, fields.h5), the scene one of
 bench.studies.grains.make. The error of mu(I) is in % of the scene's own law (along D) and of the
 shear cell's law, at the inertial numbers of `law.SCORED` within the scene's 5..95 % range of I, and
 of the scene's mean mu at its mean I. Where that range is narrow (a steady chute) the scene has no
@@ -12,17 +10,14 @@ Pressure is compared on block means where grains flow: in one cell it is noisy b
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains.law import SCORED, SLOWEST, errors_percent, friction, mu_of_i
+from bench.studies.grains.law import SLOWEST, errors_percent, friction
 from bench.studies.grains.make import REFERENCE, SUMMARY
 from bench.studies.records import records_of
 from granpinn.arrays import Float64
@@ -30,18 +25,16 @@ from granpinn.results import (
     FieldsFileError,
     Result,
     ResultsFileError,
-    plain,
     read_fields,
     read_results,
 )
 
 BLOCK = (8, 3, 3)  # frames and cells of a block; all frames of a steady flow
 FILLED = 0.5  # share of the cells of a block that must flow
-NORMAL_90 = 1.645  # half width of a 90 % interval in standard deviations
 
 
 def score(run: Path, scene: Path) -> dict[str, Any]:
-    """Errors of the law, whether its 90 % intervals hold the scene's law, error of the pressure.
+    """Errors of the law and of the pressure.
 
     Raises:
         ExperimentError: a file is missing or cannot be read.
@@ -81,33 +74,8 @@ def law_score(result: Result, summary: dict[str, Any]) -> dict[str, Any]:
         found["mean"] = own["mean"] | {"error_percent": 100 * (mu / own["mean"]["mu"] - 1)}
     for name, truth in (("own", own["law"]), ("shear_cell", summary["truth"])):
         if truth is not None:
-            errors = errors_percent(curve, truth, low, high)
-            found[f"error_percent_{name}"] = errors
-            half = half_width_percent(result, law)
-            found[f"within_90_{name}"] = {
-                i: None if half is None else abs(e) <= half[i] for i, e in errors.items()
-            }
+            found[f"error_percent_{name}"] = errors_percent(curve, truth, low, high)
     return found
-
-
-def half_width_percent(result: Result, law: dict[str, float]) -> dict[str, float] | None:
-    """Half width of the 90 % interval of mu(I), in % of mu, from the covariance or the band."""
-    curve = result.law.curve
-    if result.covariance is None and curve is not None and curve.low is not None:
-        half = (np.array(curve.high) - np.array(curve.low)) / 2 / np.array(curve.mu)
-        return {f"{i:g}": float(100 * np.interp(np.log(i), np.log(curve.I), half)) for i in SCORED}
-    if result.covariance is None:
-        return None
-    names = result.covariance.names
-    matrix = np.asarray(result.covariance.matrix)
-    bars, widths = result.error_bars, {}
-    half_width = bars.half_width if bars else NORMAL_90
-    for i in SCORED:
-        x = i / (i + law["I0"])
-        slopes = {"mu_s": 1 - x, "mu_2": x}
-        j = np.array([slopes.get(name, 0.0) for name in names])
-        widths[f"{i:g}"] = float(100 * half_width * np.sqrt(j @ matrix @ j) / mu_of_i(law, i))
-    return widths
 
 
 def pressure_score(fields: Path, reference: Path) -> dict[str, float | None]:
@@ -173,23 +141,3 @@ def line(found: dict[str, Any]) -> str:
     noise = found.get("pressure", {}).get("noise_percent")
     pressure = "" if p is None else f"  p {p:.0f} % (noise {noise:.0f} %)"
     return f"{found['scene']:<18} {found['material']:g}  seed {found['seed']}  {errors}{pressure}"
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("run", type=Path, help="run folder of granpinn.train")
-    parser.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    parser.add_argument("--json", type=Path, help="file for the score")
-    chosen = parser.parse_args()
-    try:
-        found = score(chosen.run, chosen.scene)
-    except ExperimentError as error:
-        print(f"bench.studies.grains.score: {error}", file=sys.stderr)
-        return 1
-    raw.write(chosen.json, found)
-    print(json.dumps(plain(found), indent=1))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

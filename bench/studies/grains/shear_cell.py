@@ -1,6 +1,6 @@
 """The truth: mu(I) of a material in homogeneous Lees-Edwards shear at a constant pressure.
 
-    python -m bench.studies.grains.shear_cell --material 0.4 --pressure 20 --json truth.json
+    python -m bench.studies.grains.shear_cell --material 0.4 --pressure 20 --lmp lammps/bin/lmp
 
 900 disks in a periodic box, 30 d wide, or 1,728 spheres in one of 12 d. The box is sheared at a
 rate gdot and its height follows the pressure sigma_yy. mu = |sigma_xy|/p and
@@ -14,6 +14,7 @@ Defends: mu(I) of the shear cell to 1 % from I = 0.01 to 0.3.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ import numpy as np
 
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
+from bench.studies.grains import truths
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import fit
 from bench.studies.grains.materials import (
@@ -184,13 +186,14 @@ def main() -> int:
     parser.add_argument("--rates", type=float, nargs="+", default=list(STRAINS), help="I")
     parser.add_argument("--folder", type=Path, default=Path("shear_cell"), help="LAMMPS's files")
     parser.add_argument("--lmp", help="the program LAMMPS")
-    parser.add_argument("--json", type=Path, required=True, help="file for the results")
+    parser.add_argument("--json", type=Path, default=truths.PATH, help="file of all shear cells")
     chosen = parser.parse_args()
+    shape = SPHERES if chosen.spheres else DISKS
     try:
         material = Material(chosen.material)
         found = truth(
             Lammps(chosen.lmp),
-            SPHERES if chosen.spheres else DISKS,
+            shape,
             material,
             chosen.pressure,
             chosen.rates,
@@ -199,7 +202,9 @@ def main() -> int:
     except ExperimentError as error:
         print(f"bench.studies.grains.shear_cell: {error}", file=sys.stderr)
         return 1
-    raw.write(chosen.json, found)
+    name = truths.name_of(material, chosen.pressure, shape)
+    cells = truths.read(chosen.json) | {name: raw.write(None, found)}
+    chosen.json.write_text(json.dumps(cells, indent=1) + "\n", encoding="utf-8")
     for p in found["points"]:
         print(" ".join(f"{name} {value:.4g}" for name, value in p.items()))
     print(found["law"])

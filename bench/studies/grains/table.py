@@ -1,15 +1,13 @@
 """All scenes of a folder in one table: their own laws, noise and the plain momentum balance.
 
-    python -m bench.studies.grains.table SCENES --json scenes.json --csv scenes.csv --md scenes.md
+    python -m bench.studies.grains.table SCENES --md scenes.md
 
-The CSV has the points of every law, for drawing: scene, material, kind, I, mu, standard error. The
-table in Markdown has laws as mu_s/mu_2 at I0 = 0.3, or as mu at a mean I where I hardly varies.
+Laws stand as mu_s/mu_2 at I0 = 0.3, or as mu at a mean I where I hardly varies.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,26 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.law import SCORED, errors_percent, mu_of_i
 from bench.studies.grains.make import SUMMARY, line
 from bench.studies.grains.run import scenes_in
 
 MOST = 0.10  # the largest inertial number of the table
-COLUMNS = ("scene", "material", "kind", "I", "mu", "se")
-
-
-def points(summary: dict[str, Any]) -> list[tuple[Any, ...]]:
-    """The rows of the CSV of one scene."""
-    kinds = {"along_D": summary["own"]["along_D"], "norm": summary["own"]["norm"]}
-    kinds |= {"balance": summary["balance"] or {"points": []}}
-    name = (summary["scene"], summary["material"])
-    return [
-        (*name, kind, *(f"{p[c]:.6g}" for c in ("I", "mu", "se")))
-        for kind, law in kinds.items()
-        for p in law["points"]
-    ]
 
 
 HEAD = (
@@ -95,8 +79,6 @@ def _percent(errors: Mapping[str, float | None]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("scenes", type=Path, help="folder of the scenes")
-    parser.add_argument("--json", type=Path, help="file for all that the scenes say of themselves")
-    parser.add_argument("--csv", type=Path, help="file for the points of their laws")
     parser.add_argument("--md", type=Path, help="file for the table in Markdown")
     chosen = parser.parse_args()
     try:
@@ -106,14 +88,8 @@ def main() -> int:
         return 1
     for summary in found:
         print(line(summary))
-    raw.write(chosen.json, {"scenes": found})
     if chosen.md is not None:
         chosen.md.write_text(markdown(found))
-    if chosen.csv is not None:
-        with chosen.csv.open("w", newline="") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(COLUMNS)
-            rows.writerows(row for summary in found for row in points(summary))
     return 0
 
 

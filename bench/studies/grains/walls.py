@@ -1,29 +1,22 @@
-"""The walls of the scenes, in the flow file; and scenes that were made without them.
+"""The walls of the scenes in the flow file.
 
-    python -m bench.studies.grains.walls SCENE [SCENE ...]
-
-writes flow_walls.h5 beside the flow.h5 of each scene. The walls follow from what a scene states
-of itself: glued grains half a diameter behind the line at which `inside` of the scene ends.
+They follow from what a scene states of itself: glued grains half a diameter behind the line at
+which `inside` of the scene ends.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 from collections.abc import Mapping
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.data import Flow, Walls, read_flow, write_flow
+from granpinn.data import Walls
 
 CORNERS = 120  # of the polygon that stands for a drum
 STICKS, SLIPS = 0.0, 1.0
-NAME = "flow_walls.h5"
 
 
 def walls_of(
@@ -106,24 +99,3 @@ def _lines(*pieces: tuple[tuple[tuple[float, float], ...], float]) -> Walls:
         rows += [*([(math.nan,) * 3] if rows else []), *((*point, slip) for point in points)]
     x, y, slips = np.array(rows).T
     return Walls(x=x.copy(), y=y.copy(), slip=slips.astype(np.float32))
-
-
-def with_walls(flow: Flow, reference: Path) -> Flow:
-    """The flow of a scene with its walls; its stress is read only for the drag of a plate."""
-    with np.load(reference) as stress:
-        plate = plate_of(flow.attributes, stress["sigma_yy"], stress["sigma_xy"], flow.y)
-    return replace(flow, walls=walls_of(flow.attributes, flow.x, flow.y, plate))
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Runs the command and returns its exit code."""
-    parser = argparse.ArgumentParser(description="Write flow files of scenes with their walls.")
-    parser.add_argument("scenes", nargs="+", type=Path)
-    for scene in parser.parse_args(argv).scenes:
-        write_flow(with_walls(read_flow(scene / "flow.h5"), scene / "reference.npz"), scene / NAME)
-        print(scene / NAME)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,1 +1,0 @@
-"""How accurate is the default identification?"""

@@ -1,1 +1,0 @@
-"""Do velocities determine I0?"""

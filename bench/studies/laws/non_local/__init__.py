@@ -1,1 +1,0 @@
-"""What a non-local material looks like to local laws."""

@@ -1,1 +1,0 @@
-"""How far off is the law with noisy velocities?"""

@@ -1,1 +1,0 @@
-"""Is the simulated pressure right where nothing flows?"""

@@ -1,1 +1,0 @@
-"""What can a method reach that may use the simulator? And what do the data hold at most?"""

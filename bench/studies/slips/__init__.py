@@ -1,1 +1,0 @@
-"""Are slips of calibration caught before a training?"""

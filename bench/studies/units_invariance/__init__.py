@@ -1,1 +1,0 @@
-"""Do units or a tilted camera change the law?"""
