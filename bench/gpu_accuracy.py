@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -25,14 +24,12 @@ from torch import Tensor
 
 from bench.steps import HIDDEN, PHYSICS, make_task
 from granpinn import reference
-from granpinn.config import Config, ConfigError, Network
-from granpinn.config.toml import read_toml
+from granpinn.config import Config, Network
 from granpinn.fit.case import Case, pose
 from granpinn.identification.start import start
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.simulation import demo_path
-from granpinn.training import checkpoint
 
 RULE = 1.5
 BATCHES = 8
@@ -93,17 +90,6 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
     run = start([case], config, None, None, time.monotonic())
     run.train()
     return _weighed(case, *run.trainer.solution())
-
-
-def network_of_run(folder: Path) -> Weighed:
-    """The network in the newest checkpoint of a run folder, with the data it was trained on."""
-    config = Config(**(read_toml(folder / "config.toml") | {"device": "cpu"}))
-    found = checkpoint.newest(folder / "checkpoint")
-    if found is None or config.flow is None:
-        raise ConfigError(f"{folder} must be the folder of a run with a checkpoint and its flow")
-    return _weighed(
-        pose(config.flow, config), found.tensors["params"][0], found.tensors["theta"][0]
-    )
 
 
 def _weighed(case: Case, params: Tensor, theta: Tensor) -> Weighed:
@@ -211,9 +197,7 @@ def _quotients(a: list[float], b: list[float]) -> list[float]:
     return [x / y if y else float(x > 0) for x, y in zip(a, b, strict=True)]
 
 
-def study(
-    device: torch.device, steps: int, run_dir: Path | None, sizes: tuple[int, int]
-) -> list[dict[str, Any]]:
+def study(device: torch.device, steps: int, sizes: tuple[int, int]) -> list[dict[str, Any]]:
     """Both forms with random weights and, with `steps`, trained; a failure is part of its row."""
     rows: list[dict[str, Any]] = []
     cases: list[tuple[str, Callable[[], Weighed], int]] = []
@@ -222,8 +206,6 @@ def study(
         if steps:
             trained = f"{steps} steps, {form}"
             cases.append((trained, partial(trained_network, form, steps, device), COPIES))
-    if run_dir is not None:
-        cases.append((f"run {run_dir.name}", partial(network_of_run, run_dir), COPIES))
     for name, make, copies in cases:
         begin = time.monotonic()
         try:

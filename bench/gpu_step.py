@@ -4,7 +4,7 @@ python -m bench.gpu_step --json bench/results/gpu_step.json
 
 One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
 every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
-that fails is a row with its error; rivals that compile slowly come last. --quick leaves out most of
+that fails is a row with its error. --quick leaves out most of
 the rivals and sizes, ensembles, training and the trained network; --only chooses parts.
 --device cpu tries the command on tiny batches.
 """
@@ -31,16 +31,13 @@ from bench.rivals import (
     GRANPINN,
     OTHER_RIVALS,
     QUICK_RIVALS,
-    SLOW_RIVALS,
     Measured,
     Rival,
     Sizes,
-    expected_seconds,
-    too_large,
 )
 from granpinn.fit.case import choose_device
 
-JAX = "JAX"
+JAX, JAX_SECONDS = "JAX", 600.0
 PARTS = ("rows", "accuracy", "ensembles", "training")
 
 
@@ -50,18 +47,15 @@ class Study:
     def __init__(
         self,
         device: torch.device,
-        seconds: float,
         json_file: Path | None,
         chosen: list[str] | None = None,
     ) -> None:
         self.device, self.json_file, self.chosen = device, json_file, chosen
         self.begin = time.monotonic()
-        self.end = self.begin + seconds
         self.kept: list[Measured] = []
         self.result: dict[str, Any] = {
             "date": time.strftime("%Y-%m-%d"),
             "machine": describe() | gpu(device),
-            "parts": {},
             "rows": [],
         }
 
@@ -73,10 +67,7 @@ class Study:
     def add(self, name: str, content: Any) -> None:
         """Add a part of the result, in memory and on disk."""
         self.result[name] = content
-        before = self.result.get("seconds", 0.0)
         self.result["seconds"] = round(time.monotonic() - self.begin, 1)
-        parts = self.result["parts"]  # seconds of each
-        parts[name] = parts.get(name, 0.0) + self.result["seconds"] - before
         print(f"[{self.result['seconds']:6.1f} s] {name}", flush=True)
         self.save()
 
@@ -89,13 +80,7 @@ class Study:
         """All sizes of some rivals."""
         for rival in filter(self.wanted, some):
             for form, counts in sizes.items():
-                for points in filter(lambda n: rival.wants(form, n), counts):
-                    expected = expected_seconds(self.rows, rival, form, points)
-                    reason = too_large(self.rows, rival, form, points)
-                    if reason := reason or self._late(rival, expected):
-                        row = {"name": rival.name, "form": form, "points": points}
-                        self.rows.append(row | {"error": f"not measured: {reason}"})
-                        continue
+                for points in counts:
                     found = rivals.measure(rival, form, points, self.device)
                     self.rows.append(found.row)
                     if found.advance is not None:
@@ -109,12 +94,6 @@ class Study:
         """Whether the command line selects a rival of this name."""
         return self.chosen is None or any(part in name for part in self.chosen)
 
-    def _late(self, rival: Rival, expected: float) -> str | None:
-        left = max(self.end - time.monotonic(), 0.0)
-        if rival in GRANPINN or expected <= left:
-            return None
-        return f"would take {expected:.0f} s of the {left:.0f} s left, see --seconds"
-
     def jax(self, sizes: Sizes) -> None:
         """The rows of bench/gpu_jax.py, which runs in one process for each form."""
         platform = "cuda" if self.device.type == "cuda" else "cpu"
@@ -123,9 +102,8 @@ class Study:
             torch.cuda.empty_cache()
         for form, counts in sizes.items():
             command = [sys.executable, "-m", "bench.gpu_jax", "--form", form, "--points"]
-            left = self.end - time.monotonic()
             lines, reason = run_lines(
-                [*command, *map(str, counts)], os.environ | switches, max(left, 1.0)
+                [*command, *map(str, counts)], os.environ | switches, JAX_SECONDS
             )
             about = [line for line in lines if "jax" in line]
             if about:
@@ -173,29 +151,26 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
     parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
-    parser.add_argument("--seconds", type=float, help="no rival is begun later (285, quick 55)")
     parser.add_argument(
         "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
     )
     parser.add_argument("--form", choices=list(rivals.SIZES), help="rows of this form only")
     parser.add_argument("--points", nargs="+", type=int, help="rows of these sizes only")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to measure")
-    parser.add_argument("--trained", type=Path, metavar="RUN_DIR", help="errors for this run too")
     parser.add_argument("--json", type=Path, help="file for the raw results")
     arguments = parser.parse_args()
     for noise in (DeprecationWarning, UserWarning):  # of torch about the ways of the rivals
         warnings.filterwarnings("ignore", category=noise)
     device, quick = choose_device(arguments.device), arguments.quick
     tiny = device.type == "cpu"
-    seconds = arguments.seconds or (55.0 if quick else 285.0)
-    study = Study(device, seconds, arguments.json, arguments.rivals)
+    study = Study(device, arguments.json, arguments.rivals)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
     sizes = rivals.chosen(sizes, arguments.form, arguments.points)
     rows = "rows" in arguments.only
     if "accuracy" in arguments.only:
         trained = 8 if tiny else 0 if quick else 3000
         batch = (32, 8) if tiny else (1024, 128)
-        study.add("accuracy", gpu_accuracy.study(device, trained, arguments.trained, batch))
+        study.add("accuracy", gpu_accuracy.study(device, trained, batch))
     study.add("ceilings", ceilings(device))
     if rows:
         study.measure(GRANPINN, sizes)
@@ -208,7 +183,6 @@ def main() -> int:
         study.measure(OTHER_RIVALS, sizes)
         if study.named(JAX):
             study.jax(sizes)
-        study.measure(SLOW_RIVALS, sizes)
     study.count_launches()
     l2_mb = study.result["machine"].get("l2_mb")
     gpu_table.complete(study.rows, study.result["ceilings"], l2_mb)

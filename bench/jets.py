@@ -18,7 +18,6 @@ from bench import taylor
 from bench.steps import ETA_MAX, ETA_MIN, P_FLOOR, D, Task, U, adam
 
 Jet = list[Tensor]  # value, x, y, t (, xx, xy, yy)
-Network = Callable[[Tensor], Jet]
 
 
 def taylor_network(params: Tensor, points: Tensor, widths: list[int], channels: int) -> Jet:
@@ -67,26 +66,14 @@ def _mixed(jet: Jet, theta: Tensor) -> list[Tensor]:
     return taylor.mixed(jet, friction, torch.sqrt, torch.sigmoid, softplus)
 
 
-def by_hand(task: Task, params: Tensor) -> Network:
-    """The jets of the network at points [B, 3]: seven channels in the strong form, else four."""
-    channels = 7 if task.form == "strong" else 4
-    return lambda points: taylor_network(params, points, task.widths, channels)
-
-
-def jets_step(
-    task: Task, compiled: bool = False, jets: Callable[[Task, Tensor], Network] = by_hand
-) -> Callable[[], Tensor]:
-    """Loss by Taylor jets, its gradient by autograd.
-
-    Args:
-        jets: a task and its parameters -> a function from points [B, 3] to the jets there.
-    """
+def jets_step(task: Task, compiled: bool = False) -> Callable[[], Tensor]:
+    """Loss by Taylor jets, its gradient by autograd."""
     params, theta, optimizer = adam(task)
     residuals = _strong if task.form == "strong" else _mixed
-    network = jets(task, params)
+    channels = 7 if task.form == "strong" else 4
 
     def loss(theta: Tensor, points: Tensor, velocity: Tensor) -> Tensor:
-        jet = network(points)
+        jet = taylor_network(params, points, task.widths, channels)
         e = [U * jet[0][:, k] - velocity[:, k] for k in (0, 1)] + residuals(jet, theta)
         return torch.stack([(r**2).mean() for r in e]).sum() / 2
 

@@ -14,17 +14,13 @@ import torch
 from bench.cache import alone
 from bench.device import Advance, PeakMemory, graphed, milliseconds
 from bench.jets import jets_step
-from bench.steps import Task, eager_step, functional_gradient, fused_step, make_task
-from bench.torch_jet import package_jets
-from bench.traced import nested_gradient, traced_step
+from bench.steps import Task, eager_step, fused_step, make_task
 
 EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + graph"
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: a launch takes as long as the step
 STEPS_PER_GRAPH = 10
 ALONE = 512  # up to here a step by itself is timed too (bench/cache.py)
-STEPS_OF_A_ROW = 14  # least number, with warm-up and capture (bench/device.py)
-MOST_MEMORY = 60e9
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
 QUICK_SIZES: Sizes = {"strong": (512, 32768), "mixed": (512, 32768)}
@@ -37,40 +33,21 @@ class Rival:
 
     Attributes:
         graph: whether its steps are captured in a CUDA graph.
-        seconds: longest time of a row.
     """
 
     name: str
     make: Callable[[Task], Advance]
     graph: bool
-    seconds: float = 4.0
-
-    def wants(self, form: str, points: int) -> bool:
-        """Whether the rival has a row of this size: slow compilers have only a few."""
-        return self.seconds < 20 or points <= 512 or (form == "strong" and points <= 32768)
 
 
 GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
 QUICK_RIVALS = [
-    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True, 12.0),
+    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True),
     Rival(EAGER, eager_step, False),
 ]
 OTHER_RIVALS = [
     Rival("torch eager autograd + graph", eager_step, True),
     Rival("Taylor jets, torch eager", jets_step, False),
-    Rival(
-        "torch-jet, torch.compile + graph",
-        partial(jets_step, compiled=True, jets=package_jets),
-        graph=True,
-        seconds=15.0,
-    ),
-]
-SLOW_RIVALS = [
-    Rival(name, partial(traced_step, gradient=gradient), graph=True, seconds=40.0)
-    for name, gradient in (
-        ("autograd by make_fx, inductor + graph", nested_gradient),
-        ("torch.func by make_fx, inductor + graph", functional_gradient),
-    )
 ]
 
 
@@ -122,26 +99,3 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
     row["seconds"] = time.monotonic() - begin
     keep = points <= SMALL or rival in GRANPINN
     return Measured(row, advance if keep else None, steps)
-
-
-def too_large(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> str | None:
-    """The reason to skip a row: its memory by the smaller rows of the rival; None to measure."""
-    known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "peak_gb" in r]
-    if not known:
-        return None
-    largest = max(known, key=lambda r: int(r["points"]))
-    expected = largest["peak_gb"] * max(1.0, points / largest["points"])
-    if expected * 1e9 <= MOST_MEMORY:
-        return None
-    return f"would need {expected:.0f} GB, more than {MOST_MEMORY / 1e9:.0f}"
-
-
-def expected_seconds(rows: list[dict[str, Any]], rival: Rival, form: str, points: int) -> float:
-    """Expected time of a row, from the largest one so far of the same rival and form."""
-    known = [r for r in rows if (r["name"], r["form"]) == (rival.name, form) and "seconds" in r]
-    if not known:
-        return rival.seconds
-    largest = max(known, key=lambda r: int(r["points"]))
-    more = max(points / largest["points"], 1.0) - 1.0
-    seconds: float = largest["seconds"] + 1e-3 * STEPS_OF_A_ROW * more * largest["ms"]
-    return seconds

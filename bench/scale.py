@@ -5,7 +5,7 @@
 Writes flows with an analytic velocity, frame by frame: a layer on a slope, with waves inside it,
 that fills the lower half of its grid. Then it trains on each, in a process of its own, by the same
 way as `granpinn.train`. A row has the peak of the memory that a process cannot share or give back
-(RssAnon) in every stage, that of the device, and the steps per second after the pre-fit.
+(RssAnon), that of the device, and the steps per second after the pre-fit.
 
 Claim: a flow of 2,000 frames of 512 x 512 takes at most 4 GB of the host beyond the cache of its
 file, 8 GB of the device, and makes at least 0.9 times the steps per second of a small flow.
@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import functools
-import importlib
 import json
 import math
 import statistics
@@ -24,7 +22,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,23 +42,6 @@ SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the gr
 HOST_GB, DEVICE_GB, SPEED = 4.0, 8.0, 0.9  # the claim
 STATUS = Path("/proc/self/status")
 EVERY = 0.01  # s between two looks at the memory
-# Names of the stages, and the functions whose calls they are.
-STAGES = {
-    "read": "granpinn.fit.case:sound",
-    "points and facts": "granpinn.fit.case:posed",
-    "copies for the device": "granpinn.identification.start:start",
-    "steps": "granpinn.training.loop:TrainingLoop.train",
-    "last layer": "granpinn.training.trainer:Trainer.solve_last_layer",
-    "final loss": "granpinn.fit.ensemble:final_loss",
-    "fields": "granpinn.fit.prediction:predict",
-    "fields.h5": "granpinn.fit.context:write_fields",
-    "errors of the fields": "granpinn.fit.context:Context.score",
-    "assumptions": "granpinn.fit.assumptions:trained",
-    "range of I": "granpinn.fit.context:with_curve",
-    "momentum balance": "granpinn.checks.momentum_balance:make",
-    "page": "granpinn.report:build",
-}
-
 POOL = 16  # frames of noise, which are shifted at random: more would take the time of the writer
 LENGTH, DEPTH, GRAIN = 0.5, 0.25, 2e-3  # m: side of the grid, depth of the layer, grain
 SLOPE, SPEED_0 = math.radians(24), 0.8  # speed of the surface in m/s
@@ -107,59 +88,29 @@ def write_flow_file(path: Path, frames: int, cells: int) -> None:
         file["surface_y"] = np.full(frames * cells, h)
 
 
-class Peaks:
-    """The peak of RssAnon in GB, from a thread that looks often, by the stage that ran."""
+@contextlib.contextmanager
+def peak() -> Iterator[list[float]]:
+    """The peak of RssAnon in GB, in the list, from a thread that looks often."""
+    found, done = [0.0], threading.Event()
 
-    def __init__(self) -> None:
-        self.gigabytes: dict[str, float] = {}
-        self.seconds: dict[str, float] = {}
-        self._stages = ["start"]
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-
-    @contextlib.contextmanager
-    def watched(self) -> Iterator[Peaks]:
-        self._thread.start()
-        try:
-            yield self
-        finally:
-            self._done.set()
-            self._thread.join()
-
-    def _watch(self) -> None:
-        while not self._done.wait(EVERY):
+    def watch() -> None:
+        while not done.wait(EVERY):
             line = next(line for line in STATUS.read_text().splitlines() if "RssAnon" in line)
-            now, stage = int(line.split()[1]) * 1024 / 1e9, self._stages[-1]
-            self.gigabytes[stage] = max(self.gigabytes.get(stage, 0.0), now)
+            found[0] = max(found[0], int(line.split()[1]) * 1024 / 1e9)
 
-    def stage(self, name: str, work: Callable[..., Any]) -> Callable[..., Any]:
-        """`work`, whose calls are a stage."""
-
-        @functools.wraps(work)
-        def staged(*args: Any, **words: Any) -> Any:
-            begin = time.monotonic()
-            self._stages.append(name)
-            try:
-                return work(*args, **words)
-            finally:
-                self._stages.remove(name)
-                self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - begin
-
-        return staged
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield found
+    finally:
+        done.set()
+        thread.join()
 
 
 def trained(path: Path, words: list[str]) -> dict[str, Any]:
     """Peaks and speed of an identification with its files and its page."""
     config: Config = raw.config_of(words)
-    peaks = Peaks()
-    for name, place in STAGES.items():
-        module, _, attribute = place.partition(":")
-        holder: Any = importlib.import_module(module)
-        *classes, last = attribute.split(".")
-        for part in classes:
-            holder = getattr(holder, part)
-        setattr(holder, last, peaks.stage(name, getattr(holder, last)))
-    with peaks.watched(), tempfile.TemporaryDirectory() as folder:
+    with peak() as host_gb, tempfile.TemporaryDirectory() as folder:
         begin = time.monotonic()
         found = identify(path, config, run_dir=folder, progress=Silent())
         report.build(Path(folder))
@@ -173,11 +124,9 @@ def trained(path: Path, words: list[str]) -> dict[str, Any]:
         "n_points": found.data.n_points,
         "device": torch.cuda.get_device_name() if on_gpu else "cpu",
         "steps_per_s": round(statistics.median(pace), 2),
-        "host_gb": round(max(peaks.gigabytes.values()), 3),
+        "host_gb": round(host_gb[0], 3),
         "device_gb": round(torch.cuda.max_memory_reserved() / 1e9, 3) if on_gpu else None,
         "seconds": round(seconds, 2),
-        "stages_gb": {name: round(value, 3) for name, value in peaks.gigabytes.items()},
-        "stages_s": {name: round(value, 2) for name, value in peaks.seconds.items()},
         "not_done": found.not_done,
     }
 

@@ -1,4 +1,4 @@
-"""One optimization step, loss + all gradients + Adam update, as three kinds of user write it.
+"""One optimization step, loss + gradients + Adam update, as granpinn and as a PINN user write it.
 
 All train the paper's network, 3x250 swish, on the same points with the same loss (terms 0, 2, 3
 and, in the mixed form, 4 of `granpinn.reference.loss`, unit weights, no surface points). On a GPU
@@ -194,53 +194,6 @@ def eager_step(task: Task) -> Callable[[], Tensor]:
     return step
 
 
-# ---------------------------------------------------------------- torch.func
-
-
-def functional_gradient(task: Task, params: Tensor, theta: Tensor) -> tuple[Tensor, ...]:
-    """Gradients by params and theta, and the loss; derivatives by x, y, t by forward-mode jvp,
-    nested for the stress."""
-    eye = torch.eye(3, dtype=task.points.dtype, device=task.points.device)
-    axes = eye.unsqueeze(1).expand(3, len(task.points), 3)
-
-    def objective(params: Tensor, theta: Tensor) -> Tensor:
-        network = network_of(params, task.widths)
-
-        def along(function: Callable[[Tensor], Any], points: Tensor, axis: int) -> Any:
-            return torch.func.jvp(function, (points,), (axes[axis],))
-
-        def stress(points: Tensor) -> tuple[Tensor, ...]:
-            z, z_x = along(network, points, 0)
-            _, z_y = along(network, points, 1)
-            first = [(U * z_x[:, k], U * z_y[:, k]) for k in (0, 1)]
-            return _stress(task.form, z, _fields(z)[2], first, theta)
-
-        def fields(points: Tensor) -> tuple[tuple[Tensor, ...], Tensor]:
-            z = network(points)
-            return _fields(z), z
-
-        jets = [along(fields, task.points, axis) for axis in (0, 1, 2)]
-        z = jets[0][0][1]
-        first = [tuple(tangent[0][k] for _, tangent in jets) for k in (0, 1, 2)]
-        _, (xx_x, xy_x, _) = along(stress, task.points, 0)
-        _, (_, xy_y, yy_y) = along(stress, task.points, 1)
-        return _loss(task, z, first, (xx_x + xy_y, xy_x + yy_y), theta)
-
-    gradients, loss = torch.func.grad_and_value(objective, argnums=(0, 1))(params, theta)
-    return (*gradients, loss)
-
-
-def functional_step(task: Task) -> Callable[[], Tensor]:
-    params, theta, optimizer = adam(task)
-
-    def step() -> Tensor:
-        params.grad, theta.grad, loss = functional_gradient(task, params.detach(), theta.detach())
-        optimizer.step()
-        return loss
-
-    return step
-
-
 # ---------------------------------------------------------------- the equations, once
 
 
@@ -283,5 +236,4 @@ def _loss(
 STEPS: dict[str, Callable[[Task], Callable[[], Tensor]]] = {
     "fused": fused_step,
     "eager autograd": eager_step,
-    "torch.func": functional_step,
 }

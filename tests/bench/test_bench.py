@@ -78,30 +78,6 @@ def test_goals(form: str, precision: str, points: int, goal: float | None) -> No
     assert gpu_table.goal_ms(row(OURS[precision], points, 1.0, form)) == goal
 
 
-def test_a_rival_that_would_not_fit_is_left_out() -> None:
-    rival = Rival("hungry", fused_step, False)
-    known = [row("hungry", 512, 1.0), row("hungry", 32768, 9.0)]
-    assert rivals.too_large(known, rival, "strong", 262144) is None
-    known[0]["peak_gb"], known[1]["peak_gb"] = 0.2, 7.6
-    assert "61 GB" in (rivals.too_large(known, rival, "strong", 262144) or "")
-    assert rivals.too_large(known, rival, "mixed", 262144) is None
-    known[1]["peak_gb"] = 7.4
-    assert rivals.too_large(known, rival, "strong", 262144) is None
-
-
-def test_a_rival_that_would_take_too_long_is_left_out() -> None:
-    rival = Rival("slow", fused_step, False, seconds=9.0)
-    known = [row("slow", 512, 100.0) | {"seconds": 3.0}, row("slow", 4096, 200.0)]
-    assert rivals.expected_seconds([], rival, "strong", 512) == 9.0
-    expected = rivals.expected_seconds(known, rival, "strong", 5120)
-    assert expected == pytest.approx(3.0 + rivals.STEPS_OF_A_ROW * 0.1 * 9)
-    assert rivals.expected_seconds(known, rival, "strong", 512) == 3.0
-    study = gpu_step.Study(CPU, 5.0, None)
-    study.rows.extend(known)
-    study.measure([rival], {"strong": (5120,)})
-    assert study.rows[-1]["error"].startswith("not measured: would take 16 s of the ")
-
-
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_jets_by_hand_are_the_same_step(form: str) -> None:
     """The loss of the first step; later ones differ, as ours moves the variables of mu(I)."""
