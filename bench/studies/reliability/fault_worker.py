@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import os
 import re
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bench.studies.reliability import commands, sandbox
+from bench.studies.reliability.campaign import Worker
 from bench.studies.reliability.output_faults import MODES, STEP
 from bench.studies.reliability.outputs import CASES, Case, damaged
-from bench.studies.reliability.samples import Files, read_all
+from bench.studies.reliability.samples import Files, read_all, write_all
 
 FINE = "one sentence, all whole"
 HARMLESS = "harmless"  # the command does not need the call, and its files are right
@@ -54,23 +53,20 @@ class Target:
 
 def work(options: argparse.Namespace) -> None:
     """Try the faults of one worker; all cases take turns, so that a time limit is fair."""
-    begin = time.monotonic()
-    rows = os.fdopen(os.dup(1), "w")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    worker = Worker(options)
     commands.import_late_modules()
     first, step = options.worker
     shares = []
     for name in options.case:
         target = _target(name)
-        print(json.dumps({"case": name, "faults": len(target.faults)}), file=rows, flush=True)
+        worker.row({"case": name, "faults": len(target.faults)})
         shares.append([(target, fault) for fault in target.faults[:: options.every][first::step]])
     turns = itertools.chain.from_iterable(itertools.zip_longest(*shares))
     for target, fault in filter(None, turns):
-        if options.seconds and time.monotonic() - begin > options.seconds:
+        if worker.late:
             return
         row = {"case": target.name, "mode": fault.mode, "at": fault.at, **_tried(target, fault)}
-        row["after"] = round(time.monotonic() - begin)
-        print(json.dumps(row), file=rows, flush=True)
+        worker.row(row | {"after": worker.seconds})
 
 
 def _target(name: str) -> Target:
@@ -102,9 +98,7 @@ def _run(
     with tempfile.TemporaryDirectory(prefix="fault") as made:
         folder = Path(made).resolve() / "work"
         folder.mkdir()
-        for name, content in files.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(content)
+        write_all(files, folder)
 
         def prepare() -> None:
             settings: dict[str, str] = {} if fault is None else fault.environment()

@@ -21,13 +21,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bench.studies.reliability import commands, sandbox
+from bench.studies.reliability.judge import by_code
 from bench.studies.reliability.outputs import CASES, Case
 from bench.studies.reliability.record import Record, command_of
-from bench.studies.reliability.samples import Files, read_all
+from bench.studies.reliability.samples import Files, read_all, write_all
 
 MODULE = "bench.studies.reliability.hostile_targets"
 NOBODY = 65534
-ALLOWED = {"refused", "could not go on", "written, target as before"}
+ALLOWED = {"refused", "could not go on", "ok"}
 VICTIM = b"kept\n"
 
 # What a command writes: its target, and whether that is a folder.
@@ -132,9 +133,7 @@ def tried(case: Case, place: str, kind: str, files: Files) -> tuple[str, sandbox
     with tempfile.TemporaryDirectory(prefix="target") as made:
         work = Path(made).resolve() / "work"
         (work / "victims").mkdir(parents=True)
-        for name, content in files.items():
-            (work / name).parent.mkdir(parents=True, exist_ok=True)
-            (work / name).write_bytes(content)
+        write_all(files, work)
         (work / "victim").write_bytes(VICTIM)
         (work / "victims" / "thesis.txt").write_bytes(VICTIM)
         target = work / place
@@ -146,7 +145,7 @@ def tried(case: Case, place: str, kind: str, files: Files) -> tuple[str, sandbox
         try:
             KINDS[kind](target)
         except PermissionError:
-            return "written, target as before", sandbox.Outcome(None, 0.0)  # devices need root
+            return "ok", sandbox.Outcome(None, 0.0)  # devices need root
         finally:
             os.chdir(before)
         states = {path: state(path) for path in (target, work / "victim", work / "victims")}
@@ -167,7 +166,7 @@ def tried(case: Case, place: str, kind: str, files: Files) -> tuple[str, sandbox
         for folder in (Path(made), work):
             folder.chmod(folder.stat().st_mode | 0o055)
         found = sandbox.run(command, prepare, work)
-        outcome = judged(found, case)
+        outcome = found.broken or by_code(found, case.command)
         if kind != "read-only folder" and not all(map(kept, states, states.values())):
             outcome = "target changed"
         elif found.code not in (0, None) and not any(name in found.errors for name in names):
@@ -199,20 +198,6 @@ def kept(path: Path, before: State) -> bool:
     if before is None or now is None:
         return now is before
     return now[:2] == before[:2] and now[2] == now[2] | before[2]
-
-
-def judged(found: sandbox.Outcome, case: Case) -> str:
-    """The name of an outcome, before the target is looked at."""
-    if found.broken is not None:
-        return found.broken
-    if found.code == 0:
-        return "written, target as before"
-    if found.code not in (1, 2):
-        return f"exit code {found.code}"
-    prefix = f"granpinn.{case.command}: "
-    if sum(line.startswith(prefix) for line in found.errors.splitlines()) != 1:
-        return "no single sentence"
-    return "refused" if found.code == 2 else "could not go on"
 
 
 if __name__ == "__main__":

@@ -47,10 +47,11 @@ def judged(found: Outcome, command: str, folder: Path, valid: Outcome | None) ->
         return "too much memory"
     if left_over(folder):
         return "temporary file left"
-    return _by_code(found, command)
+    return by_code(found, command)
 
 
-def _by_code(found: Outcome, command: str) -> str:
+def by_code(found: Outcome, command: str) -> str:
+    """The name of an outcome by its exit code and its sentence."""
     if found.code == 0:
         return "ok"
     if found.code not in (1, 2):

@@ -73,6 +73,14 @@ def read_all(folder: Path) -> Files:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
+def write_all(files: Files, folder: Path) -> None:
+    """Write files below a folder."""
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
 def converted(sources: Sequence[str], *settings: str) -> dict[str, tuple[str, ...]]:
     """The command line of a conversion."""
     return {"convert": (*sources, "--out", "out.h5", *settings)}

@@ -16,7 +16,6 @@ import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 SECONDS = 15  # of processor time: the machine may be busy with other things
@@ -24,7 +23,6 @@ WAITING = 60.0  # wall time, for a command that blocks
 ADDRESS_SPACE = 3 * 2**30  # bytes above what is in use at the start
 OUTPUT = 200_000  # characters that are kept
 STARTED = ("subprocess.Popen", "os.exec", "os.fork", "os.posix_spawn", "os.system", "socket.")
-TRACED = ("granpinn/data", "granpinn/importers", "granpinn/inspection", "granpinn/results")
 LOG = 199  # descriptor of the report, which nothing else uses
 ESCAPED = 70  # exit code of an exception that no command caught
 PREPARATION = 71  # exit code if the input could not be made
@@ -41,7 +39,6 @@ class Outcome:
         opened: paths that it opened, in its own words.
         started: processes and connections that it started, as the interpreter names them.
         memory: largest resident memory above that at the start, in bytes.
-        places: hashes of the places in the code that were reached; empty unless traced.
         calls: what faults.c reports, a name and a path each.
     """
 
@@ -52,7 +49,6 @@ class Outcome:
     opened: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
     memory: int = 0
-    places: set[int] = field(default_factory=set)
     calls: list[tuple[str, str]] = field(default_factory=list)
 
     @property
@@ -72,7 +68,6 @@ def run(
     prepare: Callable[[], None],
     folder: Path,
     *,
-    trace: bool = False,
     seconds: float = WAITING,
 ) -> Outcome:
     """Run a command in a fork whose working directory is `folder`.
@@ -80,13 +75,12 @@ def run(
     Args:
         command: gives the exit code.
         prepare: makes the input, before the limits and the watch begin.
-        trace: whether to report which places of the readers are reached.
     """
     files = {name: folder.with_name(f"{folder.name}.{name}") for name in ("out", "err", "log")}
     begin = time.monotonic()
     pid = os.fork()
     if pid == 0:
-        _child(command, prepare, folder, files, trace)
+        _child(command, prepare, folder, files)
     status, usage = _wait(pid, begin + seconds)
     late = status is None or _code(status) in (-signal.SIGXCPU, -signal.SIGKILL)
     code = None if status is None or late else _code(status)
@@ -102,8 +96,6 @@ def run(
         elif kind == "call":
             name, _, path = rest.partition(" ")
             found.calls.append((name, path))
-        elif kind == "place":
-            found.places.add(int(rest))
         elif kind == "opened":
             found.opened.add(rest)
         elif line:
@@ -122,7 +114,6 @@ def _child(
     prepare: Callable[[], None],
     folder: Path,
     files: dict[str, Path],
-    trace: bool,
 ) -> None:
     code = PREPARATION
     try:
@@ -132,7 +123,7 @@ def _child(
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, resource.RLIM_INFINITY))
         prepare()
         code = ESCAPED
-        with _watched(trace):
+        with _watched():
             code = command() or 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -157,7 +148,7 @@ def _redirect(files: dict[str, Path]) -> None:
 
 
 @contextlib.contextmanager
-def _watched(trace: bool) -> Iterator[None]:
+def _watched() -> Iterator[None]:
     """Limits, a hook that reports to descriptor LOG, and the memory from here on."""
     with contextlib.suppress(PermissionError):  # after a change of user
         Path("/proc/self/clear_refs").write_text("5")  # the peak of the memory starts again
@@ -170,15 +161,7 @@ def _watched(trace: bool) -> Iterator[None]:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     os.environ["GRANPINN_OPENS"] = str(LOG)
     sys.addaudithook(_report)
-    reached: set[int] = set()
-    if trace:
-        sys.settrace(_tracer(reached))
-    try:
-        yield
-    finally:
-        sys.settrace(None)
-        text = "".join(f"place {place}\n" for place in reached)
-        os.write(LOG, text.encode())
+    yield
 
 
 def _report(event: str, arguments: tuple[Any, ...]) -> None:
@@ -189,24 +172,6 @@ def _report(event: str, arguments: tuple[Any, ...]) -> None:
             )
     elif event.startswith(STARTED):
         os.write(LOG, f"started {event} {str(arguments)[:2000]!r}\n".encode("utf-8", "replace"))
-
-
-def _tracer(reached: set[int]) -> Callable[[FrameType, str, Any], Any]:
-    """Collects a hash of every line that is reached in the readers."""
-    kept: dict[str, int | None] = {}
-
-    def local(frame: FrameType, event: str, argument: Any) -> Any:
-        reached.add(kept[frame.f_code.co_filename] * 10_000 + frame.f_lineno)  # type: ignore[operator]
-        return local
-
-    def every(frame: FrameType, event: str, argument: Any) -> Any:
-        name = frame.f_code.co_filename
-        if name not in kept:
-            chosen = any(part in name for part in TRACED)
-            kept[name] = sum(name.encode()) * 1000 + len(name) if chosen else None
-        return None if kept[name] is None else local
-
-    return every
 
 
 def _wait(pid: int, deadline: float) -> tuple[int | None, Any]:
