@@ -59,10 +59,3 @@ def write(path: Path | None, found: dict[str, Any]) -> dict[str, Any]:
     if path is not None:
         path.write_text(json.dumps(whole, indent=1, allow_nan=False) + "\n")
     return whole
-
-
-def rows_and_dates(paths: Sequence[Path]) -> tuple[list[dict[str, Any]], list[dict[str, Any]], str]:
-    """The raw results of runs, all of their rows, and their dates in words."""
-    contents = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
-    rows = [row for content in contents for row in content["rows"]]
-    return contents, rows, ", ".join(sorted({content["date"] for content in contents}))

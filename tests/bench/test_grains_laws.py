@@ -1,4 +1,4 @@
-"""The grains study: laws, shear cells, the momentum balance on an exact flow, scores."""
+"""The grains study: laws, the momentum balance on an exact flow, scores."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains import flow_file, law, score, shear_cell, truths
+from bench.studies.grains import flow_file, law, score, truths
 from bench.studies.grains.coarse import Fields
 from bench.studies.grains.materials import (
     BULK_DENSITY,
     BULK_FRACTION,
-    DISKS,
     FRICTIONS,
     SPHERES,
     Material,
@@ -27,7 +26,6 @@ from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
 from bench.studies.grains.run import scenes_in
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
-from bench.studies.grains.table import markdown
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.results import Parameter, Parameters
 from tests.examples import make_result
@@ -142,35 +140,6 @@ def test_bins_average_before_they_divide(seed: int) -> None:
     assert law.binned_law(np.zeros(9), p[:9], p[:9])["law"] is None
 
 
-def test_the_standard_error_sees_correlation(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    white = rng.standard_normal(256)
-    assert shear_cell.standard_error(white) == pytest.approx(1 / 16, rel=0.6)
-    slow = np.repeat(rng.standard_normal(16), 16)
-    assert shear_cell.standard_error(slow) > 2 * float(slow.std() / 16)
-
-
-def test_a_point_of_the_shear_cell() -> None:
-    blocks = np.tile([0, 18.0, 22.0, -6.0, 0.8, 0.5], (8, 1))
-    found = shear_cell.point(DISKS, blocks)
-    assert found["mu"] == pytest.approx(0.3)
-    assert found["p"] == 20
-    assert found["I"] == pytest.approx(0.5 * math.sqrt(BULK_DENSITY / 20))
-    text = shear_cell.script(DISKS, Material(0.4), 20, [0.3, 0.1], 1)
-    assert text.count("deform/pressure") == 5
-    assert "0.4 1" in text
-
-
-def test_a_point_of_spheres() -> None:
-    blocks = np.tile([0, 18.0, 22.0, -6.0, 0.6, 0.5, 17.0], (8, 1))
-    found = shear_cell.point(SPHERES, blocks)
-    assert found["I"] == pytest.approx(0.5 * math.sqrt(0.6 * 6 / math.pi / 20))
-    assert found["szz_by_p"] == pytest.approx(0.85)
-    text = shear_cell.script(SPHERES, Material(0.4), 20, [0.3], 1)
-    assert "enforce2d" not in text
-    assert "dimension 3" in text
-
-
 SUMMARY = {
     "scene": "drum",
     "material": 0.4,
@@ -232,25 +201,6 @@ def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "drum" / "flow.h5").touch()
     (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
     assert scenes_in(tmp_path) == [tmp_path / "drum"]
-
-
-def test_the_table_says_how_far_laws_lie_apart() -> None:
-    own = {"law": LAW, "I_range": [0.02, 0.12], "mean": {"I": 0.06, "mu": 0.34}}
-    narrow = own | {"law": None, "mean": {"I": 0.1, "mu": 1.1 * 0.38}}
-    truth = {"mu_s": 0.26 / 1.25, "mu_2": 0.74 / 1.25, "I0": 0.3}
-    rest = {"material": 0.4, "vectors": 7, "noise": {"velocity_percent": 0.3}, "scene": "a"}
-    laws = {"norm": own, "dissipation_ratio": 0.98, "p_noise_percent": 4.0}
-    balance = own | {"error_percent": {"0.03": -1.0}}
-    alone = narrow | {"mean_error_percent": 3.0}
-    wide_scene = rest | {"own": laws | {"along_D": own}, "truth": truth, "balance": balance}
-    narrow_scene = rest | {"own": laws | {"along_D": narrow}, "truth": LAW, "balance": alone}
-    text = markdown([wide_scene, narrow_scene])
-    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines()]
-    assert len({len(row) for row in rows}) == 1
-    assert rows[2][:5] == ["a, 0.4", "7", "0.020..0.120", "0.260/0.740", ". +25.0 +25.0 +25.0"]
-    assert rows[2][8] == ". -1.0 . ."
-    assert rows[3][3:5] == ["mu 0.418 at 0.100", "+10.0 at the mean"]
-    assert rows[3][8] == "+3.0 at the mean"
 
 
 def test_every_material_of_the_scenes_has_its_measured_law() -> None:

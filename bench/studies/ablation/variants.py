@@ -8,10 +8,9 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from bench.studies.ablation.tolerances import advancing, by_evidence, by_noise
 from granpinn.data import collocation, points, surface_strip
 from granpinn.fit import case
-from granpinn.training import equations, last_layer, mean_rate, problem, tolerances, trainer
+from granpinn.training import equations, last_layer, mean_rate, tolerances
 
 
 class Variant(NamedTuple):
@@ -44,14 +43,6 @@ def _setting(rule: str, name: str, value: Any) -> Variant:
     return Variant(rule, {name: value})
 
 
-def _growing(momentum: float, by_momentum: float, by_law: float) -> Variant:
-    return Variant(
-        f"momentum {momentum:g}, growing by {by_momentum:g} of the noise, the law by {by_law:g}",
-        {"weights.sigma_momentum": momentum},
-        ((problem, "sigmas_of", by_noise(by_momentum, by_law)),),
-    )
-
-
 VARIANTS: Mapping[str, Variant] = {
     "default": Variant("nothing"),
     # Rules, each taken out.
@@ -78,7 +69,4 @@ VARIANTS: Mapping[str, Variant] = {
     "momentum_0.02": _setting("momentum 0.02", "weights.sigma_momentum", 0.02),
     "error_0.01": _setting("relative error of the law 1 %", "weights.law_error", 0.01),
     "error_0.04": _setting("relative error of the law 4 %", "weights.law_error", 0.04),
-    "noise_0.05_0_0.3": _growing(0.05, 0.0, 0.3),
-    "noise_0.03_0.8_0.1": _growing(0.03, 0.8, 0.1),
-    "evidence": _constant("by evidence", trainer.Trainer, "advance", advancing(by_evidence)),
 }

@@ -1,33 +1,19 @@
-"""The measured laws of the shear cells: results/truths.json, written by shear_cell.py."""
+"""The measured laws of the shear cells: results/truths.json."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from bench.studies.grains.materials import DISKS, Material, Shape
 
 PATH = Path(__file__).with_name("results") / "truths.json"
-PRESSURE = 20.0  # at which the law of the scenes is measured
+PRESSURE = 20.0  # sigma_yy at which the laws of the scenes were measured
 
 
-def name_of(material: Material, pressure: float, shape: Shape) -> str:
-    """The name of a shear cell in the file."""
-    return f"{'' if shape.dimension == 2 else 'spheres_'}{material.name}_{pressure:g}"
-
-
-def truth_of(
-    material: Material, pressure: float = PRESSURE, shape: Shape = DISKS
-) -> dict[str, float] | None:
-    """mu_s, mu_2 and I0 of a material; None if its shear cell has not been run."""
-    found = read(PATH).get(name_of(material, pressure, shape))
-    return None if found is None else found["law"]
-
-
-def read(path: Path) -> dict[str, Any]:
-    """All shear cells of a file, by their names; none if there is no file."""
-    if not path.exists():
-        return {}
-    cells: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return cells
+def truth_of(material: Material, shape: Shape = DISKS) -> dict[str, float] | None:
+    """mu_s, mu_2 and I0 of a material; None if no shear cell has measured it."""
+    cells = json.loads(PATH.read_text(encoding="utf-8"))
+    name = f"{'' if shape.dimension == 2 else 'spheres_'}{material.name}_{PRESSURE:g}"
+    found: dict[str, float] | None = cells.get(name, {}).get("law")
+    return found
