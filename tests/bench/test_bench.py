@@ -181,10 +181,16 @@ def test_rate_of_a_training_leaves_the_prefit_out() -> None:
     assert marks.rate(config) == 100
 
 
-def test_identifications_per_hour() -> None:
-    found = parallel.per_hour({"members": 2, "seconds": 10.0, "steps_per_s": 5000.0}, 20000)
-    assert found["per_hour_measured"] == 720
-    assert found["per_hour"] == 3600 * 2 / (10 + (parallel.WHOLE_RUN - 20000) / 5000)
+def test_members_of_several_processes_add_up() -> None:
+    one = {"work": "members", "processes": 1, "members": 24, "steps_per_s": 100.0}
+    two = one | {"processes": 2, "members": 48, "steps_per_s": 95.0}
+    assert parallel.with_gain(two, [one])["times_one"] == pytest.approx(1.9)
+    batch = {"work": "batch", "processes": 1, "members": 0, "steps_per_s": 100.0}
+    shared = batch | {"processes": 2, "steps_per_s": 180.0}
+    assert parallel.with_gain(shared, [one, batch])["times_one"] == pytest.approx(1.8)
+    assert (
+        parallel.with_gain({"work": "batch", "processes": 2, "error": "x"}, [batch])["error"] == "x"
+    )
 
 
 def test_lines_of_a_process_that_fails() -> None:

@@ -1,8 +1,7 @@
 """K-1: every fused output and derivative, no worse than plain float32 autograd. See accuracy.py.
 
-60 rows of the table run always; the others, up to 500, with `-m long`. `python -m
-bench.kernel_accuracy` publishes medians and worst ratios. K-5: the CUDA kernels, no worse than the
-CPU's, on 200 rows: 40 always, the others with `-m long`.
+60 rows of the table run always; the others, up to 500, with `-m long`. K-5: the CUDA kernels, no
+worse than the CPU's, on 200 rows: 40 always, the others with `-m long`.
 """
 
 from __future__ import annotations
