@@ -5,11 +5,11 @@ python -m bench.studies.coverage.assessment
 It reads results/rows.csv (table.py), gives every line the error bars and the assessment that a run
 of today would have, and prints how many have each grade: by the rms error of mu(I) over the I of
 the flow, for simulated flows and grains, and for controls, which obey another law or hang on walls;
-which conditions they meet; and how often data of mu(I) are said to contradict it, by noise. Lines
-of earlier studies lack slips, momentum balance or residuals; conditions on these do not hold there.
+and how often data of mu(I) are said to contradict it. Lines of earlier studies lack slips, momentum
+balance or residuals; conditions on these do not hold there.
 
 Defends: no control is good, at least 80 % of clean simulated collapses are, and at most 2 % of the
-flows that obey mu(I) are said to contradict it, at every noise, of simulations and of grains.
+flows that obey mu(I) are said to contradict it, of simulations and of grains.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from granpinn.checks import momentum_balance
 from granpinn.config import Config
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
-from granpinn.results.assessment import CONDITIONS, GRADES, contradicted
+from granpinn.results.assessment import GRADES, contradicted
 from granpinn.results.baseline import Baseline, Point
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import Members
@@ -42,7 +42,6 @@ from granpinn.uncertainty.error_model import Known, ends_of
 from granpinn.uncertainty.of_training import judge
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
-NOISES = {"below 1 %": 0.01, "1 to 10 %": 0.1, "10 to 30 %": 0.3, "above 30 %": np.inf}
 PLACES = 20  # inertial numbers over which errors are averaged, evenly in log I
 CLEAN = ("coverage", "varied")  # populations of clean collapses at the usual level
 
@@ -53,24 +52,21 @@ class Judged(NamedTuple):
     Attributes:
         kind: "simulated", "grains", or of a control its law.
         error: rms of mu(I), in %.
-        noise: of the vectors, over the rms velocity.
     """
 
     population: str
     kind: str
     error: float
-    noise: float
     result: Result
 
 
 def judged(cells: dict[str, str]) -> Judged:
     """The assessment of a line of the table."""
     n = {k: float(v) for k, v in cells.items() if k not in WORDS and v and " " not in v}
-    noise = n["noise"] or n.get("measured_noise", 0.0)
     kind = "simulated" if cells["law"] == LAW else cells["law"]
     if cells["population"] == GRAINS and kind == "simulated":
         kind = GRAINS
-    return Judged(cells["population"], kind, _error(cells, n), noise, result_of(cells, n))
+    return Judged(cells["population"], kind, _error(cells, n), result_of(cells, n))
 
 
 WORDS = ("population", "name", "law", "failure", "level", "symmetries", "slips", "carried")
@@ -180,27 +176,13 @@ def report(found: Sequence[Judged]) -> str:
     others = [j for j in found if j.kind not in ("simulated", GRAINS)]
     lines += ["controls", *table(others, sorted({j.kind for j in others}), lambda j: j.kind)]
     lawful = [j for j in found if j.kind in ("simulated", GRAINS)]
-    names = sorted({j.population for j in lawful})
-    lines += ["flows of mu(I), by population", *table(lawful, names, lambda j: j.population)]
     clean = [j for j in lawful if j.population in CLEAN]
     good = sum(j.result.assessment.grade == "good" for j in clean)
     lines += [f"good among clean collapses: {good} of {len(clean)}"]
-    lines += ["said to contradict mu(I) although they obey it, by noise"]
     for kind in ("simulated", GRAINS):
-        for name in NOISES:
-            own = [j for j in lawful if j.kind == kind and j.result.residuals is not None]
-            own = [j for j in own if bin_of(j.noise, NOISES) == name]
-            false = sum(contradicted(j.result) is not None for j in own)
-            if own:
-                lines += [f"{kind:10s} noise {name:11s} {false:4d} of {len(own)}"]
-    lines += ["conditions", f"{'':22s}{'simulated':>12s}{'grains':>12s}{'controls':>12s}"]
-    for condition in CONDITIONS:
-        counts = []
-        for group in ([j for j in found if j.kind == k] for k in ("simulated", GRAINS)):
-            counts.append(sum(condition.said(j.result) is not None for j in group))
-        counts.append(sum(condition.said(j.result) is not None for j in others))
-        name = getattr(condition.said, "__name__", "")
-        lines += [f"{name:22s}" + "".join(f"{n:12d}" for n in counts) + f"  {condition.grade}"]
+        known = [j.result for j in lawful if j.kind == kind and j.result.residuals is not None]
+        false = sum(contradicted(result) is not None for result in known)
+        lines += [f"{kind} that obey mu(I) and are said not to: {false} of {len(known)}"]
     return "\n".join(lines)
 
 

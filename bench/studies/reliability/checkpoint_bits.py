@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
 from bench.studies.reliability import runs
-from bench.studies.reliability.record import RESULTS, Record, command_of
+from bench.studies.reliability.record import RESULTS, Record, recorded
 from granpinn.config import Config
 from granpinn.identification.single import identify
 from granpinn.training import checkpoint
@@ -37,16 +36,12 @@ def main() -> int:
     parser.add_argument("--every", type=int, default=1, help="flip every so many bits")
     parser.add_argument("--out", type=Path, default=RESULTS / "checkpoint_bits.json")
     options = parser.parse_args()
-    begin = time.monotonic()
-    record = Record("T-6", command_of("bench.studies.reliability.checkpoint_bits"))
-    with tempfile.TemporaryDirectory() as folder:
+    module = "bench.studies.reliability.checkpoint_bits"
+    with recorded("T-6", module, options.out) as record, tempfile.TemporaryDirectory() as folder:
         flow = runs.make_flow(Path(folder) / "flow.h5")
         identify(flow, Config(**SETTINGS), run_dir=Path(folder) / "run")
         flip(Path(folder) / "run" / "checkpoint", options.every, record)
-    record.seconds = time.monotonic() - begin
-    record.write(options.out)
-    print(f"{options.out}: {record.tried} bits, {dict(record.outcomes)}")
-    return 1 if record.failures else 0
+    return int(bool(record.failures))
 
 
 def flip(folder: Path, every: int, record: Record) -> None:

@@ -16,14 +16,13 @@ import socket
 import stat
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 from bench.studies.reliability import commands, sandbox
 from bench.studies.reliability.judge import by_code
 from bench.studies.reliability.outputs import CASES, Case
-from bench.studies.reliability.record import Record, command_of
+from bench.studies.reliability.record import recorded
 from bench.studies.reliability.samples import Files, read_all, write_all
 
 MODULE = "bench.studies.reliability.hostile_targets"
@@ -93,22 +92,17 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--out", type=Path, help="the record")
     options = parser.parse_args(argv)
-    record, begin = Record("F-5", command=command_of(MODULE, argv)), time.monotonic()
     cache: dict[str | None, Files] = {}
-    for name, place, kind in combinations():
-        case = CASES[name]
-        if case.inputs not in cache:
-            cache[case.inputs] = case.files()
-        files = cache[case.inputs]
-        outcome, found = tried(case, place, kind, files)
-        what = f"{name}: {place} is a {kind}"
-        failed = outcome not in ALLOWED
-        failure = {"input": what, "outcome": outcome, "message": found.errors.strip()[-300:]}
-        record.add(outcome, failure if failed else None)
-        print(f"{outcome:<28}{what}", flush=True)
-    record.seconds = time.monotonic() - begin
-    if options.out is not None:
-        record.write(options.out)
+    with recorded("F-5", MODULE, options.out) as record:
+        for name, place, kind in combinations():
+            case = CASES[name]
+            if case.inputs not in cache:
+                cache[case.inputs] = case.files()
+            outcome, found = tried(case, place, kind, cache[case.inputs])
+            what = f"{name}: {place} is a {kind}"
+            failure = {"input": what, "outcome": outcome, "message": found.errors.strip()[-300:]}
+            record.add(outcome, None if outcome in ALLOWED else failure)
+            print(f"{outcome:<28}{what}", flush=True)
     return int(bool(record.failures))
 
 

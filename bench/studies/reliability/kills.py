@@ -22,7 +22,7 @@ from subprocess import Popen
 from typing import NamedTuple
 
 from bench.studies.reliability import runs
-from bench.studies.reliability.record import RESULTS, Record, command_of
+from bench.studies.reliability.record import RESULTS, Record, recorded
 from granpinn.training import checkpoint
 from granpinn.training.checkpoint import CheckpointError
 
@@ -66,18 +66,14 @@ def main() -> int:
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
     parser.add_argument("--out", type=Path, help="default: results/kills-DEVICE.json")
     options = parser.parse_args()
-    begin = time.monotonic()
-    record = Record("T-2", command_of("bench.studies.reliability.kills"))
-    with tempfile.TemporaryDirectory() as folder:
+    out = options.out or RESULTS / f"kills-{options.device}.json"
+    module = "bench.studies.reliability.kills"
+    with recorded("T-2", module, out) as record, tempfile.TemporaryDirectory() as folder:
         flow = runs.make_flow(Path(folder) / "flow.h5")
         for k, name in enumerate(options.modes):
             count = len(range(k, options.kills, len(options.modes)))
             kill(name, count, options.seed, options.device, flow, record)
-    record.seconds = time.monotonic() - begin
-    path = options.out or RESULTS / f"kills-{options.device}.json"
-    record.write(path)
-    print(f"{path}: {record.tried} kills, {dict(record.outcomes)}, {len(record.failures)} failed")
-    return 1 if record.failures else 0
+    return int(bool(record.failures))
 
 
 def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Record) -> None:

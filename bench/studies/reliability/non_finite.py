@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import torch
 
 from bench.studies.reliability import runs
-from bench.studies.reliability.record import RESULTS, Record, command_of
+from bench.studies.reliability.record import RESULTS, recorded
 from granpinn.config import Config
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
@@ -79,9 +79,10 @@ def main() -> int:
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
     parser.add_argument("--out", type=Path, help="default: results/non_finite-DEVICE.json")
     options = parser.parse_args()
-    begin, draw = time.monotonic(), Random(options.seed)
-    record = Record("T-5", command_of("bench.studies.reliability.non_finite"))
-    with tempfile.TemporaryDirectory() as folder:
+    draw = Random(options.seed)
+    out = options.out or RESULTS / f"non_finite-{options.device}.json"
+    module = "bench.studies.reliability.non_finite"
+    with recorded("T-5", module, out) as record, tempfile.TemporaryDirectory() as folder:
         flow = runs.make_flow(Path(folder) / "flow.h5")
         for name in (*DATA, *GRADIENTS, *STATE):
             for _ in range(options.steps):
@@ -97,11 +98,7 @@ def main() -> int:
                             outcome = "stopped"
                         failure = case | {"reason": reason} if reason else None
                         record.add(outcome, failure)
-    record.seconds = time.monotonic() - begin
-    path = options.out or RESULTS / f"non_finite-{options.device}.json"
-    record.write(path)
-    print(f"{path}: {record.tried} values, {dict(record.outcomes)}")
-    return 1 if record.failures else 0
+    return int(bool(record.failures))
 
 
 def make(flow: Path, folder: Path, device: str) -> TrainingLoop:

@@ -5,12 +5,13 @@ Every file of results/ is one record. The page "How it is tested" is made from t
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -82,6 +83,17 @@ class Record:
         """Write the record as JSON."""
         text = json.dumps(self.as_json(device), indent=1, allow_nan=False)
         path.write_text(text + "\n", encoding="utf-8")
+
+
+@contextlib.contextmanager
+def recorded(gate: str, module: str, out: Path | None) -> Iterator[Record]:
+    """A record that is timed, written and printed at the end of the block."""
+    record, begin = Record(gate, command_of(module)), time.monotonic()
+    yield record
+    record.seconds = time.monotonic() - begin
+    if out is not None:
+        record.write(out)
+    print(f"{out}: {record.tried} tried, {dict(record.outcomes)}, {len(record.failures)} failed")
 
 
 def read(path: Path) -> dict[str, Any]:

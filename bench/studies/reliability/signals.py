@@ -24,7 +24,7 @@ from random import Random
 from typing import Any
 
 from bench.studies.reliability import runs
-from bench.studies.reliability.record import RESULTS, Record, command_of
+from bench.studies.reliability.record import RESULTS, recorded
 from granpinn.data import read_flow, write_flow
 from granpinn.training import checkpoint
 
@@ -49,11 +49,12 @@ def main() -> int:
     parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     parser.add_argument("--out", type=Path, default=RESULTS / "signals.json")
     options = parser.parse_args()
-    begin, draw = time.monotonic(), Random(options.seed)
+    draw = Random(options.seed)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a job in the background
-    record = Record("T-4", command_of("bench.studies.reliability.signals"))
     slowest = dict.fromkeys(("first", "second"), 0.0)
-    with tempfile.TemporaryDirectory() as folder:
+    module = "bench.studies.reliability.signals"
+    with recorded("T-4", module, options.out) as record, tempfile.TemporaryDirectory() as folder:
+        record.details["slowest, in seconds"] = slowest
         flow = make_flow(Path(folder))
         for k in range(options.repeats):
             for phase in options.phases:
@@ -68,11 +69,7 @@ def main() -> int:
                         outcome = f"{which} signal: {reason or 'ended well'}"
                         record.add(outcome, case if reason else None)
                         print(case, f"{seconds:.2f} s", flush=True)
-    record.seconds = time.monotonic() - begin
-    record.details["slowest, in seconds"] = slowest
-    record.write(options.out)
-    print(f"{options.out}: {record.tried} signals, {len(record.failures)} failed")
-    return 1 if record.failures else 0
+    return int(bool(record.failures))
 
 
 def make_flow(folder: Path) -> Path:
