@@ -7,20 +7,23 @@ import importlib
 import io
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from bench.studies.reliability import writers
 from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
 
 CAMERA = ("--scale", "0.5 mm/px", "--frame-rate", "500 Hz")
 MATERIAL = ("--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6")
+LAB, FLIP = (*CAMERA, *MATERIAL), ("--flip-y", "yes")
 PLAIN = ("--dimensionless", "--grain-diameter", "0.5")
 PIXELS = ("--length-unit", "px", "--velocity-unit", "px/frame")
 PRESSURE = ("--simulated_pressure.frames", "1", "--simulated_pressure.cells", "32")
 
 Files = dict[str, bytes]  # path in the folder of a run -> content
+Writer = Callable[[Path], object]  # writes valid files to a folder
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Format:
         only: of the files, those that are damaged; all if empty.
     """
 
-    write: Callable[[Path], object]
+    write: Writer
     commands: dict[str, tuple[str, ...]]
     needs: tuple[str, ...] = ()
     text: bool = False
@@ -81,123 +84,75 @@ def write_all(files: Files, folder: Path) -> None:
         path.write_bytes(content)
 
 
-def converted(sources: Sequence[str], *settings: str) -> dict[str, tuple[str, ...]]:
-    """The command line of a conversion."""
-    return {"convert": (*sources, "--out", "out.h5", *settings)}
+def by_convert(write: Writer, words: str, *settings: str, **others: Any) -> Format:
+    """A format of a measurement that `convert` reads.
+
+    Args:
+        words: the paths on the command line.
+        settings: of the conversion.
+        others: further fields of the format.
+    """
+    command = (*words.split(), "--out", "out.h5", *settings)
+    return Format(write, {"convert": command}, **others)
 
 
-_TEXTS = ("a0.txt", "a1.txt", "a2.txt")
+def _frames(name: str, module: str, function: str) -> Writer:
+    """Three frames, one file each, by a writer of tests/importers."""
+    return writers.frames(name, writers.by_name(module, function))
+
+
+_TEXTS = "a0.txt a1.txt a2.txt"
 _OPTIONS = {
     "inspect": ("flow.h5", "--json"),
     "train": ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE),
     "train-pressure": ("flow.h5", "--out", "run", *TRAINING, *PRESSURE),
     "convert": ("flow.h5", "--out", "out.h5"),
 }
+_REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
+_OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
+_ZARR, _HDF = ("xarray", "zarr"), ("pandas", "tables")
+_PIVLAB = _frames("a{}.txt", "test_pivlab_text", "export")
+_OPENPIV = _frames("a{}.txt", "test_other_piv", "openpiv")
+_INSIGHT = _frames("a{}.vec", "test_other_piv", "insight")
+_DAVIS = _frames("a{}.txt", "test_other_piv", "davis")
+_BASILISK = _frames("a-{}.txt", "test_simulation_files", "basilisk")
+_BASILISK_FILES = "a-0.txt a-1.txt a-2.txt"
+_TIMES = ("--times", "times.txt", "--time-unit", "frame")
 FORMATS: dict[str, Format] = {
     "flow": Format(writers.flow, _OPTIONS),
     "particles": Format(writers.particles, _OPTIONS),
-    "run": Format(
-        writers.run,
-        {"report": ("run",), "report-paraview": ("run", "--paraview")},
-        only=("run/results.json", "run/fields.h5", "run/history.csv"),
+    "run": Format(writers.run, _REPORTS, only=_OF_RUN),
+    "pivlab": by_convert(_PIVLAB, _TEXTS, *LAB, text=True),
+    "openpiv": by_convert(_OPENPIV, _TEXTS, *LAB, *PIXELS, text=True),
+    "insight": by_convert(_INSIGHT, "a0.vec a1.vec a2.vec", *LAB, text=True),
+    "davis": by_convert(_DAVIS, _TEXTS, "--frame-rate", "9 Hz", *MATERIAL, text=True),
+    "basilisk": by_convert(_BASILISK, _BASILISK_FILES, *PLAIN, "--times", "name", text=True),
+    "tracks": by_convert(writers.tracks, "a.csv", *LAB, *PIXELS, *FLIP, text=True),
+    "tracks-hdf5": by_convert(writers.tracks_hdf5, "a.h5", *LAB, *PIXELS, *FLIP, needs=_HDF),
+    "mat5": by_convert(writers.mat("version_5", "all_frames"), "a.mat", *LAB),
+    "mat5-session": by_convert(writers.mat("version_5", "session"), "a.mat", *LAB),
+    "mat7.3": by_convert(writers.mat("version_73", "all_frames"), "a.mat", *LAB),
+    "mat7.3-session": by_convert(writers.mat("version_73", "session"), "a.mat", *LAB),
+    "npz": by_convert(writers.npz, "a.npz", *LAB),
+    "netcdf": by_convert(writers.netcdf, "a.nc", *LAB, *FLIP, needs=("xarray", "h5netcdf")),
+    "zarr2": by_convert(writers.zarr(2), "a.zarr", *LAB, *FLIP, needs=_ZARR),
+    "zarr3": by_convert(writers.zarr(3), "a.zarr", *LAB, *FLIP, needs=_ZARR),
+    "vti": by_convert(
+        writers.vtk, "a0.vti a1.vti", *PLAIN, needs=("pyvista",), only=("a0.vti", "a1.vti")
     ),
-    "pivlab": Format(
-        writers.frames("a{}.txt", writers.by_name("test_pivlab_text", "export")),
-        converted(_TEXTS, *CAMERA, *MATERIAL),
-        text=True,
-    ),
-    "openpiv": Format(
-        writers.frames("a{}.txt", writers.by_name("test_other_piv", "openpiv")),
-        converted(_TEXTS, *CAMERA, *MATERIAL, *PIXELS),
-        text=True,
-    ),
-    "insight": Format(
-        writers.frames("a{}.vec", writers.by_name("test_other_piv", "insight")),
-        converted(("a0.vec", "a1.vec", "a2.vec"), *CAMERA, *MATERIAL),
-        text=True,
-    ),
-    "davis": Format(
-        writers.frames("a{}.txt", writers.by_name("test_other_piv", "davis")),
-        converted(_TEXTS, "--frame-rate", "9 Hz", *MATERIAL),
-        text=True,
-    ),
-    "basilisk": Format(
-        writers.frames("a-{}.txt", writers.by_name("test_simulation_files", "basilisk")),
-        converted(("a-0.txt", "a-1.txt", "a-2.txt"), *PLAIN, "--times", "name"),
-        text=True,
-    ),
-    "tracks": Format(
-        writers.tracks,
-        converted(("a.csv",), *CAMERA, *MATERIAL, *PIXELS, "--flip-y", "yes"),
-        text=True,
-    ),
-    "tracks-hdf5": Format(
-        writers.tracks_hdf5,
-        converted(("a.h5",), *CAMERA, *MATERIAL, *PIXELS, "--flip-y", "yes"),
-        needs=("pandas", "tables"),
-    ),
-    "mat5": Format(
-        writers.mat("version_5", "all_frames"), converted(("a.mat",), *CAMERA, *MATERIAL)
-    ),
-    "mat5-session": Format(
-        writers.mat("version_5", "session"), converted(("a.mat",), *CAMERA, *MATERIAL)
-    ),
-    "mat7.3": Format(
-        writers.mat("version_73", "all_frames"), converted(("a.mat",), *CAMERA, *MATERIAL)
-    ),
-    "mat7.3-session": Format(
-        writers.mat("version_73", "session"), converted(("a.mat",), *CAMERA, *MATERIAL)
-    ),
-    "npz": Format(writers.npz, converted(("a.npz",), *CAMERA, *MATERIAL)),
-    "netcdf": Format(
-        writers.netcdf,
-        converted(("a.nc",), *CAMERA, *MATERIAL, "--flip-y", "yes"),
-        needs=("xarray", "h5netcdf"),
-    ),
-    "zarr2": Format(
-        writers.zarr(2),
-        converted(("a.zarr",), *CAMERA, *MATERIAL, "--flip-y", "yes"),
-        needs=("xarray", "zarr"),
-    ),
-    "zarr3": Format(
-        writers.zarr(3),
-        converted(("a.zarr",), *CAMERA, *MATERIAL, "--flip-y", "yes"),
-        needs=("xarray", "zarr"),
-    ),
-    "vti": Format(
+    "vtk": by_convert(
         writers.vtk,
-        converted(("a0.vti", "a1.vti"), *PLAIN),
-        needs=("pyvista",),
-        only=("a0.vti", "a1.vti"),
-    ),
-    "vtk": Format(
-        writers.vtk,
-        converted(("b0.vtk", "b1.vtk"), *PLAIN),
+        "b0.vtk b1.vtk",
+        *PLAIN,
         needs=("pyvista",),
         text=True,
         only=("b0.vtk", "b1.vtk"),
     ),
-    "foam": Format(writers.foam, converted(("case",), *PLAIN), needs=("pyvista",), text=True),
-    "vc7": Format(
-        writers.vc7,
-        converted(("B0.vc7", "B1.vc7", "B2.vc7"), *CAMERA, *MATERIAL),
-        needs=("lvpyio",),
+    "foam": by_convert(writers.foam, "case", *PLAIN, needs=("pyvista",), text=True),
+    "vc7": by_convert(writers.vc7, "B0.vc7 B1.vc7 B2.vc7", *LAB, needs=("lvpyio",)),
+    "mask": by_convert(writers.mask, "a.npz", "--mask", "m*.png", *LAB, only=("m0.png", "m1.png")),
+    "surface": by_convert(
+        writers.line, "a.npz", "--surface", "line.csv", *LAB, text=True, only=("line.csv",)
     ),
-    "mask": Format(
-        writers.mask,
-        converted(("a.npz",), "--mask", "m*.png", *CAMERA, *MATERIAL),
-        only=("m0.png", "m1.png"),
-    ),
-    "surface": Format(
-        writers.line,
-        converted(("a.npz",), "--surface", "line.csv", *CAMERA, *MATERIAL),
-        text=True,
-        only=("line.csv",),
-    ),
-    "times": Format(
-        writers.line,
-        converted(("a.npz",), "--times", "times.txt", "--time-unit", "frame", *CAMERA, *MATERIAL),
-        text=True,
-        only=("times.txt",),
-    ),
+    "times": by_convert(writers.line, "a.npz", *_TIMES, *LAB, text=True, only=("times.txt",)),
 }
