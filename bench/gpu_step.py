@@ -1,17 +1,18 @@
 """One optimization step on a GPU: granpinn against everything else a PINN user can run.
 
-python -m bench.gpu_step --json bench/results/gpu_step.json
+python -m bench.gpu_step --json gpu_step.json
 
 One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
 every rival, the measured ceilings of the GPU, errors against float64, ensembles, training. A rival
-that fails is a row with its error. --quick leaves out most of
-the rivals and sizes, ensembles, training and the trained network; --only chooses parts.
---device cpu tries the command on tiny batches.
+that fails is a row with its error. --quick leaves out most of the rivals and sizes, ensembles,
+training and the trained network; --only chooses parts. --device cpu tries the command on tiny
+batches.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import sys
@@ -37,62 +38,42 @@ from bench.rivals import (
 )
 from granpinn.fit.case import choose_device
 
-JAX, JAX_SECONDS = "JAX", 600.0
+JAX_SECONDS = 600.0
 PARTS = ("rows", "accuracy", "ensembles", "training")
 
 
 class Study:
-    """The measurements so far, and the time that is left for more."""
+    """The measurements so far, in memory and on disk."""
 
-    def __init__(
-        self,
-        device: torch.device,
-        json_file: Path | None,
-        chosen: list[str] | None = None,
-    ) -> None:
-        self.device, self.json_file, self.chosen = device, json_file, chosen
+    def __init__(self, device: torch.device, json_file: Path | None) -> None:
+        self.device, self.json_file = device, json_file
         self.begin = time.monotonic()
         self.kept: list[Measured] = []
+        self.rows: list[dict[str, Any]] = []
         self.result: dict[str, Any] = {
             "date": time.strftime("%Y-%m-%d"),
             "machine": describe() | gpu(device),
-            "rows": [],
+            "rows": self.rows,
         }
 
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        rows: list[dict[str, Any]] = self.result["rows"]
-        return rows
-
     def add(self, name: str, content: Any) -> None:
-        """Add a part of the result, in memory and on disk."""
+        """Add a part of the result."""
         self.result[name] = content
         self.result["seconds"] = round(time.monotonic() - self.begin, 1)
         print(f"[{self.result['seconds']:6.1f} s] {name}", flush=True)
-        self.save()
-
-    def save(self) -> None:
         if self.json_file:
             self.json_file.parent.mkdir(parents=True, exist_ok=True)
             self.json_file.write_text(json.dumps(rounded(self.result), indent=1) + "\n")
 
     def measure(self, some: list[Rival], sizes: Sizes) -> None:
         """All sizes of some rivals."""
-        for rival in filter(self.wanted, some):
-            for form, counts in sizes.items():
-                for points in counts:
-                    found = rivals.measure(rival, form, points, self.device)
-                    self.rows.append(found.row)
-                    if found.advance is not None:
-                        self.kept.append(found)
-            self.add("rows", self.rows)
-
-    def wanted(self, rival: Rival) -> bool:
-        return rival in GRANPINN or self.named(rival.name)
-
-    def named(self, name: str) -> bool:
-        """Whether the command line selects a rival of this name."""
-        return self.chosen is None or any(part in name for part in self.chosen)
+        for rival, (form, counts) in itertools.product(some, sizes.items()):
+            for points in counts:
+                found = rivals.measure(rival, form, points, self.device)
+                self.rows.append(found.row)
+                if found.advance is not None:
+                    self.kept.append(found)
+        self.add("rows", self.rows)
 
     def jax(self, sizes: Sizes) -> None:
         """The rows of bench/gpu_jax.py, which runs in one process for each form."""
@@ -102,26 +83,24 @@ class Study:
             torch.cuda.empty_cache()
         for form, counts in sizes.items():
             command = [sys.executable, "-m", "bench.gpu_jax", "--form", form, "--points"]
-            lines, reason = run_lines(
-                [*command, *map(str, counts)], os.environ | switches, JAX_SECONDS
-            )
-            about = [line for line in lines if "jax" in line]
-            if about:
-                self.result["machine"] |= {"jax": about[0]["jax"]}
+            command += map(str, counts)
+            lines, reason = run_lines(command, os.environ | switches, JAX_SECONDS)
+            for about in (line for line in lines if "jax" in line):
+                self.result["machine"] |= {"jax": about["jax"]}
             self.rows.extend(line for line in lines if "name" in line)
             done = {line["points"] for line in lines if "name" in line}
             for points in sorted(set(counts) - done):
-                row = {"name": JAX, "form": form, "points": points}
+                row = {"name": "JAX", "form": form, "points": points}
                 self.rows.append(row | {"error": f"not measured: {reason or 'no output'}"})
         self.add("rows", self.rows)
 
     def count_launches(self) -> None:
+        """Of the steps that were kept; profiling would have slowed the timings down."""
         for measured in self.kept:
             try:
                 measured.row["launches"] = launches(measured.advance or float, measured.steps)
             except Exception as error:
                 measured.row["launches_error"] = f"{type(error).__name__}: {error}"
-        self.add("rows", self.rows)
 
 
 def gpu(device: torch.device) -> dict[str, Any]:
@@ -151,11 +130,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="few rivals at 512 and 32,768 points")
     parser.add_argument("--device", choices=["cuda", "cpu"], default="cuda")
-    parser.add_argument(
-        "--rivals", nargs="+", metavar="PART", help="only those with it in the name"
-    )
-    parser.add_argument("--form", choices=list(rivals.SIZES), help="rows of this form only")
-    parser.add_argument("--points", nargs="+", type=int, help="rows of these sizes only")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts to measure")
     parser.add_argument("--json", type=Path, help="file for the raw results")
     arguments = parser.parse_args()
@@ -163,9 +137,8 @@ def main() -> int:
         warnings.filterwarnings("ignore", category=noise)
     device, quick = choose_device(arguments.device), arguments.quick
     tiny = device.type == "cpu"
-    study = Study(device, arguments.json, arguments.rivals)
+    study = Study(device, arguments.json)
     sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if quick else rivals.SIZES
-    sizes = rivals.chosen(sizes, arguments.form, arguments.points)
     rows = "rows" in arguments.only
     if "accuracy" in arguments.only:
         trained = 8 if tiny else 0 if quick else 3000
@@ -181,8 +154,7 @@ def main() -> int:
         study.add("training", gpu_training.training(device, 16 if tiny else 8000, tiny))
     if rows and not quick:
         study.measure(OTHER_RIVALS, sizes)
-        if study.named(JAX):
-            study.jax(sizes)
+        study.jax(sizes)
     study.count_launches()
     l2_mb = study.result["machine"].get("l2_mb")
     gpu_table.complete(study.rows, study.result["ceilings"], l2_mb)

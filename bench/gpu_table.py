@@ -13,7 +13,6 @@ GOALS = {
     OURS["fast"]: {512: 0.05, 32768: 1.8, 262144: 13.0},
 }
 MIXED = 0.6
-LARGEST, GOAL_PEAK_GB = 262144, 1.5
 
 
 def complete(rows: list[Row], ceilings: dict[str, float], l2_mb: float | None = None) -> None:
@@ -95,15 +94,8 @@ def _line(name: str, rows: list[Row], sizes: list[int]) -> str:
 def _comparison(row: Row) -> str:
     line = f"{_where(row)}: {significant(row['ms'])} ms, {row['tflops']:.1f} TFLOP/s"
     line += f" ({row['of_sgemm']:.0%} of sgemm, {row['of_tf32']:.0%} of TF32)"
-    if "times_faster_than_eager" in row:
-        line += f", {row['times_faster_than_eager']:.1f}x eager"
-    if "ms_alone_cold" in row:
-        warm, cold = (significant(row[f"ms_alone_{kind}"]) for kind in ("warm", "cold"))
-        line += f", alone {warm} ms, with an empty L2 {cold}"
     if "best_rival" in row:
         line += f", {row['times_faster_than_best_rival']:.2f}x {row['best_rival']}"
-    if row["points"] == LARGEST and "peak_gb" in row:
-        line += f", {row['peak_gb']:.2f} GB (goal {GOAL_PEAK_GB})"
     if "goal_ms" in row:
         verdict = "reached" if row["goal_reached"] else "MISSED"
         line += f"; goal {significant(row['goal_ms'])} ms {verdict}"

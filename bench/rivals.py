@@ -51,15 +51,6 @@ OTHER_RIVALS = [
 ]
 
 
-def chosen(sizes: Sizes, form: str | None, points: list[int] | None) -> Sizes:
-    """The sizes that the command line selects; None selects all."""
-    return {
-        name: tuple(n for n in counts if points is None or n in points)
-        for name, counts in sizes.items()
-        if form in (None, name)
-    }
-
-
 @dataclass
 class Measured:
     """A row of the results, and the step of a row whose launches are still to be counted."""

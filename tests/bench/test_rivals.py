@@ -12,11 +12,6 @@ from bench.steps import Task, eager_step, make_task
 CPU = torch.device("cpu")
 
 
-def test_the_command_line_selects_sizes() -> None:
-    assert rivals.chosen(rivals.SIZES, None, None) == rivals.SIZES
-    assert rivals.chosen(rivals.SIZES, "strong", [512, 4096]) == {"strong": (512, 4096)}
-
-
 def test_what_stays_from_step_to_step() -> None:
     task: Task = make_task("strong", 16)
     tensors = 4 * (task.params.numel() + task.theta.numel()) + task.points.numel()
