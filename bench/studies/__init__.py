@@ -1,1 +1,1 @@
-"""Studies: a folder answers one question with its script, raw results and a note."""
+"""Studies: a folder answers one question with its script, a table of raw rows and a note."""
