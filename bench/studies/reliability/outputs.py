@@ -15,6 +15,8 @@ from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
 
 COLLAPSE = ("--cells", "48", "--stride", "2", "--frames", "4", "--t-end", "0.2", "--threads", "1")
 TRAIN = ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE, "--checkpoint-every", "0")
+TWO = (*TRAIN, "--members", "2")
+TABLES = ("flow.h5", "--out", "tables", "--seeds", "2", "--steps", "2", "--device", "cpu")
 SHOWN = ("run/report.html",)
 
 
@@ -45,12 +47,7 @@ class Case:
 
 CASES: dict[str, Case] = {
     "train": Case("train", TRAIN, resume=(*TRAIN, "--resume"), timed=SHOWN),
-    "train, two members": Case(
-        "train",
-        (*TRAIN, "--members", "2"),
-        resume=(*TRAIN, "--members", "2", "--resume"),
-        timed=SHOWN,
-    ),
+    "train, two members": Case("train", TWO, resume=(*TWO, "--resume"), timed=SHOWN),
     "convert": Case(
         "convert",
         ("a0.txt", "a1.txt", "a2.txt", "--out", "out.h5", *CAMERA, *MATERIAL),
@@ -66,23 +63,7 @@ CASES: dict[str, Case] = {
     "inspect": Case("inspect", ("flow.h5", "--out", "inspection"), repeated=True),
     "report": Case("report", ("run",), inputs="run", repeated=True),
     "report, ParaView": Case("report", ("run", "--paraview"), inputs="run", repeated=True),
-    "tables": Case(
-        "tables",
-        ("flow.h5", "--out", "tables", "--seeds", "2", "--steps", "2", "--device", "cpu"),
-        resume=(
-            "flow.h5",
-            "--out",
-            "tables",
-            "--seeds",
-            "2",
-            "--steps",
-            "2",
-            "--device",
-            "cpu",
-            "--resume",
-        ),
-        timed=("tables/tables.html",),
-    ),
+    "tables": Case("tables", TABLES, resume=(*TABLES, "--resume"), timed=("tables/tables.html",)),
 }
 
 
