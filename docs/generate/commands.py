@@ -16,17 +16,14 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-MARK = "<!-- generated: commands -->"
+PACKAGE = Path(__file__).parents[2] / "granpinn"
 WIDTH = 100  # characters of a line of help
 FIRST = ("convert", "inspect", "train", "report", "simulate")  # the order in which they are needed
 
 
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Puts the reference in the place of its mark."""
-    if MARK not in markdown:
-        return markdown
-    package = Path(config.docs_dir).parent / "granpinn"
-    return markdown.replace(MARK, "\n".join(section(name) for name in commands(package)))
+def reference() -> str:
+    """The sections of all commands."""
+    return "\n".join(section(name) for name in commands(PACKAGE))
 
 
 def commands(package: Path) -> list[str]:

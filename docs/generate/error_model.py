@@ -1,17 +1,11 @@
-"""The numbers of the error model, from granpinn/uncertainty/error_model.json, and how often its
-intervals hold, from the report of its fit."""
+"""The numbers of the error model, from granpinn/uncertainty/error_model.json."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 from granpinn.uncertainty import error_model
 
-MODEL = "<!-- generated: error model -->"
-COVERAGE = "<!-- generated: coverage -->"
-REPORT = Path("bench") / "studies" / "coverage" / "results" / "report.md"
 # What an effect of 1 means, by coefficient.
 MEANINGS = {
     "constant": "logarithm of s of a clean flow that reaches I = I0/3",
@@ -24,14 +18,6 @@ MEANINGS = {
     "reach": "largest I/(I + I0) of the data, over 0.25",
     "contrast": "mu at the largest over mu at the smallest I, over 1.3",
 }
-
-
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Puts the tables in the places of their marks."""
-    if MODEL in markdown:
-        markdown = markdown.replace(MODEL, "\n".join(lines()))
-        markdown = markdown.replace(COVERAGE, "\n".join(coverage()))
-    return markdown
 
 
 def lines() -> Iterator[str]:
@@ -54,14 +40,3 @@ def lines() -> Iterator[str]:
         f"{model.freedom:g}. Real grains: level {100 * model.level:.1f} %, tilt "
         f"{100 * model.tilt:.1f} %. A free curve: {model.free_curve:g} times the errors of mu(I)."
     )
-
-
-def coverage() -> Iterator[str]:
-    """The first table of the report: populations that the fit has not seen."""
-    begun = False
-    for line in (Path(__file__).parents[2] / REPORT).read_text(encoding="utf-8").splitlines():
-        begun |= line.startswith("|")
-        if begun and not line:
-            return
-        if begun:
-            yield line

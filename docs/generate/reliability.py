@@ -11,9 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-GATES = "<!-- generated: gates -->"
-RECORDS = "<!-- generated: records -->"
-RESULTS = Path("bench") / "studies" / "reliability" / "results"
+RESULTS = Path(__file__).parents[2] / "bench" / "studies" / "reliability" / "results"
 MODULES = "python -m bench.studies.reliability."
 CLASSES = 10  # kinds of failures that are listed for each record
 
@@ -137,14 +135,14 @@ KEPT_BY_COMMANDS = (
 )
 
 
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Puts the tables in the places of their marks."""
-    results = Path(config.docs_dir).parent / RESULTS
-    if GATES in markdown:
-        markdown = markdown.replace(GATES, "\n".join(gates()))
-    if RECORDS in markdown:
-        markdown = markdown.replace(RECORDS, "\n".join(records(results)))
-    return markdown
+def gate_table() -> str:
+    """The gates that the tests keep."""
+    return "\n".join(gates())
+
+
+def record_tables(results: Path = RESULTS) -> str:
+    """All records."""
+    return "\n".join(records(results))
 
 
 def gates() -> Iterator[str]:

@@ -9,16 +9,15 @@ from typing import Any
 from granpinn.config import Config, flatten
 from granpinn.config.recipes import RECIPES
 
-SETTINGS = "<!-- generated: settings -->"
-RECIPE_TABLE = "<!-- generated: recipes -->"
+
+def reference() -> str:
+    """The tables of all settings."""
+    return "\n".join(settings())
 
 
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
-    """Puts the tables in the places of their marks."""
-    for mark, lines in ((SETTINGS, settings), (RECIPE_TABLE, recipes)):
-        if mark in markdown:
-            markdown = markdown.replace(mark, "\n".join(lines()))
-    return markdown
+def recipe_table() -> str:
+    """The table of the recipes."""
+    return "\n".join(recipes())
 
 
 def settings() -> Iterator[str]:

@@ -10,7 +10,6 @@ $$ Q = C \sqrt{g}\, w^{3/2} $$
 
 leaves in a unit of time (Beverloo, Leniger and van de Velde 1961, Chem. Eng. Sci. 15, here in two
 dimensions and without the grain diameter, by which the width is less for grains).
-docs/explanation/simulator.md has the C of such simulations.
 """
 
 from __future__ import annotations

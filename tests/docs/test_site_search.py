@@ -32,7 +32,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from mkdocs.config import load_config
 
     folder = tmp_path_factory.mktemp("site")
-    pages = ("guides/error-bars.md", "guides/noise.md", "reference/flow-file.md")
+    pages = ("guides/error-bars.md", "guides/running.md", "reference/flow-file.md")
     for name in ("index.md", "images/result.png", *pages, *SCRIPTS):
         (folder / "docs" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(DOCS / name, folder / "docs" / name)
@@ -60,7 +60,7 @@ def browser(tmp_path: Path) -> Iterator[browsers.Browser]:
     opened.close()
 
 
-@pytest.mark.parametrize("page", ["index.html", "guides/noise.html"])
+@pytest.mark.parametrize("page", ["index.html", "guides/running.html"])
 def test_a_query_finds_pages(site: Path, browser: browsers.Browser, page: str) -> None:
     browser.open(site / page, 1200)
     browser.evaluate(FOCUS)

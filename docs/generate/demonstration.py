@@ -1,0 +1,53 @@
+"""Runs the command of README.md and records its output and its picture, both of one run.
+
+python -m docs.generate.demonstration
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+DOCS = Path(__file__).parents[1]
+OUTPUT = DOCS / "results" / "demonstration.txt"
+PICTURE = DOCS / "images" / "result.png"
+WIDTH = 750  # pixels of each half
+
+
+def record(figures: Path, printed: str) -> None:
+    """Writes the output of a run, and a picture of its law, pressure and velocity."""
+    names = ("friction_law", "pressure", "velocity")
+    law, *maps = (Image.open(figures / f"{name}.png").convert("RGB") for name in names)
+    law, *maps = (
+        image.resize((WIDTH, image.height * WIDTH // image.width), Image.Resampling.LANCZOS)
+        for image in (law, *maps)
+    )
+    picture = Image.new("RGB", (2 * WIDTH, law.height), "white")
+    picture.paste(law, (0, 0))
+    gap = (law.height - sum(image.height for image in maps)) // 3
+    top = gap
+    for image in maps:
+        picture.paste(image, (WIDTH, top))
+        top += image.height + gap
+    info = PngInfo()
+    info.add_text("output", printed)  # a test compares it with the text
+    picture.save(PICTURE, pnginfo=info, optimize=True)
+    OUTPUT.write_text(printed, encoding="utf-8")
+
+
+def main() -> int:
+    """Runs the command in an empty folder."""
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "granpinn.train"]
+        done = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, text=True, check=True)
+        record(Path(folder) / "granpinn-demo" / "figures", done.stdout)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
