@@ -20,6 +20,11 @@ MEANINGS = {
 }
 
 
+def table() -> str:
+    """The coefficients, and the other numbers."""
+    return "\n".join(lines())
+
+
 def lines() -> Iterator[str]:
     """A table of the coefficients, and the other numbers."""
     model = error_model.load()

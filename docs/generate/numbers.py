@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 if str(ROOT) not in sys.path:  # mkdocs loads a hook by its path
     sys.path.insert(0, str(ROOT))
 
-from docs.generate import commands, reliability, settings  # noqa: E402
+from docs.generate import commands, error_model, reliability, settings  # noqa: E402
 from docs.generate.sources import NUMBERS  # noqa: E402
 
 PAGES = ("*.md", "docs/**/*.md", "bench/studies/**/*.md")
@@ -33,6 +33,7 @@ BUILT: dict[str, Callable[[], str]] = {
     "commands": commands.reference,
     "settings": settings.reference,
     "recipes": settings.recipe_table,
+    "error_model.table": error_model.table,
     "gates": reliability.gate_table,
     "records": reliability.record_tables,
 }

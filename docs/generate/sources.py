@@ -18,7 +18,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from docs.generate import error_model
 from granpinn.config import Config, flatten
 
 ROOT = Path(__file__).parents[2]
@@ -359,7 +358,6 @@ NUMBERS: dict[str, Callable[[], str]] = {
     # Error bars
     "coverage.held": lambda: f"{min(held()):.0f} to {max(held()):.0f} %",
     "coverage.table": table(coverage_table),
-    "error_model.table": table(error_model.lines),
     # Times and outputs
     "time.demonstration": lambda: seconds(result("command, CPU")["rows"][0]["seconds"]),
     "time.collapse": lambda: seconds(result("command, CPU")["rows"][1]["seconds"]),
