@@ -1,7 +1,8 @@
 """The navigation of mkdocs.yml, completed: every page is in it, once.
 
-A section takes the pages of the folder with its name. The pages of evidence/ that mkdocs.yml does
-not list come at the end of the section Evidence: its index.md first, the others by name.
+A section takes the pages of the folder with its name that mkdocs.yml does not list: index.md first,
+the others by name. They come at its end, or in its subsection that mkdocs.yml leaves empty, such as
+the notes of the studies in Evidence.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ def completed(nav: list[Any], pages: list[str]) -> list[Any]:
     missing = sorted(set(pages) - set(listed(nav)), key=lambda p: (not p.endswith("/index.md"), p))
     filled = [
         {
-            name: [*part, *(page for page in missing if page.startswith(f"{name.lower()}/"))]
+            name: with_pages(part, [p for p in missing if p.startswith(f"{name.lower()}/")])
             if isinstance(part, list)
             else part
             for name, part in item.items()
@@ -29,6 +30,14 @@ def completed(nav: list[Any], pages: list[str]) -> list[Any]:
         for item in nav
     ]
     return [item for item in filled if any(item.values())]
+
+
+def with_pages(section: list[Any], pages: list[str]) -> list[Any]:
+    """A section with more pages, in its empty subsection if it has one."""
+    last = section[-1] if section else None
+    if not isinstance(last, dict) or any(last.values()):
+        return [*section, *pages]
+    return [*section[:-1], *([dict.fromkeys(last, pages)] if pages else [])]
 
 
 def listed(nav: list[Any]) -> Iterator[str]:

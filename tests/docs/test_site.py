@@ -66,6 +66,14 @@ def test_the_index_of_a_folder_comes_first() -> None:
     assert done == [{"Evidence": ["evidence/index.md", "evidence/a.md"]}]
 
 
+def test_an_empty_subsection_takes_the_pages() -> None:
+    completed = hook("navigation").completed
+    nav = [{"Evidence": ["evidence/index.md", {"Studies": []}]}]
+    done = completed(nav, ["evidence/index.md", "evidence/a.md"])
+    assert done == [{"Evidence": ["evidence/index.md", {"Studies": ["evidence/a.md"]}]}]
+    assert completed(nav, ["evidence/index.md"]) == [{"Evidence": ["evidence/index.md"]}]
+
+
 def test_an_empty_section_is_left_out() -> None:
     nav = [{"Home": "index.md"}, {"Evidence": []}]
     assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
