@@ -285,7 +285,8 @@ def settings() -> dict[str, Callable[[], str]]:
 def span(numbers: Iterable[float]) -> str:
     """The range of numbers, with signs: two digits."""
     ends = min(numbers := [*numbers]), max(numbers)
-    return " to ".join(f"{x:+.0f}" if abs(x) >= 9.95 else f"{x:+.1f}" for x in ends)
+    words = [f"{x:+.0f}" if abs(x) >= 9.95 else f"{x:+.1f}" for x in ends]
+    return " to ".join(dict.fromkeys(words))
 
 
 def rms(numbers: Iterable[float]) -> str:
