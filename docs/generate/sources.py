@@ -14,7 +14,7 @@ import statistics
 import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +41,6 @@ FILES = {
 Law = tuple[float, float, float]  # mu_s, mu_2, I0
 LAWS = ("mu_s", "mu_2", "true_s", "true_2", "I0", "I_low", "I_high", "true_low")
 INERTIAL_NUMBERS = (0.01, 0.03, 0.055, 0.1, 0.185)  # those of them that a flow reaches
-GRAINS = ("channel_wall", "chute_fast", "chute_fast_steady", "chute_slow")
-GRAINS += ("collapse_2", "collapse_6", "drum")  # heaps and silos stand beside them
 SCENES = {
     "chute_fast": "steep chute, from rest",
     "chute_slow": "gentle chute, from rest",
@@ -54,6 +52,7 @@ SCENES = {
     "heap": "heap",
     "silo": "silo",
 }
+GRAINS = [scene for scene in SCENES if scene not in ("heap", "silo")]
 # Populations of the report by their names, the first pattern that fits.
 KINDS = {
     r"grains": "simulated grains",
@@ -276,7 +275,7 @@ def layers() -> str:
 def settings() -> dict[str, Callable[[], str]]:
     """Every default of a setting, as `setting.steps`."""
     return {
-        f"setting.{key}": lambda value=value: f"{value:,}" if isinstance(value, int) else f"{value}"
+        f"setting.{key}": partial(format, value, "," if isinstance(value, int) else "")
         for key, value in flatten(Config()).items()
         if isinstance(value, int | float) and not isinstance(value, bool)
     }
