@@ -16,7 +16,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from granpinn.config import Config, flatten
 
@@ -176,33 +176,51 @@ def parameter_errors(population: str, name: str) -> list[float]:
     ]
 
 
-def populations() -> Iterator[tuple[str, int, list[float]]]:
-    """Name, number of flows, and holds of mu_s and mu_2 and half-widths, in %, from the report."""
+class Population(NamedTuple):
+    """A population of the report; pairs are of mu_s and mu_2, or of both ends of the range of I.
+
+    Attributes:
+        flows: their number.
+        held, ends: how many of the 90 % intervals hold, in %.
+        score: as in the report.
+        width: half-width in %.
+    """
+
+    name: str
+    flows: int
+    held: tuple[float, ...]
+    ends: tuple[float, ...]
+    score: tuple[float, ...]
+    width: tuple[float, ...]
+
+
+def populations() -> Iterator[Population]:
+    """The populations that the fit of the error model has not seen, from its report."""
     for line in text("coverage").split("\n\n")[1].splitlines()[2:]:
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        yield cells[0], int(cells[1]), [float(n) for n in f"{cells[2]}/{cells[5]}".split("/")]
+        name, flows, *pairs = (cell.strip() for cell in line.strip("|").split("|"))
+        yield Population(name, int(flows), *(tuple(map(float, p.split("/"))) for p in pairs))
 
 
 def coverage_table() -> Iterator[str]:
     """How often 90 % intervals hold, by kinds of flows."""
-    kinds: dict[str, list[tuple[int, list[float]]]] = {
-        kind: [] for kind in reversed(KINDS.values())
-    }
-    for name, number, cells in populations():
-        kind = next(kind for pattern, kind in KINDS.items() if re.match(pattern, name))
-        kinds[kind].append((number, cells))
+    kinds: dict[str, list[Population]] = {kind: [] for kind in reversed(KINDS.values())}
+    for population in populations():
+        kind = next(kind for pattern, kind in KINDS.items() if re.match(pattern, population.name))
+        kinds[kind].append(population)
     yield "| flows | number | mu_s held, % | mu_2 held, % | half-width of mu_s, mu_2, % |"
     yield "|---|---|---|---|---|"
-    for kind, rows in kinds.items():
-        total = sum(number for number, _ in rows)
-        held_s, held_2, *widths = (sum(n * c[k] for n, c in rows) / total for k in range(4))
+    for kind, members in kinds.items():
+        total = sum(p.flows for p in members)
+        held_s, held_2, *widths = (
+            sum(p.flows * (*p.held, *p.width)[k] for p in members) / total for k in range(4)
+        )
         width = ", ".join(f"{w:.1f}" for w in widths)
         yield f"| {kind} | {total} | {held_s:.0f} | {held_2:.0f} | {width} |"
 
 
-def held() -> Iterable[float]:
+def held() -> list[float]:
     """Holds of mu_s and mu_2 in all populations of 40 flows or more."""
-    return [held for _, number, cells in populations() if number >= 40 for held in cells[:2]]
+    return [held for p in populations() if p.flows >= 40 for held in p.held]
 
 
 def laws_told() -> list[bool]:
