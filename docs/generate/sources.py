@@ -18,6 +18,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from granpinn import checks
 from granpinn.config import Config, flatten
 
 ROOT = Path(__file__).parents[2]
@@ -290,6 +291,17 @@ def layers() -> str:
     return fenced(text)
 
 
+def checks_table() -> Iterator[str]:
+    """The checks of a fit, in the order in which they are made."""
+    yield "| check | name | made | seconds, roughly |"
+    yield "|---|---|---|---|"
+    for check in checks.every():
+        made = ["by default"] if check.quick else []
+        made += [f"`--{check.flag.replace('_', '-')}`"] if check.flag else []
+        title, seconds = check.record.title, f"{check.seconds:,.0f}"
+        yield f"| {title} | `{check.name}` | {', '.join(made)} | {seconds} |"
+
+
 def settings() -> dict[str, Callable[[], str]]:
     """Every default of a setting, as `setting.steps`."""
     return {
@@ -386,5 +398,6 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "jets.table": table(jets_table),
     "studies": table(studies),
     "layers": layers,
+    "checks": table(checks_table),
     **settings(),
 }
