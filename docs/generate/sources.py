@@ -1,43 +1,22 @@
 """Measured numbers of the documentation: each name with its raw result and how to compute it.
 
-`FILES` has every raw result that the documentation uses. A result that moves changes this table
-alone. numbers.py puts the values into the Markdown files.
+raw.py reads the raw results, numbers.py puts the values into the Markdown files.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-import re
 import statistics
 import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from functools import partial
 
+from docs.generate import coverage
+from docs.generate.raw import ROOT, STUDIES, rows, text
 from granpinn import checks
 from granpinn.config import Config, flatten
-
-ROOT = Path(__file__).parents[2]
-STUDIES = "bench/studies"
-FILES = {
-    "flows": f"{STUDIES}/coverage/results/rows.csv",  # identifications of flows of known law
-    "coverage": f"{STUDIES}/coverage/results/report.md",  # how often the intervals hold
-    "references": f"{STUDIES}/identification/results/default_reference.json",
-    "noisy references": f"{STUDIES}/noise/results/reference_files_all.json",
-    "laws": f"{STUDIES}/laws/choice/results/present.json",
-    "exact flows": f"{STUDIES}/floor/results/steps_15000.json",
-    "scenes": f"{STUDIES}/grains/results/scenes.json",
-    "simulator fit": f"{STUDIES}/simulator_fit/results/noise.json",
-    "jets": "bench/results/jet_step.json",
-    "command, CPU": "bench/results/command_full_epyc.json",
-    "command, GPU": "bench/results/command_h100_15000.json",
-    "demonstration": "docs/results/demonstration.txt",  # what the command of README.md prints
-    "tests": "docs/results/tests.txt",  # the last lines of the second command of README.md
-}
 
 Law = tuple[float, float, float]  # mu_s, mu_2, I0
 LAWS = ("mu_s", "mu_2", "true_s", "true_2", "I0", "I_low", "I_high", "true_low")
@@ -54,33 +33,6 @@ SCENES = {
     "silo": "silo",
 }
 GRAINS = [scene for scene in SCENES if scene not in ("heap", "silo")]
-# Populations of the report by their names, the first pattern that fits.
-KINDS = {
-    r"grains": "simulated grains",
-    r"films": "collapses, through pictures and a PIV program",
-    r".*V0": "collapses at level V0",
-    r"steps_": "collapses, 1,000 to 10,000 steps",
-    r"cells_1024": "collapses on 1,024 cells",
-    r"noisy|varied_0": "collapses with noise of 0.5 to 30 %",
-    r"": "collapses without noise",
-}
-
-
-def text(name: str) -> str:
-    """A raw result."""
-    return (ROOT / FILES[name]).read_text(encoding="utf-8")
-
-
-@cache
-def result(name: str) -> Any:
-    """A raw result in JSON."""
-    return json.loads(text(name))
-
-
-@cache
-def flows() -> list[dict[str, str]]:
-    """Identifications of flows whose law is known, one row each."""
-    return list(csv.DictReader(text("flows").splitlines()))
 
 
 def friction(mu_s: float, mu_2: float, I0: float, inertia: float) -> float:
@@ -111,7 +63,7 @@ def grains(*scenes: str, friction_between: str = "") -> list[float]:
     """Errors of mu(I) in simulated grains, in %."""
     return [
         error
-        for row in flows()
+        for row in rows("flows")
         if row["population"] == "grains"
         and row["name"].rpartition("-")[0] in scenes
         and row["name"].endswith(friction_between)
@@ -128,132 +80,104 @@ def grains_table() -> Iterator[str]:
         yield f"| {title} | {' | '.join(span(c) if c else '' for c in cells)} |"
 
 
-def references() -> list[float]:
+def references() -> list[dict[str, str]]:
+    """Identifications of collapses of another solver by the default recipe, one row each seed."""
+    return [row for row in rows("references") if row["flows"] == "reference, default"]
+
+
+def with_percent(law: str, row: dict[str, str]) -> list[float]:
+    """Errors of mu(I) in %, from those of the parameters; `law` has mu_s and mu_2, I0 is 0.3."""
+    mu_s, mu_2 = map(float, law.split())
+    s, two = (1 + float(row[f"{name}_percent"]) / 100 for name in ("mu_s", "mu_2"))
+    return law_errors((s * mu_s, two * mu_2, 0.3), (mu_s, mu_2, 0.3))
+
+
+def reference_laws() -> list[float]:
     """Errors of mu(I) in collapses of another solver, in %."""
-    truth = {row["name"]: of(row["truth"]) for row in result("references")["rows"]}
-    return [
-        error
-        for member in result("references")["members"]
-        for error in law_errors(of(member["parameters"]), truth[member["case"]])
-    ]
-
-
-def of(law: dict[str, float]) -> Law:
-    """Parameters of mu(I)."""
-    return law["mu_s"], law["mu_2"], law["I0"]
+    return [error for row in references() for error in with_percent(row["mu_s mu_2"], row)]
 
 
 def references_table() -> Iterator[str]:
     """Median errors of collapses of another solver, the worst in brackets."""
     yield "| (mu_s, mu_2) | mu_s | mu_2 | velocity | p | p, flowing | p, at rest |"
     yield "|---|---|---|---|---|---|---|"
-    for row in result("references")["rows"]:
-        error = row["errors"]
-        law = ", ".join(f"{row['truth'][name]:.2f}" for name in ("mu_s", "mu_2"))
-        cells = [f"{error[k]['median']:.1f} ({error[k]['worst']:.1f})" for k in ("mu_s", "mu_2")]
-        cells += [f"{error['velocity']['median']:.2f}"]
-        fields = ("pressure", "pressure_flowing", "pressure_stagnant")
-        cells += [f"{error[k]['median']:.1f}" for k in fields]
-        yield f"| ({law}) | {' | '.join(cells)} |"
+    names = ("mu_s", "mu_2", "velocity", "pressure", "pressure_flowing", "pressure_at_rest")
+    for law in dict.fromkeys(row["mu_s mu_2"] for row in references()):
+        seeds = [row for row in references() if row["mu_s mu_2"] == law]
+        columns = [[abs(float(row[f"{name}_percent"])) for row in seeds] for name in names]
+        cells = [f"{statistics.median(c):.1f} ({max(c):.1f})" for c in columns[:2]]
+        cells += [f"{statistics.median(columns[2]):.2f}"]
+        cells += [f"{statistics.median(column):.1f}" for column in columns[3:]]
+        yield f"| ({law.replace(' ', ', ')}) | {' | '.join(cells)} |"
 
 
-def noisy_references() -> list[float]:
-    """The same with white noise of 20 % of the largest speed."""
-    truth = {row["name"]: of(row["truth"]) for row in result("references")["rows"]}
-    wrong = []
-    for flow, _, _, _, of_s, of_2 in result("noisy references")["rows"]:
-        mu_s, mu_2, I0 = truth[flow]
-        found = mu_s * (1 + of_s / 100), mu_2 * (1 + of_2 / 100), I0
-        wrong += law_errors(found, truth[flow])
-    return wrong
+def noisy_references() -> list[dict[str, str]]:
+    """The same with white noise of 20 % of the largest speed, one row each draw."""
+    named = (row for row in rows("noise") if row["flow"].startswith("collapse_"))
+    return [row for row in named if row["vectors"] == "all"]
+
+
+def noisy_laws() -> list[float]:
+    """Errors of mu(I) with that noise, in %."""
+    laws = (
+        (row["flow"].removeprefix("collapse_").replace("_", " "), row) for row in noisy_references()
+    )
+    return [error for law, row in laws for error in with_percent(law, row)]
 
 
 def parameter_errors(population: str, name: str) -> list[float]:
     """Errors of mu_s ("s") or mu_2 ("2") of a population of simulated flows, in %."""
     return [
         100 * (float(row[f"mu_{name}"]) / float(row[f"true_{name}"]) - 1)
-        for row in flows()
+        for row in rows("flows")
         if row["population"] == population and not row["failure"]
     ]
 
 
-class Population(NamedTuple):
-    """A population of the report; pairs are of mu_s and mu_2, or of both ends of the range of I.
-
-    Attributes:
-        flows: their number.
-        held, ends: how many of the 90 % intervals hold, in %.
-        score: as in the report.
-        width: half-width in %.
-    """
-
-    name: str
-    flows: int
-    held: tuple[float, ...]
-    ends: tuple[float, ...]
-    score: tuple[float, ...]
-    width: tuple[float, ...]
-
-
-def populations() -> Iterator[Population]:
-    """The populations that the fit of the error model has not seen, from its report."""
-    for line in text("coverage").split("\n\n")[1].splitlines()[2:]:
-        name, flows, *pairs = (cell.strip() for cell in line.strip("|").split("|"))
-        yield Population(name, int(flows), *(tuple(map(float, p.split("/"))) for p in pairs))
-
-
-def coverage_table() -> Iterator[str]:
-    """How often 90 % intervals hold, by kinds of flows."""
-    kinds: dict[str, list[Population]] = {kind: [] for kind in reversed(KINDS.values())}
-    for population in populations():
-        kind = next(kind for pattern, kind in KINDS.items() if re.match(pattern, population.name))
-        kinds[kind].append(population)
-    yield "| flows | number | mu_s held, % | mu_2 held, % | half-width of mu_s, mu_2, % |"
-    yield "|---|---|---|---|---|"
-    for kind, members in kinds.items():
-        total = sum(p.flows for p in members)
-        held_s, held_2, *widths = (
-            sum(p.flows * (*p.held, *p.width)[k] for p in members) / total for k in range(4)
-        )
-        width = ", ".join(f"{w:.1f}" for w in widths)
-        yield f"| {kind} | {total} | {held_s:.0f} | {held_2:.0f} | {width} |"
-
-
-def held() -> list[float]:
-    """Holds of mu_s and mu_2 in all populations of 40 flows or more."""
-    return [held for p in populations() if p.flows >= 40 for held in p.held]
-
-
 def laws_told() -> list[bool]:
     """For each flow of known law: is it the chosen law, or not told apart from it?"""
-    told = []
-    for row in result("laws")["rows"]:
-        apart = {entry["law"]: entry["not_told_apart_from"] for entry in row["comparison"]}
-        told.append(row["law"] in (row["chosen"], *apart.get(row["chosen"], ())))
-    return told
+    present = (row for row in rows("laws") if row["population"] == "present")
+    return [row["true law not told apart"] == "True" for row in present]
 
 
 def exact_flows(name: str) -> list[float]:
     """Errors of a parameter on flows that solve the equations exactly, in %."""
-    return [row[f"{name}_percent"] for row in result("exact flows")["rows"] if not row["noise"]]
+    default = (row for row in rows("exact flows") if row["run"] == "steps_15000")
+    return [float(row[f"{name}_percent"]) for row in default]
 
 
 def balances() -> list[float]:
-    """Errors of the momentum balance alone in simulated grains, in %."""
-    rows = [scene.get("balance") or {} for scene in result("scenes")["scenes"]]
-    return [error for row in rows for error in (row.get("error_percent") or {}).values()]
+    """Errors of the momentum balance alone in simulated grains, in %, at several I of a scene."""
+    errors = []
+    for line in text("scenes").splitlines()[2:]:
+        cells = [cell.strip() for cell in line.strip("| ").split("|")]
+        if "mean" not in cells[8]:
+            errors += [float(word) for word in cells[8].split() if word[0] in "+-" and word[1:]]
+    return errors
 
 
 def simulator_fits(name: str) -> list[float]:
-    """Rms errors of fits of the simulator on 512 cells, with noise of 20 %, in %."""
-    rows = result("simulator fit")["rows"]
-    fits = [row for row in rows if (row["cells"], row["noise"]) == (512, 0.2)]
-    return [row["errors_percent"][name]["rmse"] for row in fits]
+    """Rms errors of fits of the simulator on 512 cells, with noise of 20 %, in %, for each law."""
+    fits = [row for row in rows("simulator fit") if (row["cells"], row["noise"]) == ("512", "0.2")]
+    laws: dict[str, list[float]] = {row["mu_s mu_2"]: [] for row in fits}
+    for row in fits:
+        laws[row["mu_s mu_2"]].append(float(row[f"{name}_percent"]))
+    return [math.sqrt(statistics.fmean(x * x for x in draws)) for draws in laws.values()]
 
 
 def reference_pressures(name: str) -> list[float]:
     """Errors of the pressure in collapses of another solver, in %."""
-    return [member["error_percent"][name] for member in result("references")["members"]]
+    return [float(row[f"{name}_percent"]) for row in references()]
+
+
+def exits(run: str, steps: str) -> list[float]:
+    """Times of a whole command in s."""
+    timed = {
+        (row["run"], row["exit_s"])
+        for row in rows("commands")
+        if row["run"].startswith(run) and row["steps"] == steps
+    }
+    return [float(exit_s) for _, exit_s in timed]
 
 
 def jets_table() -> Iterator[str]:
@@ -267,7 +191,7 @@ def jets_table() -> Iterator[str]:
     }
     yield from ("| derivatives by | ms |", "|---|---|")
     for name, title in titles.items():
-        yield f"| {title} | {result('jets')['cpu_ms'][name]:.3g} |"
+        yield f"| {title} | {json.loads(text('jets'))['cpu_ms'][name]:.3g} |"
 
 
 def studies() -> Iterator[str]:
@@ -357,12 +281,12 @@ def table(lines: Callable[[], Iterable[str]]) -> Callable[[], str]:
 
 NUMBERS: dict[str, Callable[[], str]] = {
     # Accuracy
-    "references.mu": lambda: span(references()),
+    "references.mu": lambda: span(reference_laws()),
     "references.table": table(references_table),
-    "references.seeds": lambda: f"{result('references')['seeds']}",
-    "noise.mu": lambda: span(noisy_references()),
-    "noise.rms": lambda: rms(noisy_references()),
-    "noise.mu_2": lambda: size(row[5] for row in result("noisy references")["rows"]),
+    "references.seeds": lambda: f"{len({row['seed'] for row in references()})}",
+    "noise.mu": lambda: span(noisy_laws()),
+    "noise.rms": lambda: rms(noisy_laws()),
+    "noise.mu_2": lambda: size(float(row["mu_2_percent"]) for row in noisy_references()),
     "grains.mu": lambda: span(grains(*GRAINS)),
     "grains.rms": lambda: rms(grains(*GRAINS)),
     "grains.chutes": lambda: span(grains("chute_fast", "chute_slow")),
@@ -383,15 +307,13 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "fit.mu_s": lambda: between(simulator_fits("mu_s")),
     "fit.mu_2": lambda: between(simulator_fits("mu_2")),
     "pressure.flowing": lambda: between(reference_pressures("pressure_flowing")),
-    "pressure.resting": lambda: between(reference_pressures("pressure_stagnant")),
-    "pressure.simulated": lambda: between(reference_pressures("pressure_simulated")),
+    "pressure.resting": lambda: between(reference_pressures("pressure_at_rest")),
     # Error bars
-    "coverage.held": lambda: f"{min(held()):.0f} to {max(held()):.0f} %",
-    "coverage.table": table(coverage_table),
+    **coverage.NUMBERS,
     # Times and outputs
-    "time.demonstration": lambda: seconds(result("command, CPU")["rows"][0]["seconds"]),
-    "time.collapse": lambda: seconds(result("command, CPU")["rows"][1]["seconds"]),
-    "time.GPU": lambda: seconds(run["seconds"]["exit_s"] for run in result("command, GPU")["runs"]),
+    "time.demonstration": lambda: seconds(exits("two EPYC cores", "6000")),
+    "time.collapse": lambda: seconds(exits("two EPYC cores", "15000")),
+    "time.GPU": lambda: seconds(exits("H100, 15000 steps", "15000")),
     "demonstration": demonstration,
     "demonstration.assessment": lambda: fenced(text("demonstration").splitlines()[-1]),
     "tests": lambda: fenced(text("tests")),

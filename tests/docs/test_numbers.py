@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from docs.generate import demonstration, numbers, sources
+from docs.generate import demonstration, numbers, raw, sources
 
 ROOT = Path(__file__).parents[2]
 GIVEN = "mu(I) is <!--n:grains.mu-->old<!--/n--> % off"
@@ -18,9 +18,9 @@ def test_every_number_is_that_of_the_raw_results(capsys: pytest.CaptureFixture[s
     assert numbers.main(["--check"]) == 0, capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", sources.FILES)
+@pytest.mark.parametrize("name", raw.FILES)
 def test_a_source_exists(name: str) -> None:
-    assert sources.text(name)
+    assert raw.text(name)
 
 
 def test_every_name_has_a_place_and_every_reference_a_page() -> None:
@@ -60,7 +60,7 @@ def test_a_reference_is_made_when_the_site_is_built() -> None:
 
 def test_the_picture_and_the_output_of_the_readme_are_of_one_run() -> None:
     with Image.open(demonstration.PICTURE) as picture:
-        assert picture.info["output"] == sources.text("demonstration")
+        assert picture.info["output"] == raw.text("demonstration")
 
 
 def test_errors_in_grains_are_those_of_the_law() -> None:
