@@ -36,7 +36,7 @@ TESTS = {
         "tests/training/test_graphs.py",
         "tests/identification/test_members.py",
     ],
-    "identification": ["tests/identification", "tests/results"],
+    "identification": ["tests/identification", "tests/fit", "tests/results"],
     "uncertainty": ["tests/uncertainty"],
     "results": ["tests/results", "tests/identification"],
     "simulation": ["tests/simulation/test_collapse.py", "tests/simulation/test_command.py"],
@@ -50,7 +50,7 @@ TESTS = {
     "strip": [
         "tests/data/test_surface_strip.py",
         "tests/data/test_variants.py",
-        "tests/identification/test_inertial_profile.py",
+        "tests/checks/test_profile_of_I0.py",
     ],
 }
 
@@ -180,7 +180,7 @@ MISTAKES = [
         ("missing term", "error_model.py", "misfit**2 - NOISE_ERROR * min(misfit, noise) ** 2",
          "misfit**2"),
     ]),
-    *_rows("identification", "granpinn/identification", [
+    *_rows("identification", "granpinn/fit", [
         ("factor", "prediction.py", "D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2",
          "D_xy = U * (z_y[:, 0] + z_x[:, 1])"),
         ("factor", "scoring.py", "0.5 * (u_y + v_x) ** 2", "(u_y + v_x) ** 2"),
@@ -227,7 +227,7 @@ MISTAKES = [
          "coefficient(friction, gap)"),
         ("index", "inspection/side_walls.py", "return k * u / speed, k * v / speed",
          "return k * u / speed, k * u / speed"),
-        ("factor", "identification/assumptions.py", "lower + 2 * walls.friction_sd",
+        ("factor", "fit/assumptions.py", "lower + 2 * walls.friction_sd",
          "lower + walls.friction_sd"),
     ]),
     *_rows("walls", "granpinn/data", [
@@ -248,7 +248,7 @@ MISTAKES = [
          "drawn.weight * (strip.area / strip.area)[drawn.place]"),
         ("factor", "data/surface_strip.py", "rng.random((count, 1)), weight / count)",
          "rng.random((count, 1)), weight)"),
-        ("index", "identification/final_loss.py", "inside[inside >= first] += strip",
+        ("index", "fit/final_loss.py", "inside[inside >= first] += strip",
          "inside[inside >= first] += 0"),
     ]),
 ]  # fmt: skip
