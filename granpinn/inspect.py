@@ -33,7 +33,7 @@ from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
-from granpinn.uncertainty.of_data import expected, facts
+from granpinn.uncertainty.expectation import expected, facts
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5

@@ -24,9 +24,9 @@ from granpinn.results import plain
 from granpinn.results.record import Record
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.comparison import Comparison, compare
-from granpinn.second_opinion.scenes import Column, scene_of
+from granpinn.second_opinion.scenes import GrainColumn, scene_of
 from granpinn.simulation import progress
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
 
@@ -134,7 +134,7 @@ def resimulate(
     law: Law,
     theta: Sequence[float],
     cells: int | None = None,
-    listener: Silent | None = None,
+    listener: SilentSimulation | None = None,
     wall_friction: float | None = None,
 ) -> Resimulation:
     """Simulate with an identified law and compare with the data.
@@ -153,7 +153,7 @@ def resimulate(
     scene, start = posed
     begin = time.monotonic()
     recorder = Recorder(scene)
-    record(recorder, listener or Silent(), flow.t.tolist())
+    record(recorder, listener or SilentSimulation(), flow.t.tolist())
     seconds = time.monotonic() - begin
     simulated = recorder.flow()
     curves, whole = compare(flow, layers.spread(simulated, flow.x) if flow.periodic else simulated)
@@ -164,7 +164,7 @@ def resimulate(
         velocity_percent=whole.velocity_percent,
         common_percent=whole.common_percent,
     )
-    if not isinstance(start, Column):
+    if not isinstance(start, GrainColumn):
         none = np.full(len(flow.t), np.nan)
         curves = curves._replace(front=none, front_simulated=none)
         return replace(found, layer=start, curves=Curves.of(curves))

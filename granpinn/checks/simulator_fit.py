@@ -41,8 +41,14 @@ from granpinn.fit.context import Context
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.record import Record
 from granpinn.second_opinion.law_runs import SPACING, LawRuns, Node
-from granpinn.second_opinion.response_surface import REACH, Place, Surface, composite, filled
-from granpinn.second_opinion.scenes import Column, initial_column
+from granpinn.second_opinion.response_surface import (
+    REACH,
+    Place,
+    ResponseSurface,
+    composite,
+    filled,
+)
+from granpinn.second_opinion.scenes import GrainColumn, initial_column
 
 ROUNDS = 12  # of all nodes, at most, on each grid
 # Spacings of the lattice between two nodes, powers of two:
@@ -225,7 +231,7 @@ def closest(
     """The least misfit of the surface through the nodes; the first node is the middle one."""
     unit, middle = SPACING[: len(widths)], np.array(nodes[0])
     S, energy, common = products(runs.velocities(cells, nodes), data)
-    surface = Surface((np.array(nodes) - middle) / widths)
+    surface = ResponseSurface((np.array(nodes) - middle) / widths)
     nearest = surface.nearest(S, 2 * common * data.shape[1])
     q = (middle + nearest.x * widths) * unit
     q[2:] = np.clip(q[2:], -math.log(FARTHEST_I0), math.log(FARTHEST_I0))
@@ -265,7 +271,7 @@ def make(context: Context) -> SimulatorFit | None:
     """The fit from the identified law; None for other laws than mu(I) and for other scenes."""
     config, flow = context.case.config, steady_mean(with_layer(context.case.flow))
     column = None if flow.periodic else initial_column(flow)
-    if context.result.law.name != mu_of_i.LAW.name or not isinstance(column, Column):
+    if context.result.law.name != mu_of_i.LAW.name or not isinstance(column, GrainColumn):
         return None
     seen = add_noise(context.case.flow, config.noise, config.seed)
     mu_s, mu_2, I0 = context.result.theta

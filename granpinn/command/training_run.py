@@ -9,7 +9,7 @@ from granpinn import report, results
 from granpinn.checks import wanted
 from granpinn.checks.profile_of_I0 import require_mu_of_i
 from granpinn.command import flow_warnings
-from granpinn.command.answer import Answer
+from granpinn.command.new_lines import NewLines
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.fit.case import choose_device
@@ -51,7 +51,7 @@ def _identified(config: Config, rank: int) -> Result:
     """The result with its checks; the first process writes the report."""
     assert config.flow is not None
     assert config.out is not None
-    folder, answer = Path(config.out), Answer()
+    folder, lines = Path(config.out), NewLines()
     if config.free_I0:
         require_mu_of_i(config)
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
@@ -60,7 +60,7 @@ def _identified(config: Config, rank: int) -> Result:
     on_gpu = rank == 0 and choose_device(config.device).type == "cuda"
     with drawers(folder) if on_gpu else nullcontext() as draw:
         result: Result = identify(
-            config.flow, config, run_dir=folder, progress=listener, shown=answer.show
+            config.flow, config, run_dir=folder, progress=listener, shown=lines.show
         )
         if rank > 0:
             return result
@@ -68,7 +68,7 @@ def _identified(config: Config, rank: int) -> Result:
     if isinstance(page, NotDone):
         result = result.without(REPORT, page.why)
         results.write_results(result, folder / "results.json")
-        answer.show(result)
+        lines.show(result)
     else:
         print(f"report: {page}")
     print(f"assessment: {result.assessment}")

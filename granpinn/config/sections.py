@@ -192,7 +192,7 @@ class Optimizer:
 
 @settings_group
 @dataclass(frozen=True)
-class Profile:
+class ProfileSettings:
     """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
 
     values: int = setting(
@@ -223,7 +223,7 @@ class Profile:
 
 @settings_group
 @dataclass(frozen=True)
-class SimulatedPressure:
+class PressureSettings:
     """The pressure of a simulation, where the grains are at rest."""
 
     frames: int = setting(
@@ -252,7 +252,7 @@ class Calibration:
 
 @settings_group
 @dataclass(frozen=True)
-class Resimulation:
+class ResimulationSettings:
     """The simulation that --resimulate compares with the data."""
 
     cells: int | None = setting(

@@ -29,11 +29,11 @@ from granpinn.config.sections import (
     Calibration,
     Network,
     Optimizer,
-    Profile,
-    Resimulation,
+    PressureSettings,
+    ProfileSettings,
+    ResimulationSettings,
     Rheology,
     SideWalls,
-    SimulatedPressure,
     Weights,
 )
 from granpinn.config.values import typed
@@ -165,9 +165,9 @@ class Config:
     weights: Weights = section(Weights)
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)
-    simulated_pressure: SimulatedPressure = section(SimulatedPressure, free=True)
-    profile: Profile = section(Profile, free=True)
-    resimulation: Resimulation = section(Resimulation, free=True)
+    simulated_pressure: PressureSettings = section(PressureSettings, free=True)
+    profile: ProfileSettings = section(ProfileSettings, free=True)
+    resimulation: ResimulationSettings = section(ResimulationSettings, free=True)
     calibration: Calibration = section(Calibration, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""

@@ -38,7 +38,7 @@ class Window(NamedTuple):
     columns: slice
 
 
-class Quantity(NamedTuple):
+class MapQuantity(NamedTuple):
     """Two fields to compare: name in captions, symbol, unit, predicted and known values [Y, X]."""
 
     name: str
@@ -73,7 +73,7 @@ def grain_window(fields: Fields, k: int) -> Window:
 def pressure_fields(fields: Fields, k: int) -> Drawing:
     """Predicted pressure, the reference and their difference, where there is a reference."""
     has_reference = "p_reference" in fields.values
-    quantity = Quantity(
+    quantity = MapQuantity(
         "Pressure",
         "$p$",
         fields.units.of("pressure"),
@@ -135,7 +135,7 @@ def frames_with(fields: Fields, name: str) -> list[int]:
 @styled
 def velocity_fields(fields: Fields, k: int) -> Drawing:
     """Predicted speed, the speed in the flow file and their difference."""
-    quantity = Quantity(
+    quantity = MapQuantity(
         "Speed",
         "$|v|$",
         fields.units.of("velocity"),
@@ -146,7 +146,7 @@ def velocity_fields(fields: Fields, k: int) -> Drawing:
     return _compare(fields, k, quantity)
 
 
-def _compare(fields: Fields, k: int, quantity: Quantity) -> Drawing:
+def _compare(fields: Fields, k: int, quantity: MapQuantity) -> Drawing:
     window = grain_window(fields, k)
     known = quantity.known
     figure, panels = new_maps(fields, window, 1 if known is None else 3)

@@ -23,7 +23,7 @@ SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
 PROFILE_COUNT = 10
 
 
-class Quantity(NamedTuple):
+class SolverQuantity(NamedTuple):
     """A quantity to draw: its symbol, and its values at one frame [Y, X]."""
 
     symbol: str
@@ -125,13 +125,13 @@ def snapshots(flow: Flow) -> Drawing:
     return Drawing(figure, "Speed, pressure and strain rate at five times.")
 
 
-def _quantity(flow: Flow, k: int, which: int) -> Quantity:
+def _quantity(flow: Flow, k: int, which: int) -> SolverQuantity:
     if which == 0:
-        return Quantity("$|v|$", np.hypot(flow.u[k], flow.v[k]))
+        return SolverQuantity("$|v|$", np.hypot(flow.u[k], flow.v[k]))
     if which == 1:
         assert flow.p is not None  # the simulator writes it
-        return Quantity("$p$", flow.p[k])
-    return Quantity("$D_2$", strain_rate(flow, k))
+        return SolverQuantity("$p$", flow.p[k])
+    return SolverQuantity("$D_2$", strain_rate(flow, k))
 
 
 def _first_parameter(flow: Flow) -> float:

@@ -18,7 +18,7 @@ from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member
 from granpinn.training.problem import with_wall_friction
-from granpinn.uncertainty.of_assumptions import Assumption, effects
+from granpinn.uncertainty.sensitivity import Assumption, effects
 
 TIME_SHARE = 0.25  # of the time of a training with a time limit, for the trainings after it
 

@@ -18,7 +18,7 @@ from granpinn.fit.shear import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_csv, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty.of_assumptions import Assumption
+from granpinn.uncertainty.sensitivity import Assumption
 
 
 @dataclass

@@ -21,7 +21,7 @@ from granpinn.results.loss import Loss
 from granpinn.results.records import ErrorBars, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
-from granpinn.uncertainty import of_training
+from granpinn.uncertainty import error_bars
 from granpinn.uncertainty.center import center, nearest
 from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
@@ -169,7 +169,7 @@ def _law(
     if of_mu_of_I and residuals is not None and I_range is not None and I0 is not None:
         mu_s, mu_2 = center(members)
         known = known_by(case, residuals, steps, ends_of(I_range, I0), (mu_s, mu_2))
-    judged = of_training.judge(
+    judged = error_bars.judge(
         members,
         residuals,
         known,

@@ -21,9 +21,9 @@ from granpinn.training.information import information
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_model
 from granpinn.uncertainty.curve import POINTS
+from granpinn.uncertainty.error_bars import untested
 from granpinn.uncertainty.free_curve import Quadratic, basis, model_covariance, quadratic
-from granpinn.uncertainty.law_choice import Band
-from granpinn.uncertainty.of_training import untested
+from granpinn.uncertainty.law_choice import CurveBand
 
 LARGEST = 1.0  # of mu: beyond it no law can be excluded
 TOLD_APART = 0.95  # of the errors of a free curve: laws that differ by more are told apart
@@ -94,7 +94,7 @@ class FreeCurve:
         model = model_covariance(I, mu, self.I_range, self.of_ends)
         return own + model + np.diag((LEAST * mu) ** 2)
 
-    def band(self) -> Band:
+    def band(self) -> CurveBand:
         """The curve with its errors over the range of I."""
         I = np.geomspace(*self.I_range, POINTS)  # noqa: E741
         mu = basis(I, *self.ends) @ self.known.center
@@ -105,7 +105,7 @@ class FreeCurve:
                 "so few steps, or so large a misfit of the velocity, leave a free curve whose "
                 "error is as large as the friction"
             )
-        return Band(I, mu, self.model.half_width() * std, farthest)
+        return CurveBand(I, mu, self.model.half_width() * std, farthest)
 
 
 def quadratic_of(run: TrainingLoop, place: int, L: int) -> Quadratic | None:

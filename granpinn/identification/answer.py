@@ -22,7 +22,7 @@ from granpinn.output import OutputError, replacing
 from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty.of_assumptions import without_effect
+from granpinn.uncertainty.sensitivity import without_effect
 
 FIELDS, ASSUMPTIONS, CURVE = "fields", "assumptions", "curve"
 LEFT_OUT = "--checks none leaves it out"

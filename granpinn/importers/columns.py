@@ -53,7 +53,7 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class TextTable:
     """Chosen columns [n] by what they are, such as "u", and the units that they state."""
 
     columns: dict[str, Float64]
@@ -141,7 +141,7 @@ def read_table(
     required: Iterable[str],
     skip: int = 1,
     separator: str | None = None,
-) -> Table:
+) -> TextTable:
     """The columns of a text file that have a role; others may hold text.
 
     Args:
@@ -158,12 +158,12 @@ def read_table(
     kept = [*places.values()]
     rows = text.numbers(skip, separator=separator, count=len(named), kept=kept)
     columns = {role: rows[:, k] for k, role in enumerate(places)}
-    return Table(columns, stated, tuple(named))
+    return TextTable(columns, stated, tuple(named))
 
 
 def read_headed(
     path: Path, required: Iterable[str], roles: Mapping[str, Iterable[str]] = NAMES
-) -> Table:
+) -> TextTable:
     """The columns of a file whose first line is its header; arguments as in `read_table`."""
     text = TextFile(path)
     line = text.head(1)[0]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.arrays import Int8
-from granpinn.importers.columns import Table, header, read_table
+from granpinn.importers.columns import TextTable, header, read_table
 from granpinn.importers.numerals import parse
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
@@ -56,7 +56,7 @@ def read(path: Path) -> VectorFields:
                 f"its versions before 0.25, got {rows.shape[1]} columns: save it with "
                 "openpiv.tools.save"
             )
-        table = Table(dict(zip(names, rows.T, strict=True)), {})
+        table = TextTable(dict(zip(names, rows.T, strict=True)), {})
     columns = table.columns
     codes = None if "s2n" in columns else _codes(path, columns["flags"], columns["mask"])
     return grid_frame(path, table, codes)

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.arrays import Float64, Int8
-from granpinn.importers.columns import Column, Table, header, read_table
+from granpinn.importers.columns import Column, TextTable, header, read_table
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
@@ -70,7 +70,7 @@ def read(path: Path) -> VectorFields:
                 f"{path} must have at least the columns x, y, u, v, got {rows.shape[1]}: export "
                 "the vectors again"
             )
-        table = Table(dict(zip("xyuv", rows.T, strict=False)), {})
+        table = TextTable(dict(zip("xyuv", rows.T, strict=False)), {})
         # Without a header only the values show that the fifth column holds vector types.
         if rows.shape[1] > 4 and np.isin(rows[:, 4], list(TYPES)).all():
             table.columns["type"] = rows[:, 4]

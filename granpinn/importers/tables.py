@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers.columns import Table, in_one_unit, require_finite
+from granpinn.importers.columns import TextTable, in_one_unit, require_finite
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
 
@@ -59,7 +59,7 @@ def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) ->
 
 def grid_frame(
     path: Path,
-    table: Table,
+    table: TextTable,
     validity: Any = None,
     *,
     t: float = 0,

@@ -23,7 +23,7 @@ _PER_PLACE = 12  # numbers for each observation and frame of the window, at the 
 _SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
 
 
-class Motion(NamedTuple):
+class TrackMotion(NamedTuple):
     """Positions and velocities [n], NaN where a track is too short."""
 
     x: Float64
@@ -50,7 +50,7 @@ def velocities(
     particle: Float64,
     ep: Float64 | None,
     window: int,
-) -> Motion:
+) -> TrackMotion:
     """Position and velocity of every observation [n], in the order given.
 
     Args:
@@ -116,7 +116,7 @@ def velocities(
         elif freedom > 0:
             variance = np.full(n, about[enough].sum() / freedom)
         else:
-            return Motion(new_x, new_y, u, v)
+            return TrackMotion(new_x, new_y, u, v)
         least = _SMALLEST_SIGMA * max(float(np.nanmax(np.abs(velocity), initial=0.0)), 1e-300)
         sigmas.append(np.maximum(np.sqrt(variance * b_variance), least)[back])
-    return Motion(new_x, new_y, u, v, *sigmas)
+    return TrackMotion(new_x, new_y, u, v, *sigmas)

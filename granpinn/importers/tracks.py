@@ -27,7 +27,7 @@ from granpinn.data.hdf5.dataset import Dataset
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
-    Table,
+    TextTable,
     chosen,
     column,
     header,
@@ -37,7 +37,7 @@ from granpinn.importers.columns import (
     require_finite,
 )
 from granpinn.importers.textfile import MAX_BYTES
-from granpinn.importers.tracking import Motion, counted, velocities
+from granpinn.importers.tracking import TrackMotion, counted, velocities
 from granpinn.importers.vectors import (
     TRACK_WINDOW,
     DataFileError,
@@ -84,7 +84,7 @@ def read(path: Path, window: int = 5) -> VectorFields:
     t = columns["t" if timed else "frame"]
     units["time_unit"] = units["time_unit"] if timed else "frame"
     if "u" in found and "v" in found:
-        motion = Motion(columns["x"], columns["y"], columns["u"], columns["v"])
+        motion = TrackMotion(columns["x"], columns["y"], columns["u"], columns["v"])
         motion = motion._replace(sigma_u=columns.get("sigma_u"), sigma_v=columns.get("sigma_v"))
     else:
         count = columns["frame"] if "frame" in found else counted(t, columns["particle"])
@@ -138,7 +138,7 @@ def _frame_number(name: str) -> list[tuple[int, str]]:
     return [(len(text), text) for text in digits]
 
 
-def _read_hdf5(path: Path) -> Table:
+def _read_hdf5(path: Path) -> TextTable:
     try:
         with open_hdf5(path, MAX_BYTES) as file:
             parts = [_columns(table) for table in _tables(file)]
@@ -157,7 +157,7 @@ def _read_hdf5(path: Path) -> Table:
     columns = {
         role: np.concatenate([part[names[i]] for part in parts]) for role, i in places.items()
     }
-    return Table(columns, stated, tuple(named))
+    return TextTable(columns, stated, tuple(named))
 
 
 def _columns(table: Dataset) -> dict[str, Float64]:

@@ -41,7 +41,7 @@ OTHER_TIMES = (238, 240, 242)  # colour of places that hold grains at other time
 TICKS = 6  # most ticks of the longer axis
 
 
-class Quantity(NamedTuple):
+class FilmQuantity(NamedTuple):
     """The quantity of a sheet: variables of fields.h5, their combination, and the scale.
 
     `moving`: it has a meaning only where grains shear.
@@ -57,11 +57,11 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = {
-    "speed": Quantity("speed", "velocity", ("u", "v"), np.hypot),
-    "pressure": Quantity("pressure", "pressure", ("p",), np.asarray),
-    "I": Quantity("inertial number I", "number", ("I",), np.asarray, log=True),
-    "D2": Quantity("strain rate D₂", "rate", ("D2",), np.asarray, log=True),
-    "residual": Quantity(
+    "speed": FilmQuantity("speed", "velocity", ("u", "v"), np.hypot),
+    "pressure": FilmQuantity("pressure", "pressure", ("p",), np.asarray),
+    "I": FilmQuantity("inertial number I", "number", ("I",), np.asarray, log=True),
+    "D2": FilmQuantity("strain rate D₂", "rate", ("D2",), np.asarray, log=True),
+    "residual": FilmQuantity(
         "momentum residual / (ρ |g|), where grains shear",
         "number",
         ("momentum_residual_x", "momentum_residual_y"),
@@ -94,7 +94,7 @@ class Sheet(NamedTuple):
         return float((self.low * self.high) ** 0.5 if self.log else (self.low + self.high) / 2)
 
 
-class Axis(NamedTuple):
+class FilmAxis(NamedTuple):
     """The label of an axis, and its ticks: per cent of the way along it, and text."""
 
     label: str
@@ -124,8 +124,8 @@ class Film(NamedTuple):
     start: int
     still: str
     other_times: str
-    x: Axis
-    y: Axis
+    x: FilmAxis
+    y: FilmAxis
     colors: tuple[str, ...]
 
     @property
@@ -202,7 +202,7 @@ def times_of(t: Floats, unit: str) -> tuple[str, ...]:
     return tuple(text + unit for text in texts)
 
 
-def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> Axis:
+def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> FilmAxis:
     """The axis of a frame, from the outer edge of its first pixel to that of its last.
 
     Args:
@@ -217,7 +217,7 @@ def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> Axi
     locator = MaxNLocator(max(2, round(most)), steps=[1, 2, 2.5, 5, 10])
     values = [float(v) for v in locator.tick_values(low, high) if low <= v <= high]
     ticks = tuple((100 * (v - low) / (high - low), f"{v + 0.0:.6g}") for v in values)
-    return Axis(name if unit == "1" else f"{name} [{unit or 'units of the file'}]", ticks)
+    return FilmAxis(name if unit == "1" else f"{name} [{unit or 'units of the file'}]", ticks)
 
 
 class _Pictures(NamedTuple):
@@ -253,12 +253,12 @@ def _sheet(fields: Fields, pictures: _Pictures, png: str) -> Sheet:
     return Sheet(pictures.name, q.label, text, pictures.low, pictures.high, q.log, q.moving, png)
 
 
-def _values(fields: Fields, quantity: Quantity, k: int) -> Floats:
+def _values(fields: Fields, quantity: FilmQuantity, k: int) -> Floats:
     """The values of a quantity at frame k [Y, X]."""
     return quantity.value(*(fields.frame(v, k) for v in quantity.variables))
 
 
-def scale_of(values: Floats, quantity: Quantity) -> tuple[float, float] | None:
+def scale_of(values: Floats, quantity: FilmQuantity) -> tuple[float, float] | None:
     """The ends of the colour scale: nearly all values at all times; None without any value."""
     if quantity.limits is not None:
         return quantity.limits if np.isfinite(values).any() else None

@@ -29,7 +29,7 @@ EVEN = 1e-3  # largest deviation from an even grid, in cells, that coordinates o
 Frame = Callable[[int], Float32]
 
 
-class Axis(NamedTuple):
+class GridAxis(NamedTuple):
     """An even axis: its first value, spacing, and the grid index of each of its points [n]."""
 
     origin: float
@@ -38,15 +38,15 @@ class Axis(NamedTuple):
     moved: bool
 
 
-def even(axis: Float64) -> Axis:
+def even(axis: Float64) -> GridAxis:
     """The even axis with the ends and the number of points of an ascending one."""
     if axis.size == 1:
-        return Axis(float(axis[0]), 1.0, np.zeros(1, np.int64), False)
+        return GridAxis(float(axis[0]), 1.0, np.zeros(1, np.int64), False)
     wanted = np.linspace(axis[0], axis[-1], axis.size)
     spacing = float(wanted[1] - wanted[0])
     if np.max(np.abs(axis - wanted)) <= EVEN * spacing:
-        return Axis(float(axis[0]), spacing, np.arange(axis.size), False)
-    return Axis(float(axis[0]), spacing, nearest_index(axis, wanted), True)
+        return GridAxis(float(axis[0]), spacing, np.arange(axis.size), False)
+    return GridAxis(float(axis[0]), spacing, nearest_index(axis, wanted), True)
 
 
 def write_vtkhdf(fields: Fields, path: str | Path) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Assumed:
-    """One assumption of an identification (uncertainty/of_assumptions.py).
+    """One assumption of an identification (uncertainty/sensitivity.py).
 
     Attributes:
         name: of the assumption.

@@ -21,7 +21,7 @@ from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
 from granpinn.second_opinion.comparison import Nodes, interpolation
-from granpinn.second_opinion.scenes import Column, cells_of, collapse_of
+from granpinn.second_opinion.scenes import GrainColumn, cells_of, collapse_of
 from granpinn.second_opinion.threads import UntilStopped
 from granpinn.simulation import Collapse
 from granpinn.simulation.engine import State
@@ -79,7 +79,7 @@ class LawRuns:
     def __init__(
         self,
         flow: Flow,
-        column: Column,
+        column: GrainColumn,
         I0: float,
         cells: int | None = None,
         free_I0: bool = False,

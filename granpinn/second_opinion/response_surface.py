@@ -74,7 +74,7 @@ def filled(dimension: int) -> list[Place]:
     return list(dict.fromkeys([*composite(dimension), *inner]))
 
 
-class Surface:
+class ResponseSurface:
     """The quadratic over places x_k [K, D], as weights of their values."""
 
     def __init__(self, places: npt.ArrayLike) -> None:

@@ -34,14 +34,14 @@ STEADY = "the flow is steady, and the simulator has only grains that start from 
 CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
 
 
-class Column(NamedTuple):
+class GrainColumn(NamedTuple):
     """Grains as a column in the corner, in the units of the file."""
 
     width: float
     height: float
 
 
-def initial_column(flow: Flow) -> Column | str:
+def initial_column(flow: Flow) -> GrainColumn | str:
     """The column at the start of a flow, or the reason why there is none."""
     if flow.steady:
         return STEADY
@@ -63,7 +63,7 @@ def initial_column(flow: Flow) -> Column | str:
     g = math.hypot(*flow.gravity)
     if objection := not_from_rest(flow, measured.height, math.sqrt(measured.height / g)):
         return objection
-    return Column(
+    return GrainColumn(
         _stated(flow, "column_width", measured.width, dx),
         _stated(flow, "column_height", measured.height, dy),
     )
@@ -113,11 +113,11 @@ def in_corner(flow: Flow, k: int) -> bool:
     return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
 
 
-def extent(flow: Flow, full: Bool) -> Column:
+def extent(flow: Flow, full: Bool) -> GrainColumn:
     """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
     dx, dy = spacings(flow)
     row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
-    return Column(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
+    return GrainColumn(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
 
 
 def _stated(flow: Flow, name: str, measured: float, spacing: float) -> float:
@@ -131,12 +131,12 @@ def box_of(flow: Flow) -> float | None:
     return flow.stated("box_width") or flow.stated("domain_size")
 
 
-def _box_width(flow: Flow, column: Column) -> float:
+def _box_width(flow: Flow, column: GrainColumn) -> float:
     stated = box_of(flow) or max(1.2 * column.height, 1.1 * float(flow.x[-1]))
     return max(stated, 0.5 * column.width)  # Collapse refuses so narrow a box
 
 
-def cells_of(flow: Flow, column: Column) -> int:
+def cells_of(flow: Flow, column: GrainColumn) -> int:
     """Cells across the box by the grid of the solver that made the data, else by the data grid."""
     spacing = flow.stated(SOLVER_CELL) or spacings(flow)[0]
     wanted = min(_box_width(flow, column) / spacing, MOST_CELLS)  # before an infinity is rounded
@@ -145,7 +145,7 @@ def cells_of(flow: Flow, column: Column) -> int:
 
 def collapse_of(
     flow: Flow,
-    column: Column,
+    column: GrainColumn,
     law: Law,
     theta: Sequence[float],
     cells: int | None,
@@ -198,7 +198,7 @@ def scene_of(
     theta: Sequence[float],
     cells: int | None = None,
     wall_friction: float | None = None,
-) -> tuple[Collapse | Chute, Column | float] | str:
+) -> tuple[Collapse | Chute, GrainColumn | float] | str:
     """The scene of a flow with its column or the depth of its layer, or why there is none.
 
     Args:
@@ -210,7 +210,7 @@ def scene_of(
         return begin_with
     scene: Collapse | Chute
     try:
-        if isinstance(begin_with, Column):
+        if isinstance(begin_with, GrainColumn):
             scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
         else:
             scene = layers.chute_of(flow, begin_with, law, theta, cells, wall_friction)

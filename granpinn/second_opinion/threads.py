@@ -9,7 +9,7 @@ from threading import Event
 from typing import Any
 
 from granpinn.simulation.engine import StepReport
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 
 
 class Threads(ThreadPoolExecutor):
@@ -43,7 +43,7 @@ def threads(count: int) -> Iterator[Threads]:
         pool.shutdown(wait=finished, cancel_futures=not finished)
 
 
-class UntilStopped(Silent):
+class UntilStopped(SilentSimulation):
     """A listener that ends its run in the next step once an event is set."""
 
     def __init__(self, stopped: Event) -> None:

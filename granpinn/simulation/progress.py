@@ -12,7 +12,7 @@ REFRESH = 0.2  # seconds between updates of the bar
 LINE_EVERY = 10.0  # seconds between plain lines
 
 
-class Silent:
+class SilentSimulation:
     """A listener that shows nothing, and the base of those that show something."""
 
     def start(self, t_end: float) -> None:
@@ -35,7 +35,7 @@ class Silent:
         return True
 
 
-class Lines(Silent):
+class SimulationLines(SilentSimulation):
     """One line every ten seconds, for log files."""
 
     def __init__(self, stream: TextIO | None = None, every: float = LINE_EVERY) -> None:
@@ -52,7 +52,7 @@ class Lines(Silent):
         print(text, file=self.stream, flush=True)
 
 
-class Bar(Silent):
+class SimulationBar(SilentSimulation):
     """A bar with the time, the step, the iterations of both solves and the time left, by rich."""
 
     def __init__(self) -> None:
@@ -81,9 +81,9 @@ class Bar(Silent):
         self.bar.stop()
 
 
-def automatic() -> Silent:
+def automatic() -> SilentSimulation:
     """A bar if the error output is a terminal, else lines."""
-    return Bar() if sys.stderr.isatty() else Lines()
+    return SimulationBar() if sys.stderr.isatty() else SimulationLines()
 
 
 def describe(report: StepReport) -> str:

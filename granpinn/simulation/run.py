@@ -17,7 +17,7 @@ from granpinn.declared import checked
 from granpinn.errors import Interrupted
 from granpinn.simulation.engine import Engine, SimulationError, State
 from granpinn.simulation.parameters import Collapse
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.scene import Scene
 
@@ -38,7 +38,7 @@ def simulate(
     scene: Scene | None = None,
     *,
     out: str | os.PathLike[str] | None = None,
-    listener: Silent | None = None,
+    listener: SilentSimulation | None = None,
     **settings: Any,
 ) -> Flow:
     """Simulates the collapse of a column of grains, or another scene.
@@ -67,7 +67,7 @@ def simulate(
         except FlowFileError as error:
             raise ConfigError(f"the flow file cannot hold this simulation: {error}") from None
     try:
-        record(recorder, listener or Silent())
+        record(recorder, listener or SilentSimulation())
     except (KeyboardInterrupt, SimulationError) as error:
         if out is None:
             raise
@@ -91,7 +91,7 @@ def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
     return f"{out} holds the {count} frames so far"
 
 
-def record(taker: Taker, listener: Silent, times: Sequence[float] | None = None) -> None:
+def record(taker: Taker, listener: SilentSimulation, times: Sequence[float] | None = None) -> None:
     """Simulates `taker.scene` and calls `taker.add` for every frame.
 
     Args:

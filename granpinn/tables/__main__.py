@@ -30,7 +30,7 @@ from granpinn.data import Flow
 from granpinn.fit.case import choose_device
 from granpinn.output import objection_to_folder, owned
 from granpinn.tables import flows, output, study
-from granpinn.tables.rows import Case
+from granpinn.tables.rows import TableCase
 from granpinn.terminal import say
 from granpinn.training import parallel, progress
 
@@ -165,7 +165,7 @@ def _run(request: Request, rank: int) -> int:
         case
         for level in request.levels
         for case in study.cases_of(
-            [Case(flow, 0.0, level) for flow in found], request.noise, request.noise_on
+            [TableCase(flow, 0.0, level) for flow in found], request.noise, request.noise_on
         )
     ]
     if rank == 0:

@@ -16,7 +16,7 @@ from granpinn.data.flow import SOLVER_CELL
 from granpinn.output import make_folder
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.engine import StepReport
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 
 Say = Callable[[str], None]
 
@@ -83,7 +83,7 @@ def _holds(path: Path, collapse: Collapse) -> bool:
     )
 
 
-class _Share(Silent):
+class _Share(SilentSimulation):
     """Reports the progress of one of several simulations to their `_Board`."""
 
     def __init__(self, board: _Board, name: str) -> None:

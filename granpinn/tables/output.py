@@ -16,7 +16,7 @@ from granpinn.report.page import duration, template
 from granpinn.results import number, plain
 from granpinn.results.named import PRESSURES, SIMULATED
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
-from granpinn.tables.rows import Row, Spread
+from granpinn.tables.rows import Spread, TableRow
 from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
@@ -29,15 +29,15 @@ IN_TEXT = {
 }
 
 
-class Table(NamedTuple):
+class PaperTable(NamedTuple):
     """Rows, beside the rows of the paper if it has them."""
 
     title: str
     source: str
-    rows: list[tuple[Row, PaperRow | None]]
+    rows: list[tuple[TableRow, PaperRow | None]]
 
 
-def tables_of(rows: Sequence[Row]) -> list[Table]:
+def tables_of(rows: Sequence[TableRow]) -> list[PaperTable]:
     """For each level of information, table 1: flows without noise; table 2: flows with noise, and
     the same flows without noise if they were trained.
     """
@@ -53,11 +53,11 @@ def tables_of(rows: Sequence[Row]) -> list[Table]:
         for level in sorted({row.level for row, _ in found}):
             own = [pair for pair in found if pair[0].level == level]
             note = f"{source}; {VELOCITY_ALONE}" if level == "V0" else source
-            tables.append(Table(f"{title}, level {level}", note, own))
+            tables.append(PaperTable(f"{title}, level {level}", note, own))
     return tables
 
 
-def case_name(row: Row) -> str:
+def case_name(row: TableRow) -> str:
     """The true parameters, such as (0.40, 0.64), where all are known; else the file's name."""
     true = [getattr(row.truth, name, None) for name in row.values]
     known = [f"{value:.2f}" for value in true if value is not None]
@@ -92,7 +92,7 @@ def summary(study: Study) -> str:
     )
 
 
-def _line(row: Row, paper: PaperRow | None) -> str:
+def _line(row: TableRow, paper: PaperRow | None) -> str:
     cells = [f"{case_name(row)[:15]:<16}{row.noise:6.2f}"]
     cells += [f"{number(value, '.4f'):>8}" for value in row.values.values()]
     for name in (*row.values, "pressure"):
@@ -162,7 +162,7 @@ def _settings(study: Study) -> dict[str, Any]:
     return flatten(dataclasses.replace(study.config, resume=False))
 
 
-def _row_content(row: Row) -> dict[str, Any]:
+def _row_content(row: TableRow) -> dict[str, Any]:
     papers = {"paper_1": row.paper_1, "paper_2": row.paper_2}
     content = dataclasses.asdict(row)
     content |= content.pop("fixed") | content.pop("values")

@@ -22,7 +22,7 @@ from granpinn.results.named import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
 
 
-class Case(NamedTuple):
+class TableCase(NamedTuple):
     """A flow with a level of noise and a level of information, "V0" to "V2"."""
 
     flow: Flow
@@ -47,7 +47,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A case over its seeds.
 
     Attributes:
@@ -71,7 +71,7 @@ class Row:
     paper_2: PaperRow | None
 
 
-def row_of(case: Case, results: Sequence[Result]) -> Row:
+def row_of(case: TableCase, results: Sequence[Result]) -> TableRow:
     """The row of a case from the results of all its seeds."""
     ended = [r for r in results if r.failure is None]
     truth, law = case.flow.truth, results[0].friction_law
@@ -84,7 +84,7 @@ def row_of(case: Case, results: Sequence[Result]) -> Row:
     for name in FIELD_ERRORS:
         known = [r.error_percent[name] for r in ended]
         errors[name] = _of_sizes(value for value in known if value is not None)
-    return Row(
+    return TableRow(
         name=case.name,
         noise=case.noise,
         level=case.level,

@@ -14,7 +14,7 @@ from granpinn.identification.batch import identify_many
 from granpinn.physics.laws import LAWS, Law
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
-from granpinn.tables.rows import Case, Row, row_of
+from granpinn.tables.rows import TableCase, TableRow, row_of
 from granpinn.training.progress import Progress
 
 I0_UNKNOWN = 0.3  # the paper's I0
@@ -31,7 +31,7 @@ class Study:
 
     config: Config
     seeds: int
-    rows: list[Row]
+    rows: list[TableRow]
     results: list[list[Result]]
     training_s: dict[str, float]
     total_s: float
@@ -45,7 +45,7 @@ class Study:
         return list(self.training_s)
 
 
-def cases_of(cases: Sequence[Case], noise: Sequence[float], on: str) -> list[Case]:
+def cases_of(cases: Sequence[TableCase], noise: Sequence[float], on: str) -> list[TableCase]:
     """Every case without noise if 0 is among its levels, and the noisy cases at the others.
 
     Args:
@@ -60,7 +60,7 @@ def cases_of(cases: Sequence[Case], noise: Sequence[float], on: str) -> list[Cas
 
 
 def run(
-    cases: Sequence[Case],
+    cases: Sequence[TableCase],
     config: Config,
     seeds: int,
     I0: float | None,
@@ -95,7 +95,7 @@ def batches(count: int) -> str:
 
 
 def _train(
-    cases: Sequence[Case],
+    cases: Sequence[TableCase],
     config: Config,
     seeds: int,
     I0: float | None,

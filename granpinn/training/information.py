@@ -28,7 +28,7 @@ from granpinn.training.elimination import RIDGE, factor
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.rows import Row
+from granpinn.training.rows import PointRow
 
 BOXES = 8  # along each axis
 
@@ -94,7 +94,7 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
     return Information(theta[sums.free], scores, squares, roughness * D.T @ D)
 
 
-def _along(row: Row, X: Tensor, F: int) -> Tensor:
+def _along(row: PointRow, X: Tensor, F: int) -> Tensor:
     """The change of a row along directions X [5 F, m] of the coefficients: [n, m]."""
     parts = [
         torch.einsum("cn,cnm->nm", row.by_z[..., c], row.h @ X[c * F : (c + 1) * F])

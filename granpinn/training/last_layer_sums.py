@@ -27,7 +27,7 @@ from granpinn.training.elimination import RIDGE, gram
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features
 from granpinn.training.problem import Problem
-from granpinn.training.rows import Row
+from granpinn.training.rows import PointRow
 from granpinn.training.sampling import LAST_LAYER, draw
 
 POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations, surface, velocity
@@ -179,14 +179,14 @@ class Sums:
             i = torch.cat([every[: 5 * F].view(5, F)[row.used].flatten(), every[5 * F :]])
             yield torch.cat([by_C, row.by_theta], 1), row.residual, i, row.points
 
-    def rows(self, at: Unknowns) -> Iterator[Row]:
+    def rows(self, at: Unknowns) -> Iterator[PointRow]:
         """Every residual of the equations and of the surface with its slopes, in chunks."""
         for r, h, z, theta, fields, points in self._rows(at):
             for column, used in zip(r.unbind(1), fields, strict=True):
                 by_z, by_theta = torch.autograd.grad(
                     column.sum(), (z, theta), retain_graph=True, materialize_grads=True
                 )
-                yield Row(points, column.detach(), h, by_z, by_theta[:, self.free], used)
+                yield PointRow(points, column.detach(), h, by_z, by_theta[:, self.free], used)
 
     def weigh_anew(self) -> None:
         """Take the weights of the law from the next evaluation."""

@@ -24,7 +24,7 @@ _ops = torch.ops.granpinn
 
 
 @dataclass(frozen=True)
-class Group:
+class ParameterGroup:
     """`count` successive hidden matrices [m, n] in a parameter vector, from `offset` on.
 
     A bias lies between two of them: matrix l begins at offset + l (m n + m).
@@ -145,15 +145,15 @@ class BatchOptimizer:
         return averages | self.momenta()
 
 
-def hidden_groups(widths: Sequence[int]) -> list[Group]:
+def hidden_groups(widths: Sequence[int]) -> list[ParameterGroup]:
     """The matrices between hidden layers; successive square ones of one shape form a group."""
-    groups: list[Group] = []
+    groups: list[ParameterGroup] = []
     offsets = layer_offsets(widths)
     for layer in range(1, len(widths) - 2):
         n, m = widths[layer], widths[layer + 1]
         last = groups[-1] if groups else None
         if last and (last.m, last.n) == (m, n):
-            groups[-1] = Group(last.offset, last.count + 1, m, n)
+            groups[-1] = ParameterGroup(last.offset, last.count + 1, m, n)
         else:
-            groups.append(Group(offsets[layer], 1, m, n))
+            groups.append(ParameterGroup(offsets[layer], 1, m, n))
     return groups

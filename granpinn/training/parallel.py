@@ -47,7 +47,7 @@ class Processes:
         """Wait for all processes."""
 
 
-class Group(Processes):
+class ProcessGroup(Processes):
     """The processes of torch.distributed's default group."""
 
     def __init__(self, device: torch.device) -> None:
@@ -81,7 +81,7 @@ class Group(Processes):
 def processes(device: torch.device) -> Processes:
     """The group of torchrun after `joined`, or this process alone."""
     grouped = distributed.is_available() and distributed.is_initialized()
-    return Group(device) if grouped and distributed.get_world_size() > 1 else Processes()
+    return ProcessGroup(device) if grouped and distributed.get_world_size() > 1 else Processes()
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 
-class Row(NamedTuple):
+class PointRow(NamedTuple):
     """One residual of the equations or of the surface at n points, with its slopes.
 
     Attributes:

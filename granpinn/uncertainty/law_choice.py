@@ -49,7 +49,7 @@ RULED_OUT = 3.0  # standard deviations of a cohesion that is not 0
 
 
 @dataclass(frozen=True)
-class Band:
+class CurveBand:
     """The free curve over the range of I of a flow.
 
     Attributes:
@@ -150,7 +150,7 @@ class Fitter:
 def fits(
     curve: Quadratic,
     ends: tuple[float, float],
-    band: Band,
+    band: CurveBand,
     covariance: Float64,
     fixed: dict[str, dict[str, float]],
 ) -> list[Fit]:
@@ -191,16 +191,16 @@ def knots(I_range: tuple[float, float]) -> Float64:
     return np.geomspace(*I_range, N)
 
 
-def apart(a: Fit, b: Fit, band: Band) -> bool:
+def apart(a: Fit, b: Fit, band: CurveBand) -> bool:
     """Whether two laws are told apart."""
     return _differ(a, b, band) and abs(a.chi2 - b.chi2) > CLEAR
 
 
-def _differ(a: Fit, b: Fit, band: Band) -> bool:
+def _differ(a: Fit, b: Fit, band: CurveBand) -> bool:
     return bool((np.abs(a.mu - b.mu) > band.farthest).any())
 
 
-def choice(found: Sequence[Fit], band: Band) -> tuple[tuple[ComparedLaw, ...], str]:
+def choice(found: Sequence[Fit], band: CurveBand) -> tuple[tuple[ComparedLaw, ...], str]:
     """The records of all laws, with the chosen one first, and its name."""
     named = [fit for fit in found if fit.law is not free.LAW]
     curve = next(fit for fit in found if fit.law is free.LAW)

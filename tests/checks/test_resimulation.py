@@ -23,7 +23,7 @@ from granpinn.second_opinion.comparison import (
     interpolation,
     surface_heights,
 )
-from granpinn.second_opinion.scenes import Column, collapse_of, initial_column
+from granpinn.second_opinion.scenes import GrainColumn, collapse_of, initial_column
 from granpinn.simulation import Collapse, simulate
 from tests.command.late_parts import raising
 from tests.flows import make_flow
@@ -113,14 +113,14 @@ def test_what_is_no_column_at_rest_is_not_simulated(flow: Flow, change: object, 
 
 def test_an_experiment_without_attributes_is_measured(flow: Flow) -> None:
     column = initial_column(dataclasses.replace(flow, attributes={}))
-    assert isinstance(column, Column)
+    assert isinstance(column, GrainColumn)
     spacing = flow.x[1] - flow.x[0]
     assert abs(column.width - 1) <= spacing / 2
     assert abs(column.height - 10) <= spacing / 2
 
 
 def test_dense_grains_make_the_inertial_number_larger(flow: Flow) -> None:
-    column = Column(1.0, 10.0)
+    column = GrainColumn(1.0, 10.0)
     dense = dataclasses.replace(flow, grain_density=4 * flow.density)
     assert collapse_of(dense, column, DEFAULT, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
 

@@ -19,9 +19,9 @@ from granpinn.results.decoding import decode
 from granpinn.second_opinion import law_runs
 from granpinn.second_opinion.comparison import interpolation
 from granpinn.second_opinion.law_runs import AtPoints, LawRuns
-from granpinn.second_opinion.scenes import Column, initial_column
+from granpinn.second_opinion.scenes import GrainColumn, initial_column
 from granpinn.simulation import Collapse, simulate
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64)
@@ -39,7 +39,7 @@ def runs(flow: Flow) -> LawRuns:
 
 def law_runs_of(flow: Flow, I0: float, cells: int | None = None, free_I0: bool = False) -> LawRuns:
     column = initial_column(flow)
-    assert isinstance(column, Column)
+    assert isinstance(column, GrainColumn)
     return LawRuns(flow, column, I0, cells, free_I0)
 
 
@@ -164,11 +164,11 @@ def test_the_last_search_is_on_the_cells_of_the_data(
 
 def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
     column = initial_column(flow)
-    assert isinstance(column, Column)
+    assert isinstance(column, GrainColumn)
     collapse = law_runs.collapse_of(flow, column, DEFAULT, (*LAW, 0.3), 56)
     points = np.flatnonzero(flow.valid)[::7]
     taken = AtPoints(collapse, flow, points)
-    record(taken, Silent(), flow.t.tolist())
+    record(taken, SilentSimulation(), flow.t.tolist())
     whole = simulate(collapse)
     at = interpolation(whole, flow)
     expected = np.stack([[at(frame) for frame in field] for field in (whole.u, whole.v)])

@@ -50,7 +50,7 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
 
 def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing() -> None:
     flow = make_flow()
-    column = scenes.Column(1.0, 1.0)
+    column = scenes.GrainColumn(1.0, 1.0)
     for spacing, cells in ((1e-30, 512), (0.01, 216), (1e30, 32)):
         stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})
         assert scenes.cells_of(stated, column) == cells

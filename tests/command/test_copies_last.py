@@ -16,7 +16,7 @@ from granpinn.identification.answer import ASSUMPTIONS, CURVE
 from granpinn.results.attempt import PENDING
 from granpinn.training import continuation
 from granpinn.training.trainer import Trainer
-from granpinn.uncertainty import of_assumptions, of_training
+from granpinn.uncertainty import error_bars, sensitivity
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
@@ -28,15 +28,15 @@ def test_everything_is_on_disk_when_the_copies_begin(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found: list[results.Result] = []
-    real = of_assumptions.continued
+    real = sensitivity.continued
 
     def look(*args: Any) -> Any:
         assert {path.name for path in tmp_path.iterdir()} >= FILES
         found.append(results.read_results(tmp_path / "results.json"))
         return real(*args)
 
-    monkeypatch.setattr(of_assumptions, "continued", look)
-    monkeypatch.setattr(of_training, "untested", lambda config: [])
+    monkeypatch.setattr(sensitivity, "continued", look)
+    monkeypatch.setattr(error_bars, "untested", lambda config: [])
     last = identify(flow_file, tiny(steps=200, simulated_pressure__frames=1), run_dir=tmp_path)
     (before,) = found
     assert missing(before) == dict.fromkeys(LATE, PENDING)
@@ -55,7 +55,7 @@ def test_everything_is_on_disk_when_the_copies_begin(
 def test_the_copies_fail_alone(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_assumptions, "continued", raising(KeyError("a bug")))
+    monkeypatch.setattr(sensitivity, "continued", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run") == 0
     result = results.read_results(tmp_path / "run" / "results.json")
     why = "KeyError: 'a bug'"
@@ -99,12 +99,12 @@ def test_a_batch_is_on_disk_when_its_copies_begin(
     flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exact = dataclasses.replace(flow, attributes={**flow.attributes, "surface_sd": 0.0})
-    monkeypatch.setattr(of_assumptions, "continued", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(sensitivity, "continued", raising(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         identify_many([flow, exact], tiny(), run_dir=tmp_path)
     lack = [missing(results.read_results(tmp_path / f"{e:03d}" / "results.json")) for e in range(2)]
     assert [ASSUMPTIONS in found for found in lack] == [True, False]
-    monkeypatch.setattr(of_assumptions, "continued", raising(MemoryError()))
+    monkeypatch.setattr(sensitivity, "continued", raising(MemoryError()))
     found = identify_many([flow, exact], tiny(resume=True), run_dir=tmp_path)
     assert [missing(result) for result in found] == [
         {ASSUMPTIONS: "there is not enough memory"},

@@ -14,7 +14,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.estimates.pairs import pair_noise
 from granpinn.inspection import inspect
 from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.of_data import facts
+from granpinn.uncertainty.expectation import facts
 
 FRAMES, SIDE, PER_FRAME = 24, 30.0, 200
 WAVES = 300

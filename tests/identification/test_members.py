@@ -20,7 +20,7 @@ from granpinn.identification import batch
 from granpinn.results.slip import Slip
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty import of_training
+from granpinn.uncertainty import error_bars
 from tests.flows import make_flow
 from tests.identification.test_ensemble import spoil
 from tests.runs import tiny
@@ -31,7 +31,7 @@ THREE = tiny(members=3, seed=4)
 @pytest.fixture
 def all_settings_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     """The networks of these tests are not those of the error model."""
-    monkeypatch.setattr(of_training, "untested", lambda config: [])
+    monkeypatch.setattr(error_bars, "untested", lambda config: [])
 
 
 def test_seeds_are_a_function_of_the_first_and_never_meet() -> None:

@@ -12,7 +12,7 @@ from granpinn import train
 from granpinn.data import read_flow
 from granpinn.inspection import inspect
 from granpinn.results import read_results
-from granpinn.uncertainty.of_data import facts
+from granpinn.uncertainty.expectation import facts
 
 SIDES = "the wall from (0, 45) to (0, 0) and the wall from (20, 0) to (20, 45)"
 

@@ -23,8 +23,8 @@ from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.train import main
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
+from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
-from granpinn.uncertainty.of_training import judge
 from tests.examples import make_result
 from tests.flows import make_chute, make_flow
 from tests.runs import tiny

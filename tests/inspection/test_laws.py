@@ -8,7 +8,7 @@ from granpinn.inspection import AssumedLaw, inspect
 from granpinn.inspection.precision import expected_precision, sensitivities
 from granpinn.inspection.text import lines_of
 from granpinn.physics.laws import LAWS
-from granpinn.uncertainty.of_data import expected, facts
+from granpinn.uncertainty.expectation import expected, facts
 
 
 def test_bound_of_one_parameter() -> None:

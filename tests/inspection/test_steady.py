@@ -15,7 +15,7 @@ from granpinn.data.noise import max_speed
 from granpinn.inspect import main
 from granpinn.inspection import inspect
 from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.of_data import facts
+from granpinn.uncertainty.expectation import facts
 from tests.flows import make_chute, make_flow
 
 

@@ -10,7 +10,7 @@ from granpinn.data.noise import max_speed
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.text import MOST_LINES, lines_of
-from granpinn.uncertainty.of_data import LARGE_DIVERGENCE, PIV_DIVERGENCE, expected, facts
+from granpinn.uncertainty.expectation import LARGE_DIVERGENCE, PIV_DIVERGENCE, expected, facts
 from tests.inspection.chutes import chute
 
 

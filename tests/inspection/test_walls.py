@@ -21,7 +21,7 @@ from granpinn.inspection.text import lines_of
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
 from granpinn.train import main
-from granpinn.uncertainty.of_data import facts
+from granpinn.uncertainty.expectation import facts
 from tests.data.walled import FLOOR, line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute

@@ -10,7 +10,7 @@ from torch import Tensor
 from granpinn.kernels import step_ops
 from granpinn.kernels.network import n_params
 from granpinn.training.control_table import HEALTHY
-from granpinn.training.optimise import Group
+from granpinn.training.optimise import ParameterGroup
 
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
 MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed
@@ -75,7 +75,7 @@ def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
     direction, params, average = (torch.rand(E, P + 14, dtype=dtype) for _ in range(3))
-    group = Group(3, 2, 2, 3)
+    group = ParameterGroup(3, 2, 2, 3)
     places = (group.offset, group.apart, 0.1, "fast")
     return [*state(E), group.of(direction), params, average, *places]
 

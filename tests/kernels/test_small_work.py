@@ -20,7 +20,7 @@ from granpinn.estimates.facts import Facts
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training.control_table import HEALTHY, Position
 from granpinn.training.objective import Member, Objective
-from granpinn.training.optimise import Group
+from granpinn.training.optimise import ParameterGroup
 from granpinn.training.problem import build
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
@@ -146,7 +146,7 @@ def test_newton_schulz(shape: tuple[int, ...], cuda_ops: ModuleType) -> None:
 @pytest.mark.parametrize("shape", [(2, 33, 31), (1, 128, 128)], ids=str)
 def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType) -> None:
     """Two members, one of them frozen."""
-    group = Group(3, *shape)
+    group = ParameterGroup(3, *shape)
     params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
     counter, counts = torch.tensor([1, 0, 0]), torch.zeros(2, 2, dtype=torch.int64)
     table, lr_scale = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)

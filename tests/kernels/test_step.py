@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granpinn.kernels import ops
 from granpinn.training.control_table import HEALTHY
-from granpinn.training.optimise import Group
+from granpinn.training.optimise import ParameterGroup
 from granpinn.training.sampling import INTERIOR, SURFACE
 
 from .step_inputs import (
@@ -180,7 +180,7 @@ def test_descend_subtracts_the_orthogonal_factor(
 
     So is the running average of them made.
     """
-    group, E = Group(5, *shape), 3
+    group, E = ParameterGroup(5, *shape), 3
     P = group.offset + group.count * group.apart + 7
     direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
     counter, table, lr_scale, fault, counts = state(E, str(device))

@@ -173,7 +173,7 @@ def test_colours_get_lighter_from_low_to_high() -> None:
 def test_a_field_without_variation_has_a_scale(
     value: float, log: bool, ends: tuple[float, float] | None
 ) -> None:
-    quantity = films.Quantity("f", "number", ("f",), np.asarray, log)
+    quantity = films.FilmQuantity("f", "number", ("f",), np.asarray, log)
     found = films.scale_of(np.full((3, 4), value), quantity)
     if ends is None or value < 0:
         assert (found is None) == (ends is None)

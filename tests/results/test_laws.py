@@ -27,10 +27,10 @@ from granpinn.results import (
 )
 from granpinn.results.records import Members
 from granpinn.results.summary import friction_sd, summarize
-from granpinn.second_opinion.scenes import Column, collapse_of
+from granpinn.second_opinion.scenes import GrainColumn, collapse_of
 from granpinn.uncertainty.center import center, nearest
 from granpinn.uncertainty.curve import with_curve
-from granpinn.uncertainty.of_training import judge
+from granpinn.uncertainty.error_bars import judge
 from tests.examples import make_fields, make_result
 from tests.flows import make_flow
 from tests.page import Page
@@ -117,7 +117,7 @@ def test_values_without_error_bars_and_the_reason() -> None:
 
 
 def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
-    collapse = collapse_of(make_flow(frames=3), Column(0.5, 0.5), LAW, (0.33,), 64)
+    collapse = collapse_of(make_flow(frames=3), GrainColumn(0.5, 0.5), LAW, (0.33,), 64)
     assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
     with pytest.raises(ConfigError, match=r"--free-I0 is for mu\(I\) alone, got --law coulomb"):
         require_mu_of_i(Config(law="coulomb"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granpinn.second_opinion import response_surface
-from granpinn.second_opinion.response_surface import REACH, Surface, composite, filled
+from granpinn.second_opinion.response_surface import REACH, ResponseSurface, composite, filled
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -18,7 +18,7 @@ def test_the_surface_is_exact_for_quadratic_values(dimension: int, seed: int) ->
     def v(x: np.ndarray) -> np.ndarray:
         return a + x @ b + np.einsum("i,ijn,j", x, C, x)
 
-    surface, x = Surface(places), np.array([0.3, -0.7, 1.1])[:dimension]
+    surface, x = ResponseSurface(places), np.array([0.3, -0.7, 1.1])[:dimension]
     misfits = np.stack([v(np.array(place, float)) - v(x) for place in places])
     found = surface.nearest(misfits @ misfits.T, 50)
     np.testing.assert_allclose(found.x, x, atol=1e-6)
@@ -31,7 +31,7 @@ def test_the_surface_is_exact_for_quadratic_values(dimension: int, seed: int) ->
 
 
 def test_noise_alone_is_stated_as_it_scatters(seed: int) -> None:
-    rng, surface = np.random.default_rng(seed), Surface(composite(2))
+    rng, surface = np.random.default_rng(seed), ResponseSurface(composite(2))
     b = rng.normal(size=(2, 400))
     v = np.array(composite(2)) @ b
     pulls = []
@@ -49,7 +49,7 @@ def test_what_runs_do_by_themselves_is_no_difference_from_the_data(
     """Few directions, along which every run and the data lie at random: they are left out."""
     rng, x = np.random.default_rng(seed), np.array([0.2, -0.3])
     places = np.array(filled(2))
-    surface = Surface(places)
+    surface = ResponseSurface(places)
     b, modes = rng.normal(size=(2, 400)), rng.normal(size=(3, 400))
     modes += 0.5 * b[0]
 

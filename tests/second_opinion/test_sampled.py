@@ -15,7 +15,7 @@ from granpinn.second_opinion.comparison import interpolation
 from granpinn.second_opinion.sampled import Sampler, crossings
 from granpinn.second_opinion.scenes import scene_of
 from granpinn.simulation import Chute, Collapse, simulate
-from granpinn.simulation.progress import Silent
+from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64, 0.3)
@@ -32,7 +32,7 @@ def again(flow: Flow, law: tuple[float, ...] = LAW, cells: int | None = None) ->
     posed = scene_of(flow, DEFAULT, law, cells)
     assert not isinstance(posed, str)
     sampler = Sampler(posed[0], flow)
-    record(sampler, Silent(), flow.t.tolist())
+    record(sampler, SilentSimulation(), flow.t.tolist())
     made = sampler.flow()
     check_flow(made)
     return made
@@ -117,7 +117,7 @@ def test_scattered_vectors_stay_where_they_are(flow: Flow) -> None:
     tracks = particle_flow(vectors, **others)
     scene = Collapse(*LAW, cells=64, stride=2, frames=12, t_end=3.0, threads=1)
     sampler = Sampler(scene, tracks)
-    record(sampler, Silent(), tracks.t.tolist())
+    record(sampler, SilentSimulation(), tracks.t.tolist())
     made = sampler.flow().particles
     assert made is not None
     for name, values in vars(vectors).items():

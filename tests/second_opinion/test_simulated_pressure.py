@@ -24,7 +24,7 @@ from granpinn.fit.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.zones import D2_STAGNANT
 from granpinn.second_opinion import simulated_pressure
-from granpinn.second_opinion.scenes import Column, collapse_of
+from granpinn.second_opinion.scenes import GrainColumn, collapse_of
 from granpinn.simulation import Collapse, Engine, SimulationError, State
 from granpinn.simulation.engine import Start
 from granpinn.simulation.recorder import Recorder
@@ -167,7 +167,7 @@ def test_the_grains_of_a_frame_are_those_of_the_solver() -> None:
 
 
 def test_grains_before_a_frame_are_between_two_frames(known: Known) -> None:
-    collapse = collapse_of(known.flow, Column(1.0, 10.0), DEFAULT, THETA, None)
+    collapse = collapse_of(known.flow, GrainColumn(1.0, 10.0), DEFAULT, THETA, None)
     step = float(known.flow.t[2] - known.flow.t[1])
     earlier, later = (simulated_pressure.fraction_of(known.flow, k, collapse) for k in (1, 2))
     found = simulated_pressure.fraction_of(known.flow, 2, collapse, step)
@@ -233,7 +233,7 @@ def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.Monkey
             raise SimulationError("a solve did not converge")
         return settle(collapse, start)
 
-    collapse = collapse_of(known.flow, Column(1.0, 10.0), DEFAULT, THETA, None)
+    collapse = collapse_of(known.flow, GrainColumn(1.0, 10.0), DEFAULT, THETA, None)
     first = simulated_pressure.fraction_of(known.flow, 0, collapse, settled_after(collapse)).sum()
     monkeypatch.setattr(simulated_pressure, "settle", failing)
     found = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 4)

@@ -17,7 +17,7 @@ from granpinn.data import Truth
 from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
 from granpinn.simulation.engine import Engine, StepReport
-from granpinn.simulation.progress import Lines, Silent
+from granpinn.simulation.progress import SilentSimulation, SimulationLines
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
@@ -162,7 +162,7 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    class Stopper(Silent):
+    class Stopper(SilentSimulation):
         def show(self, report: StepReport) -> None:
             signal.raise_signal(signum)
 
@@ -181,7 +181,7 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
 
 
 def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
-    class Spoiler(Silent):
+    class Spoiler(SilentSimulation):
         def show(self, report: StepReport) -> None:
             super().show(report)
             if report.time > 0.6:
@@ -224,7 +224,7 @@ def test_figures_and_animation(tmp_path: Path) -> None:
 
 
 def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    granpinn.simulate(listener=Lines(every=0.0), **COARSE)
+    granpinn.simulate(listener=SimulationLines(every=0.0), **COARSE)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) >= 4
     assert "iterations" in lines[-1]

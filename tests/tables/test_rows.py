@@ -10,7 +10,7 @@ import pytest
 from granpinn.data import Flow, Truth
 from granpinn.results import ErrorPercent, Parameter, Parameters, Result
 from granpinn.tables.paper import TABLE_1, TABLE_2, PaperRow, case_of, row_1, row_2
-from granpinn.tables.rows import Case, row_of
+from granpinn.tables.rows import TableCase, row_of
 from granpinn.tables.study import cases_of
 from tests.examples import make_result
 from tests.flows import make_flow
@@ -28,7 +28,7 @@ def result_of(mu_s: float, mu_2: float, seed: int, p: float | None = 1.0) -> Res
 
 
 def test_median_worst_scatter_and_rmse() -> None:
-    case = Case(flow_of(0.4, 0.64), 0.0)
+    case = TableCase(flow_of(0.4, 0.64), 0.0)
     values = (0.404, 0.398, 0.400)  # +1, -0.5, 0 %
     pressures = (2, 4, 3)
     row = row_of(case, [result_of(values[k], 0.64, k, pressures[k]) for k in range(3)])
@@ -46,16 +46,16 @@ def test_median_worst_scatter_and_rmse() -> None:
 
 def test_a_training_that_diverged_is_counted_and_left_out() -> None:
     good, bad = result_of(0.4, 0.6, 0), replace(result_of(9.0, 99.0, 1), failure="not finite")
-    row = row_of(Case(flow_of(0.4, 0.64), 0.0), [good, bad])
+    row = row_of(TableCase(flow_of(0.4, 0.64), 0.0), [good, bad])
     assert (row.members, row.failed, row.values["mu_2"]) == (1, 1, 0.6)
     assert row.errors["mu_s"].scatter is None
-    row = row_of(Case(flow_of(0.4, 0.64), 0.0), [bad])
+    row = row_of(TableCase(flow_of(0.4, 0.64), 0.0), [bad])
     assert row.values["mu_s"] is None
     assert row.errors["mu_s"].median is None
 
 
 def test_without_a_truth_there_are_values_and_no_errors() -> None:
-    row = row_of(Case(make_flow(truth=None), 0.0), [result_of(0.4, 0.6, 0, None)])
+    row = row_of(TableCase(make_flow(truth=None), 0.0), [result_of(0.4, 0.6, 0, None)])
     assert row.values["mu_s"] == 0.4
     assert row.errors["mu_s"].median is None
     assert row.errors["pressure"].median is None
@@ -83,7 +83,7 @@ def test_the_typed_errors_fit_the_typed_values(
 
 
 def test_noise_is_for_the_reference_case_where_it_is_there() -> None:
-    clean = [Case(flow_of(0.4, 0.64), 0.0), Case(flow_of(0.6, 0.84), 0.0)]
+    clean = [TableCase(flow_of(0.4, 0.64), 0.0), TableCase(flow_of(0.6, 0.84), 0.0)]
     cases = cases_of(clean, (0.0, 0.2, 0.8), "reference")
     assert [(c.flow.truth and c.flow.truth.mu_s, c.noise) for c in cases] == [
         *((0.4, 0.0), (0.6, 0.0), (0.6, 0.2), (0.6, 0.8))

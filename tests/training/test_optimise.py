@@ -14,7 +14,7 @@ from granpinn.kernels.network import n_params, views
 from granpinn.physics.laws import DEFAULT
 from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
-from granpinn.training.optimise import BETA_1, BatchOptimizer, Group, hidden_groups
+from granpinn.training.optimise import BETA_1, BatchOptimizer, ParameterGroup, hidden_groups
 
 WIDTHS = (3, 20, 30, 30, 30, 25, 5)
 P = n_params(WIDTHS)
@@ -149,7 +149,7 @@ def test_hidden_matrices_of_one_shape_are_one_batch() -> None:
         for W, found in zip(hidden, [M for g in groups for M in g.of(flat)[e]], strict=True):
             assert torch.equal(W, found)
     assert hidden_groups((3, 8, 5)) == []
-    assert hidden_groups((3, 128, 128, 128, 128, 5)) == [Group(512, 3, 128, 128)]
+    assert hidden_groups((3, 128, 128, 128, 128, 5)) == [ParameterGroup(512, 3, 128, 128)]
 
 
 def test_its_tensors_are_its_whole_state() -> None:

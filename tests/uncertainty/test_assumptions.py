@@ -21,10 +21,10 @@ from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.assumed import Assumed
 from granpinn.training.objective import Member
-from granpinn.uncertainty import of_assumptions
+from granpinn.uncertainty import sensitivity
+from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
-from granpinn.uncertainty.of_assumptions import Assumption, covariance, effects
-from granpinn.uncertainty.of_training import judge
+from granpinn.uncertainty.sensitivity import Assumption, covariance, effects
 from tests.data.walled import line
 from tests.examples import make_result
 from tests.flows import make_chute, make_flow
@@ -43,13 +43,13 @@ def test_the_covariance_of_assumptions() -> None:
     np.testing.assert_allclose(covariance([LINE, other], ("mu_s", "mu_2")), expected)
     lost = dataclasses.replace(LINE, derivative=None)
     assert not covariance([lost], ("mu_s", "mu_2")).any()
-    assert of_assumptions.unknown([LINE, lost]) == ["surface line"]
+    assert sensitivity.unknown([LINE, lost]) == ["surface line"]
 
 
 def test_no_error_bars_where_an_effect_is_not_known() -> None:
     example = make_result()
     assert example.members is not None
-    lost = dataclasses.replace(LINE, derivative=None, why=of_assumptions.DIVERGED)
+    lost = dataclasses.replace(LINE, derivative=None, why=sensitivity.DIVERGED)
     known = Known((0.02, 0.3), (0.4, 0.64))
     arguments = example.members, example.residuals, known, Config(), False, ()
     assert judge(*arguments, (LINE,)).bars is not None
@@ -68,7 +68,7 @@ def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.M
         seen.append((copies, most))
         return [torch.tensor(t) for t in ([0.3, 0.7, 0.3], [0.4, 0.5, 0.3])] + [None, None]
 
-    monkeypatch.setattr(of_assumptions, "continued", continued)
+    monkeypatch.setattr(sensitivity, "continued", continued)
 
     def assumption(name: str) -> Assumption:
         return Assumption(name, "m", 0.02, lambda: (member, member), "5 mm higher", 0.005)
@@ -141,7 +141,7 @@ def test_walls_all_around_leave_no_surface_to_move() -> None:
 
 
 def test_an_exact_surface_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(of_assumptions, "continued", None)
+    monkeypatch.setattr(sensitivity, "continued", None)
     assert identify(solver(), tiny()).assumptions == ()
     assert identify(make_flow(attributes={"surface_sd": 0.0}), tiny()).assumptions == ()
 
@@ -167,13 +167,13 @@ def test_the_values_do_not_depend_on_the_assumptions() -> None:
 
 def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     steps = []
-    real = of_assumptions.continued
+    real = sensitivity.continued
 
     def continued(trainer: Any, copies: Any, most: int) -> Any:
         steps.append((trainer.step, most))
         return real(trainer, copies, most)
 
-    monkeypatch.setattr(of_assumptions, "continued", continued)
+    monkeypatch.setattr(sensitivity, "continued", continued)
     identify(make_flow(), tiny(steps=None, max_time=4.0))
     (made, most) = steps[0]
     assert most <= assumptions.TIME_SHARE * made / 2

@@ -14,7 +14,15 @@ from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import Quadratic, basis, joined, model_covariance, quadratic
-from granpinn.uncertainty.law_choice import Band, Cohesion, Fit, apart, choice, fits, with_cohesion
+from granpinn.uncertainty.law_choice import (
+    Cohesion,
+    CurveBand,
+    Fit,
+    apart,
+    choice,
+    fits,
+    with_cohesion,
+)
 
 ENDS = (0.01, 0.5)
 N = free.COEFFICIENTS
@@ -43,7 +51,9 @@ def compared(mu: np.ndarray, half: float = 0.01) -> tuple[tuple[ComparedLaw, ...
     at = law_choice.knots(ENDS)
     B = basis(at, *ENDS)
     C = B @ curve.covariance @ B.T + SD**2 * np.eye(N)
-    band = Band(I, basis(I, *ENDS) @ curve.center, np.full(I.shape, half), np.full(I.shape, half))
+    band = CurveBand(
+        I, basis(I, *ENDS) @ curve.center, np.full(I.shape, half), np.full(I.shape, half)
+    )
     found = fits(curve, ENDS, band, C, {})
     return *choice(found, band), found
 
@@ -107,7 +117,7 @@ def test_laws_that_differ_by_less_than_the_band_are_not_told_apart() -> None:
 
 
 def test_curves_that_differ_without_a_worse_fit_are_not_told_apart() -> None:
-    band = Band(I, 0 * I, 0 * I + 0.01, 0 * I + 0.01)
+    band = CurveBand(I, 0 * I, 0 * I + 0.01, 0 * I + 0.01)
     one = Fit(LAWS["coulomb"], (0.4,), {}, 0 * I + 0.02, 10.0, 0.0)
     for chi2, told in ((10.0 + 0.9 * law_choice.CLEAR, False), (11 + law_choice.CLEAR, True)):
         other = Fit(LAWS["mu_of_i"], (0.4, 0.5, 0.3), {}, 0 * I - 0.02, chi2, 0.0)

@@ -38,8 +38,8 @@ from granpinn.results.slip import Slip
 from granpinn.uncertainty.center import center
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known, ends_of
-from granpinn.uncertainty.of_training import judge
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
 PLACES = 20  # inertial numbers over which errors are averaged, evenly in log I

@@ -148,7 +148,7 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
     from granpinn.report import page
     from granpinn.second_opinion import simulated_pressure
     from granpinn.training.trainer import Trainer
-    from granpinn.uncertainty import of_assumptions
+    from granpinn.uncertainty import sensitivity
 
     reached: list[str] = []
 
@@ -187,7 +187,7 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
         "pre-fit": (Trainer, "advance", lambda t: t.step > 50 and t.schedule.in_prefit(t.step)),
         "training": (Trainer, "advance", lambda t: t.step > 200),
         "last layer": (Trainer, "solve_last_layer", always),
-        "copies": (of_assumptions, "continued", always),
+        "copies": (sensitivity, "continued", always),
         "simulated pressure": (simulated_pressure, "settle", always),
         "resimulation": (resimulation, "resimulate", always),
         "figures": (page, "build", always),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from granpinn.checks.simulated_pressure import SimulatedPressure
-from granpinn.command.answer import Answer
+from granpinn.command.new_lines import NewLines
 from granpinn.results import ErrorPercent
 from granpinn.results.attempt import PENDING
 from tests.examples import make_result
@@ -19,7 +19,7 @@ def test_every_line_is_printed_once_and_no_pending_part(
     simulated = SimulatedPressure(None, frames=(1, 2), flowing_percent=4.0)
     checks = early.checks | {"simulated_pressure": simulated}
     whole = make_result(error_percent=errors, checks=checks)
-    answer = Answer()
+    answer = NewLines()
     answer.show(early)
     first = capsys.readouterr().out.splitlines()
     assert first == str(early).splitlines()[:-2]  # nor the assessment, which may still change

@@ -9,7 +9,7 @@ from granpinn.results import Result
 from granpinn.results.attempt import PENDING
 
 
-class Answer:
+class NewLines:
     """Prints results of one run that grow: only lines that were not printed before.
 
     Parts that are still pending have no line, nor has the assessment, which they may change. Later
