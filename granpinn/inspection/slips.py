@@ -1,7 +1,8 @@
 """Slips of unit, sign, size and order in a flow file, seen from what physics fixes.
 
-All checks compare the flow with itself, so they need no model and no training. Each is a function in
-the table `CHECKS`. Of some, the first one that finds a slip hides those after it, as it explains them.
+All checks compare the flow with itself, so they need no model and no training. Each is a function
+in the table `CHECKS`. Of some, the first one that finds a slip hides the later ones, as it explains
+them.
 
 Scattered vectors are compared with gravity on their view, and not with each other.
 """
