@@ -39,9 +39,11 @@ def run(config: Config) -> int:
         flow_warnings.in_one_line(),
     ):
         result = _identified(config, rank)
+    if rank > 0:  # the first process has the result
+        return 0
     asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]
     missing = [name for name in asked if name in result.not_done]
-    for name in missing if rank == 0 else ():
+    for name in missing:
         why = result.not_done[name]
         say(f"granpinn.train: no {in_words(name)}: {why}; the other results are valid")
     return 1 if missing else 0

@@ -28,8 +28,8 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
 import granpinn.simulate as command
-from granpinn.simulation.progress import Lines
-command.automatic = lambda: Lines(every=0.0)
+from granpinn.simulation.progress import SimulationLines
+command.automatic = lambda: SimulationLines(every=0.0)
 sys.exit(command.main(sys.argv[1:]))
 """
 
