@@ -22,7 +22,7 @@ from granpinn.results.records import ErrorBars, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
-from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.error_bars import center, nearest
 from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
 

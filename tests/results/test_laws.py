@@ -28,9 +28,8 @@ from granpinn.results import (
 from granpinn.results.records import Members
 from granpinn.results.summary import friction_sd, summarize
 from granpinn.second_opinion.scenes import GrainColumn, collapse_of
-from granpinn.uncertainty.center import center, nearest
 from granpinn.uncertainty.curve import with_curve
-from granpinn.uncertainty.error_bars import judge
+from granpinn.uncertainty.error_bars import center, judge, nearest
 from tests.examples import make_fields, make_result
 from tests.flows import make_flow
 from tests.page import Page

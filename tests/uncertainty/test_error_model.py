@@ -16,7 +16,7 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import Members
 from granpinn.uncertainty import error_bars, error_model
-from granpinn.uncertainty.center import center, nearest
+from granpinn.uncertainty.error_bars import center, nearest
 from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, continued, ends_of, line
 
 X, MU = (0.02, 0.3), (0.4, 0.64)

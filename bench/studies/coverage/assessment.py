@@ -35,10 +35,9 @@ from granpinn.results.baseline import Baseline, Point
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import Members
 from granpinn.results.slip import Slip
-from granpinn.uncertainty.center import center
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.determined import applied, determined
-from granpinn.uncertainty.error_bars import judge
+from granpinn.uncertainty.error_bars import center, judge
 from granpinn.uncertainty.error_model import Known, ends_of
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %

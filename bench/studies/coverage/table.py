@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from bench.studies.coverage.materials import LAW
 from granpinn.results.records import Members
-from granpinn.uncertainty.center import center
+from granpinn.uncertainty.error_bars import center
 from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
 PATH = Path(__file__).with_name("results") / "rows.csv"
