@@ -1,6 +1,7 @@
 """One physical flow in every form gives one flow to rounding, or a refusal, and nothing else.
 
-`python -m tests.importers.forms` prints the counts.
+Every choice alone; with `-m long` two at a time too. `python -m tests.importers.forms` prints the
+counts.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from tests.importers.forms.form import FLOAT64, Given, verdict
 from tests.importers.forms.physical import flow
 
 
+@pytest.mark.parametrize("pairs", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", FAMILIES)
-def test_every_form_is_the_same_flow_or_is_refused(tmp_path: Path, name: str) -> None:
-    found = FAMILIES[name].outcomes(tmp_path)
+def test_every_form_is_the_same_flow_or_is_refused(
+    tmp_path: Path, name: str, pairs: bool
+) -> None:
+    found = FAMILIES[name].outcomes(tmp_path, pairs)
     wrong = {form: text for form, (text, _) in found.items() if text.startswith("wrong")}
     assert not wrong
     unread = {form: text for form, (text, must) in found.items() if must and text != "equal"}
@@ -27,9 +31,10 @@ def test_every_form_is_the_same_flow_or_is_refused(tmp_path: Path, name: str) ->
 
 
 def test_there_are_many_forms() -> None:
-    forms = [form for family in FAMILIES.values() for form in family.forms()]
-    assert len(forms) > 2000
-    assert sum(must for _, must in forms) > 1000
+    for pairs, count in ((False, 450), (True, 2000)):
+        forms = [form for family in FAMILIES.values() for form in family.forms(pairs)]
+        assert len(forms) > count
+        assert sum(must for _, must in forms) > count / 2
 
 
 def _other(**changes: Any) -> Given:

@@ -58,26 +58,26 @@ class Family:
     write: Callable[..., Given | None]
     axes: Mapping[str, Axis]
 
-    def forms(self) -> Iterator[tuple[dict[str, Any], bool]]:
+    def forms(self, pairs: bool = True) -> Iterator[tuple[dict[str, Any], bool]]:
         """Choices that depart from the usual form, and whether granpinn must read the form.
 
-        Every choice alone, and every choice of an axis with one of every other axis.
+        Every choice alone, and with `pairs` every choice of an axis with one of every other axis.
         """
         others = {name: list(axis)[1:] for name, axis in self.axes.items()}
         yield {}, True
         for name, axis in self.axes.items():
             for choice in others[name]:
                 yield {name: choice}, axis[choice]
-        for one, two in itertools.combinations(self.axes, 2):
+        for one, two in itertools.combinations(self.axes, 2) if pairs else ():
             for k in range(max(len(others[one]), len(others[two]))):
                 first, second = (others[name][k % len(others[name])] for name in (one, two))
                 yield {one: first, two: second}, self.axes[one][first] and self.axes[two][second]
 
-    def outcomes(self, folder: Path) -> dict[Departures, tuple[str, bool]]:
+    def outcomes(self, folder: Path, pairs: bool = True) -> dict[Departures, tuple[str, bool]]:
         """The verdict on every form, and whether granpinn must read it."""
         usual = {name: next(iter(axis)) for name, axis in self.axes.items()}
         found: dict[Departures, tuple[str, bool]] = {}
-        for number, (departures, must) in enumerate(self.forms()):
+        for number, (departures, must) in enumerate(self.forms(pairs)):
             place = folder / str(number)
             place.mkdir()
             given = self.write(place, **(usual | departures))
