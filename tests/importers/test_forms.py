@@ -20,9 +20,7 @@ from tests.importers.forms.physical import flow
 
 @pytest.mark.parametrize("pairs", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", FAMILIES)
-def test_every_form_is_the_same_flow_or_is_refused(
-    tmp_path: Path, name: str, pairs: bool
-) -> None:
+def test_every_form_is_the_same_flow_or_is_refused(tmp_path: Path, name: str, pairs: bool) -> None:
     found = FAMILIES[name].outcomes(tmp_path, pairs)
     wrong = {form: text for form, (text, _) in found.items() if text.startswith("wrong")}
     assert not wrong

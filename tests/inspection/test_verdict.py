@@ -13,6 +13,8 @@ from granpinn.inspection.text import MOST_LINES, lines_of
 from granpinn.uncertainty.expectation import LARGE_DIVERGENCE, PIV_DIVERGENCE, expected, facts
 from tests.inspection.chutes import chute
 
+pytestmark = pytest.mark.usefixtures("no_balance")
+
 
 def said(found: Inspection) -> str:
     sentences = facts(found)
@@ -40,7 +42,6 @@ def test_good_data(inspected: Inspection) -> None:
     assert found.kinematics.divergence < 0.05
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_noise_costs_precision_in_proportion(demo: Flow, seed: int) -> None:
     little, much = (inspect(add_noise(demo, sd, seed)).precision for sd in (0.02, 0.2))
     assert little is not None
@@ -50,7 +51,6 @@ def test_noise_costs_precision_in_proportion(demo: Flow, seed: int) -> None:
         assert getattr(much, name) / getattr(little, name) == pytest.approx(10, rel=0.35)
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_precision_falls_with_the_number_of_vectors(demo: Flow, seed: int) -> None:
     flow = add_noise(demo, 0.05, seed)
     u, v = flow.u.copy(), flow.v.copy()
@@ -96,7 +96,6 @@ def test_too_few_frames(demo: Flow, inspected: Inspection) -> None:
     assert inspected.motion.sparse is None
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_a_gap_in_time_is_named(demo: Flow) -> None:
     kept = (demo.t < 2.0) | (demo.t > 2.6)
     assert demo.p is not None
@@ -135,7 +134,6 @@ def test_zeros_for_gaps(demo: Flow, seed: int) -> None:
     assert "exactly zero" in said(found)
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_wrong_gravity(demo: Flow) -> None:
     """Half of it, and turned by ten degrees."""
     half = inspect(replace(demo, gravity=(0.0, -0.5)))
@@ -156,7 +154,6 @@ def test_an_inertial_number_that_stays_small(demo: Flow, inspected: Inspection) 
     assert found.inertia.q50 == pytest.approx(inspected.inertia.q50 / 10, rel=0.1)
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_a_stated_deviation_that_is_wrong(demo: Flow, seed: int) -> None:
     flow = add_noise(demo, 0.05, seed)
     assert "contradict" not in said(inspect(flow))
@@ -231,7 +228,6 @@ def test_two_rows(demo: Flow) -> None:
     assert said(found)
 
 
-@pytest.mark.usefixtures("no_balance")
 def test_units_do_not_matter(demo: Flow, seed: int) -> None:
     """The same collapse in other units of length, time and density."""
     flow = add_noise(demo, 0.02, seed)

@@ -131,15 +131,19 @@ def matrices(shape: tuple[int, ...], dtype: torch.dtype, precision: str) -> Argu
     return (G.mT if shape[0] == 3 else G, precision)
 
 
-def rows(make: Callable[..., Arguments], *axes: Any) -> dict[str, Make]:
-    """One input for every combination of the axes, named after it."""
+def rows(make: Callable[..., Arguments], *axes: Any, share: int = 1) -> dict[str, Make]:
+    """One input for every combination of the axes, named after it; with `share` n, one of n, in
+    which every choice still meets every choice of every other axis."""
 
     def bound(values: tuple[Any, ...]) -> Make:
         return lambda: make(*values)
 
     return {
-        ", ".join(str(value).removeprefix("torch.") for value in values): bound(values)
-        for values in product(*axes)
+        ", ".join(str(value).removeprefix("torch.") for _, value in chosen): bound(
+            tuple(value for _, value in chosen)
+        )
+        for chosen in product(*(list(enumerate(axis)) for axis in axes))
+        if sum(index for index, _ in chosen) % share == 0
     }
 
 
@@ -152,10 +156,12 @@ INPUTS: dict[str, dict[str, Make]] = {
     "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data"))
     | rows(losses, LAW_KINDS, ("mixed", "strong"))
     | rows(losses_with_source, ("plain", "ensemble", "shared points"), ("mixed", "strong")),
-    "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True)),
+    "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True), share=3),
     "viscosity_backward": {
         name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))
-        for name, make in rows(viscosities, (0, 1, 7, 33), FLOATS, OWN, (False, True)).items()
+        for name, make in rows(
+            viscosities, (0, 1, 7, 33), FLOATS, OWN, (False, True), share=3
+        ).items()
     },
     "pointwise_residuals": rows(raw_jets, ("strong",), (0, 1, 3, 4, 33), (3, 5), FLOATS)
     | rows(raw_jets, ("mixed",), (0, 1, 3, 33), (5,), FLOATS),
@@ -169,8 +175,10 @@ INPUTS: dict[str, dict[str, Make]] = {
     "orthogonalize": rows(
         matrices, [(0, 4), (4, 4), (3, 5, 2), (2, 1, 33, 4), (0, 2, 3)], FLOATS, ("fp32", "fast")
     ),
-    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2), (False, True)),
-    "batch_loss": rows(step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data"), (False, True)),
+    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2), (False, True), share=2),
+    "batch_loss": rows(
+        step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data"), (False, True), share=2
+    ),
     "update": rows(step_inputs.update, (0, 1, 3), (10, 33), FLOATS, (False, True)),
     "descend": rows(step_inputs.descend, (0, 1, 3), (0, 2), FLOATS, ("fp32", "fast")),
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from .op_inputs import INPUTS
+from .op_inputs import INPUTS, viscosities
 from .step_inputs import batch_arguments, descend_arguments, update_arguments
 
 CALLS = 60  # of every operator
@@ -121,7 +121,7 @@ def test_settings_that_are_no_numbers(at: int, value: float | list[float] | torc
 
 @pytest.mark.parametrize(("at", "value"), [(5, NAN), (6, NAN), (6, 1e-4), (7, NAN), (7, -1.0)])
 def test_a_viscosity_without_limits(at: int, value: float) -> None:
-    arguments = list(INPUTS["viscosity"]["7, float64, mu_of_i, True"]())
+    arguments = list(viscosities(7, torch.float64, "mu_of_i", True))
     arguments[at] = value
     with pytest.raises(ValueError, match="eta_min must be at most|floor of the pressure must not"):
         torch.ops.granpinn.viscosity(*arguments)
@@ -129,6 +129,6 @@ def test_a_viscosity_without_limits(at: int, value: float) -> None:
 
 @pytest.mark.parametrize("at", [0, 1, 2])
 def test_viscosity_of_nan_is_nan(at: int) -> None:
-    arguments = list(INPUTS["viscosity"]["7, float64, mu_of_i, False"]())
+    arguments = list(viscosities(7, torch.float64, "mu_of_i", False))
     arguments[at] = arguments[at].clone().fill_(torch.nan)
     assert torch.ops.granpinn.viscosity(*arguments).isnan().all()

@@ -52,11 +52,11 @@ SMALL = {
 }
 # What each of them makes large: settings, and frames, rows and columns of the flow.
 LARGE: dict[str, tuple[dict[str, Any], tuple[int, int, int]]] = {
-    "network": ({"network.widths": [1000, 1000, 16], "optimizer.method": "adam"}, (6, 12, 10)),
-    "members": ({"network.widths": [96, 96, 16], "members": 200}, (6, 12, 10)),
-    "batches": ({"batch.interior": 4_000_000}, (6, 12, 10)),
-    "last layer": ({"network.widths": [16, 192]}, (20, 40, 40)),
-    "points": ({"batch.collocation": 100}, (20, 60, 50)),
+    "network": ({"network.widths": [700, 700, 16], "optimizer.method": "adam"}, (4, 8, 8)),
+    "members": ({"network.widths": [96, 96, 16], "members": 80}, (6, 12, 10)),
+    "batches": ({"batch.interior": 1_500_000}, (6, 12, 10)),
+    "last layer": ({"network.widths": [16, 160]}, (8, 30, 30)),
+    "points": ({"batch.collocation": 100}, (12, 40, 40)),
 }
 
 
