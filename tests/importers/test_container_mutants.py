@@ -25,14 +25,14 @@ def zarr(path: Path, version: int) -> None:
 
 # Format, name, writer, number of mutants, which is smaller where a crash costs seconds.
 CONTAINERS: dict[str, tuple[str, str, Callable[[Path], Any], int]] = {
-    "matlab": ("pivlab-mat", "a.mat", matlab, 300),
-    "cells": ("pivlab-mat", "a.mat", cells, 300),
-    "mat5": ("pivlab-mat", "a.mat", lambda path: version_5(path, all_frames()), 300),
-    "netcdf": ("netcdf", "a.nc", netcdf, 250),
-    "tracks": ("tracks", "a.h5", tracks, 300),
-    "zarr 2": ("netcdf", "a.zarr", lambda path: zarr(path, 2), 60),
-    "zarr 3": ("netcdf", "b.zarr", lambda path: zarr(path, 3), 60),
-    "vtk": ("mesh", "a.vti", lambda path: grid().save(path), 60),
+    "matlab": ("pivlab-mat", "a.mat", matlab, 150),
+    "cells": ("pivlab-mat", "a.mat", cells, 150),
+    "mat5": ("pivlab-mat", "a.mat", lambda path: version_5(path, all_frames()), 150),
+    "netcdf": ("netcdf", "a.nc", netcdf, 125),
+    "tracks": ("tracks", "a.h5", tracks, 150),
+    "zarr 2": ("netcdf", "a.zarr", lambda path: zarr(path, 2), 40),
+    "zarr 3": ("netcdf", "b.zarr", lambda path: zarr(path, 3), 40),
+    "vtk": ("mesh", "a.vti", lambda path: grid().save(path), 40),
 }
 
 
@@ -89,6 +89,6 @@ def test_mutants(container: str, outcomes: Outcomes) -> None:
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_many_mutants(tmp_path: Path) -> None:
-    found = outcomes_of(tmp_path, 20)
+    found = outcomes_of(tmp_path, 40)
     for container, (*_, count) in CONTAINERS.items():
-        check(found[container], 20 * count)
+        check(found[container], 40 * count)

@@ -11,7 +11,7 @@ import torch
 from granpinn import reference
 
 from .configurations import Form, problem, small
-from .manufactured import CASES, PHYSICS, manufactured
+from .manufactured import CASES, PHYSICS, exact, manufactured
 
 POINTS = 10_000
 FORMS = ("strong", "mixed")
@@ -26,21 +26,16 @@ def worst_relative_error(got: torch.Tensor, exact: np.ndarray) -> float:
 @pytest.mark.parametrize(("name", "law"), CASES)
 @pytest.mark.parametrize("form", FORMS)
 def test_residuals_of_manufactured_fields(name: str, form: str, law: str) -> None:
+    """By differentiation of the network, and from its raw jets."""
     case = manufactured(name, form, law)
-    points = case.points(POINTS)
-    got = reference.residuals(
-        case.raw_network(), torch.from_numpy(points), case.theta, PHYSICS, form, law
-    )
-    assert worst_relative_error(got, case.residuals(points)) <= 1e-12
-
-
-@pytest.mark.parametrize(("name", "law"), CASES)
-@pytest.mark.parametrize("form", FORMS)
-def test_residuals_from_raw_jets_of_manufactured_fields(name: str, form: str, law: str) -> None:
-    case = manufactured(name, form, law)
-    points = case.points(POINTS)
-    got = reference.pointwise_residuals(case.raw_jets(points), case.theta, PHYSICS, form, law)
-    assert worst_relative_error(got, case.residuals(points)) <= 1e-12
+    points, truth = exact(name, form, law, POINTS)
+    where = torch.from_numpy(points)
+    constants = (case.theta, PHYSICS, form, law)
+    for got in (
+        reference.residuals(case.raw_network(), where, *constants),
+        reference.pointwise_residuals(case.raw_jets(points), *constants),
+    ):
+        assert worst_relative_error(got, truth) <= 1e-12
 
 
 def test_jet_of_an_affine_network_by_hand() -> None:
