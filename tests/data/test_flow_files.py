@@ -18,15 +18,12 @@ from granpinn.data import (
     FlowFileError,
     FlowFileWarning,
     Truth,
-    check_flow,
     read_flow,
     write_flow,
 )
 from granpinn.data import writer as writer_module
 from granpinn.data.format import arrays_of
 from tests.flows import make_flow
-
-REFERENCE = sorted((Path(__file__).parents[3] / "shared" / "data").glob("collapse_*.h5"))
 
 
 def with_field_of_sigma(flow: Flow) -> Flow:
@@ -220,13 +217,3 @@ def test_a_failed_write_leaves_the_old_file(
         write_flow(make_flow(frames=5), path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["flow.h5"]
-
-
-@pytest.mark.parametrize("path", REFERENCE, ids=lambda path: path.stem)
-def test_reference_collapses_load(path: Path) -> None:
-    flow = read_flow(path)
-    check_flow(flow)
-    assert flow.u.shape[:2] == (200, 108)
-    assert flow.truth is not None
-    assert f"{flow.truth.mu_s:.2f}_{flow.truth.mu_2:.2f}" in path.stem
-    assert 230_000 < flow.valid.sum() < 235_000

@@ -61,10 +61,10 @@ def test_noise_is_no_wall() -> None:
     assert "noise" not in (baseline(flow).parts or {})
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.05])
-def test_grains_in_a_silo_hang_on_its_walls_with_noise_too(noise: float) -> None:
+def test_grains_in_a_silo_hang_on_its_walls_with_noise_too() -> None:
     flow = simulate(Silo(mu_s=0.35, mu_2=0.6, cells=64, stride=2, frames=40))
-    assert baseline(replace(add_noise(flow, noise, 0), walls=None)).carried
+    for noise in (0.0, 0.05):
+        assert baseline(replace(add_noise(flow, noise, 0), walls=None)).carried
 
 
 def test_grains_that_walls_carry() -> None:

@@ -22,7 +22,6 @@ from granpinn.inspection.slips import slips
 from granpinn.simulation import demo_path, simulate
 from tests.flows import make_chute, make_flow
 
-REFERENCE = sorted((Path(__file__).parents[3] / "shared" / "data").glob("collapse_*.h5"))
 Change = Callable[[Flow], Flow]
 
 
@@ -35,10 +34,10 @@ def collapse(name: str) -> Flow:
         settings: dict[str, Any] = {"law": "coulomb", "mu_s": 0.3, "mu_2": None}
         settings |= {"cells": 64, "height": 1.0, "aspect": 2.0, "t_end": 1.5, "stride": 2}
         return simulate(**settings, frames=60)
-    return read(demo_path() if name == "demo" else next(p for p in REFERENCE if p.name == name))
+    return read(demo_path())
 
 
-COLLAPSES = ("demo", "heap", "coulomb", *(path.name for path in REFERENCE))
+COLLAPSES = ("demo", "heap", "coulomb")
 
 
 def scaled(velocity: float = 1, t: float = 1, x: float = 1, y: float = 1) -> Change:
