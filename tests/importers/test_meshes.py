@@ -220,12 +220,3 @@ def foam_case(
                 + ");\nboundaryField { walls { type zeroGradient; } }\n"
             )
     return case
-
-
-def test_openfoam(tmp_path: Path) -> None:
-    fields = read_vectors(foam_case(tmp_path / "case"))
-    np.testing.assert_allclose(fields.t, [0.1, 0.2])
-    np.testing.assert_allclose(fields.x, [0.5, 1.5])
-    np.testing.assert_allclose(fields.u[1], [[0.2, 1.2], [2.2, 3.2]])
-    assert fields.c is not None
-    np.testing.assert_allclose(fields.c[0], [[1, 1], [0.5, 0]])

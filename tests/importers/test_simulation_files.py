@@ -168,18 +168,6 @@ def basilisk(
     return scene.write_table(path, [title], [], lines, **{"delimiter": " ", **style})
 
 
-def test_basilisk(tmp_path: Path) -> None:
-    fields = read_vectors(basilisk(tmp_path / "out-0.txt"))
-    assert fields.c is not None
-    assert fields.p is not None
-    there = fields.usable
-    assert (fields.p[there] == 2.5).all()
-    assert np.isnan(fields.p[~there]).all()
-    named = read_vectors(tmp_path / "out-0.txt", options={"names": {"p": "f"}})
-    assert named.p is not None
-    assert np.nanmax(named.p) == 1
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -42,20 +42,6 @@ def write_csv(path: Path, columns: dict[str, Any], delimiter: str = ",") -> Path
     return path
 
 
-def test_parabolas_are_exact(tmp_path: Path) -> None:
-    columns = motion()
-    fields = read_vectors(write_csv(tmp_path / "a.csv", columns))
-    order = np.lexsort([columns["particle"], columns["frame"]])
-    columns = {name: values[order] for name, values in columns.items()}
-    assert fields.scattered
-    assert fields.count(Validity.VALID) == N_TRACKS * N_FRAMES
-    np.testing.assert_allclose(fields.u, B + 2 * C * columns["frame"], rtol=1e-9)
-    np.testing.assert_allclose(fields.v, 0.5, rtol=1e-9)
-    np.testing.assert_allclose(fields.x, columns["x"], rtol=1e-9)
-    np.testing.assert_array_equal(fields.t, columns["frame"])
-    assert (fields.time_unit, fields.length_unit, fields.y_down) == ("frame", None, None)
-
-
 @pytest.mark.parametrize("given", [True, False], ids=["ep", "scatter"])
 def test_standard_deviations_are_true(given: bool) -> None:
     """The errors of u over their standard deviations are standard normal, at the ends too."""
@@ -128,20 +114,16 @@ def trackpy_table() -> Any:
     return pandas.DataFrame(motion(0.05)).assign(**more).astype({"frame": int, "particle": int})
 
 
-@pytest.mark.parametrize("kind", ["nodes", "single"])
-def test_hdf5_of_trackpy(tmp_path: Path, kind: str) -> None:
-    """A node per frame, or one node for all; in pixels with y down, as trackpy counts."""
+def test_hdf5_of_trackpy(tmp_path: Path) -> None:
+    """A node per frame; in pixels with y down, as trackpy counts."""
     pandas = pytest.importorskip("pandas")
     table = trackpy_table()
     path = tmp_path / "tracks.h5"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of pandas, about its defaults
         with pandas.HDFStore(path) as store:
-            if kind == "single":
-                store.append("FrameData", table, data_columns=["frame"])
-            else:
-                for frame, rows in table.groupby("frame"):
-                    store.put(f"Frame_{frame}", rows, format="table")
+            for frame, rows in table.groupby("frame"):
+                store.put(f"Frame_{frame}", rows, format="table")
     fields = read_vectors(path)
     assert (fields.length_unit, fields.time_unit, fields.velocity_unit) == (
         "px",

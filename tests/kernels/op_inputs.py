@@ -100,8 +100,8 @@ def losses(kind: str, form: str) -> Arguments:
     return (*loss[:12], form, *loss[13:])
 
 
-def losses_with_source(kind: str, form: Form) -> Arguments:
-    case = tiny(form, source=True, **KINDS[kind])
+def losses_with_source(kind: str, form: Form, source: str) -> Arguments:
+    case = tiny(form, source=bool(source), **KINDS[kind])
     return (*as_tensors(case.loss), case.source)
 
 
@@ -154,8 +154,8 @@ INPUTS: dict[str, dict[str, Make]] = {
     "network_jet": rows(jets, KINDS, CHANNELS),
     "network_jet_backward": rows(jet_adjoints, KINDS, CHANNELS),
     "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data"))
-    | rows(losses, LAW_KINDS, ("mixed", "strong"))
-    | rows(losses_with_source, ("plain", "ensemble", "shared points"), ("mixed", "strong")),
+    | rows(losses, LAW_KINDS, ("mixed", "strong"), share=2)
+    | rows(losses_with_source, ("plain", "shared points"), ("mixed", "strong"), ("source",)),
     "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True), share=3),
     "viscosity_backward": {
         name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))
