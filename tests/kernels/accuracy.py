@@ -75,13 +75,17 @@ def is_void(comparison: Comparison) -> bool:
     return comparison.norm == 0 and comparison.name != "grad theta"
 
 
-def compare(row: Configuration, ops: Any, rival: Any = reference) -> list[Comparison]:
+def compare(
+    row: Configuration, ops: Any, rival: Any = reference, most: int = 4
+) -> list[Comparison]:
     """Every output and every derivative of `ops` for one row of the table, in float32.
 
-    `rival` is the module that gives the truth in float64 and the error to stay close to in float32.
+    Args:
+        rival: the module that gives the truth in float64 and the error to stay close to in float32.
+        most: networks at most; fewer than three let the luck of one decide.
     """
     networks = []
-    for network in range(NETWORKS[row.points]):
+    for network in range(min(most, NETWORKS[row.points])):
         torch.set_num_threads(1)
         pool = pooled(row, network, rival)
         pool_32 = pool.to(torch.float32)
