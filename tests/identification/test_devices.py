@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
+from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -92,8 +93,13 @@ def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: F
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_the_command_leaves_everything(
-    device: str, flow_file: Path, settings: Path, tmp_path: Path
+    device: str,
+    flow_file: Path,
+    settings: Path,
+    tmp_path: Path,
+    figures: Callable[..., None],
 ) -> None:
+    figures("velocity")
     out = tmp_path / "run"
     argv = [flow_file, "--out", out, "--device", device, "--members", 2, "--config", settings]
     assert train.main([str(a) for a in argv]) == 0

@@ -144,8 +144,12 @@ def test_simulated_collapses_say_nothing_of_a_simulated_chute(real: bool) -> Non
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_the_command_on_one_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_on_one_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], figures: Callable[..., None]
+) -> None:
     """Training, second opinion, figures and page of a file with a single frame."""
+    names = ("velocity", "pressure", "profiles", "friction_law", "momentum_residual")
+    figures(*names)
     write_flow(make_chute(), tmp_path / "chute.h5")
     flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
     assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
@@ -159,5 +163,5 @@ def test_the_command_on_one_frame(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "of 1 frame and" in page
     assert "The flow was taken as the same along x" in page
     assert "Arrow keys" not in page
-    for name in ("velocity", "pressure", "profiles", "friction_law", "momentum_residual"):
+    for name in names:
         assert (tmp_path / "run" / "figures" / f"{name}.png").exists()
