@@ -79,7 +79,7 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
 
 def _picture(file: Path) -> Any:
     """The grey levels of an image of moderate size, in one of the formats of cameras and masks."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with open_file(file, _MAX_IMAGE) as stream, Image.open(stream, formats=_IMAGES) as image:
@@ -96,6 +96,8 @@ def _picture(file: Path) -> Any:
             return np.asarray(image if deep else image.convert("L"))
     except DataFileError:
         raise
+    except UnidentifiedImageError:  # its message names the stream
+        reason = f"it is damaged, or none of {', '.join(_IMAGES)}"
     # Pillow raises all of these for damaged files, SyntaxError among them.
     except (OSError, ValueError, TypeError, ArithmeticError, LookupError, EOFError) as error:
         reason = str(error)

@@ -117,7 +117,7 @@ _INSIGHT = _frames("a{}.vec", "test_other_piv", "insight")
 _DAVIS = _frames("a{}.txt", "test_other_piv", "davis")
 _BASILISK = _frames("a-{}.txt", "test_simulation_files", "basilisk")
 _BASILISK_FILES = "a-0.txt a-1.txt a-2.txt"
-_TIMES = ("--times", "times.txt", "--time-unit", "frame")
+_TIMES = ("--times", "times.txt")
 FORMATS: dict[str, Format] = {
     "flow": Format(writers.flow, _OPTIONS),
     "particles": Format(writers.particles, _OPTIONS),
