@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from multiprocessing import forkserver
 from pathlib import Path
 
@@ -34,6 +34,9 @@ def drawers(folder: Path) -> Iterator[Draw]:
         yield lambda names: pool.map(partial(_drawn, folder), names)
 
 
+_read = cache(read)  # once in each process
+
+
 def _drawn(folder: Path, name: str) -> Picture | NotDone:
-    source, _ = read(folder)
+    source, _ = _read(folder)
     return draw_one(source, folder / "figures", name)
