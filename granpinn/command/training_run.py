@@ -67,6 +67,8 @@ def _identified(config: Config, rank: int) -> Result:
         if rank > 0:
             return result
         page = attempt(lambda: report.build(folder, draw=draw))
+        if draw is not None and isinstance(page, NotDone):  # a process may have ended
+            page = attempt(lambda: report.build(folder))
     if isinstance(page, NotDone):
         result = result.without(REPORT, page.why)
         results.write_results(result, folder / "results.json")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+import torch
 
 from granpinn import identify, results
 from granpinn.command import training_run
@@ -95,3 +98,16 @@ def test_processes_draw_the_same_figures(
         drawn = list(draw(names))
         assert training_run.report.build(tmp_path, draw=lambda _: drawn).read_bytes() == page
     assert [picture.path.read_bytes() for picture in drawn] == [*before.values()]
+
+
+def test_a_process_that_ends_draws_nothing(
+    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, figures: Callable[..., None]
+) -> None:
+    """Such as for want of memory; the command draws the figures then."""
+    figures("friction_law")
+    broken = nullcontext(raising(BrokenProcessPool("a process ended")))
+    monkeypatch.setattr(training_run, "choose_device", lambda name: torch.device("cuda"))
+    monkeypatch.setattr(training_run, "drawers", lambda folder: broken)
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    assert missing(results.read_results(tmp_path / "run" / "results.json")) == {}
+    assert (tmp_path / "run" / "figures" / "friction_law.png").exists()
