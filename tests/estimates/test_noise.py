@@ -44,7 +44,7 @@ def as_particles(flow: Flow, seed: int, per_frame: int = 1500, every: int = 4) -
     )
 
 
-@pytest.mark.parametrize("sd", [0.01, 0.02, 0.05, 0.2])
+@pytest.mark.parametrize("sd", [0.01, 0.2])
 def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
     found = inspect(add_noise(demo, sd, seed))
     expected = sd * max_speed(demo)
@@ -79,7 +79,7 @@ def test_gradients_are_no_noise(demo: Flow) -> None:
     assert relative < 1e-3
 
 
-@pytest.mark.parametrize("sd", [0.01, 0.02, 0.05, 0.2])
+@pytest.mark.parametrize("sd", [0.01, 0.2])
 def test_noise_of_particles(demo: Flow, seed: int, sd: float) -> None:
     flow = as_particles(demo, seed)
     found = inspect(add_noise(flow, sd, seed))

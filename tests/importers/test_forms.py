@@ -1,7 +1,6 @@
 """One physical flow in every form gives one flow to rounding, or a refusal, and nothing else.
 
-Every choice alone; with `-m long` two at a time too. `python -m tests.importers.forms` prints the
-counts.
+Every choice alone; with `-m long` two at a time too.
 """
 
 from __future__ import annotations
