@@ -39,7 +39,7 @@ def _jets(params: Array, points: Array, widths: list[int], channels: int) -> lis
 
 
 def _friction(gamma_dot: Array, p: Array, theta: Array) -> Array:
-    I = D * gamma_dot / jnp.sqrt(jnp.maximum(jnp.abs(p), P_FLOOR))  # noqa: E741
+    I = D * gamma_dot / jnp.sqrt(jnp.maximum(jnp.abs(p), P_FLOOR))
     return theta[0] + (theta[1] - theta[0]) / (1 + theta[2] / I)
 
 

@@ -40,7 +40,7 @@ def taylor_network(params: Tensor, points: Tensor, widths: list[int], channels: 
 
 def _friction(gamma_dot: Tensor, p: Tensor, theta: Tensor) -> tuple[Tensor, Tensor]:
     """mu(I) and I d mu/dI."""
-    I = D * gamma_dot / torch.sqrt(p.abs().clamp(min=P_FLOOR))  # noqa: E741
+    I = D * gamma_dot / torch.sqrt(p.abs().clamp(min=P_FLOOR))
     mu_s, mu_2, I_0 = theta.unbind()
     part = I / (I_0 + I)
     return mu_s + (mu_2 - mu_s) * part, (mu_2 - mu_s) * part * (1 - part)

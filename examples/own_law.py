@@ -21,7 +21,7 @@ from granpinn.simulation import demo_path
 from granpinn.training.progress import automatic
 
 
-def mu(I: Tensor, theta: Sequence[Tensor]) -> Tensor:  # noqa: E741
+def mu(I: Tensor, theta: Sequence[Tensor]) -> Tensor:
     """Friction at inertial numbers I [n] for theta = (mu_s, b), each [n]: [n]."""
     mu_s, b = theta
     return mu_s + b * I

@@ -107,7 +107,7 @@ def runs_in(folder: Path) -> Iterator[Path]:
 
 def line(cells: dict[str, Cell]) -> str:
     """A run in the terminal."""
-    I, mu, low, high = (cells[name] for name in MIDDLE)  # noqa: E741
+    I, mu, low, high = (cells[name] for name in MIDDLE)
     words = f"{cells['run']}: {cells['law']}, "
     if not isinstance(mu, float):
         words += "mu not determined"

@@ -129,11 +129,11 @@ def register(law: _Law) -> None:
     LAWS[law.name] = law
 
 
-def _friction(mu: Friction, I: Values, *theta: Values) -> Values:  # noqa: E741
+def _friction(mu: Friction, I: Values, *theta: Values) -> Values:
     return _in_torch(lambda at, values: _spread(mu(at, values), at, values), I, theta)
 
 
-def _slope(mu: Friction, I: Values, *theta: Values) -> Values:  # noqa: E741
+def _slope(mu: Friction, I: Values, *theta: Values) -> Values:
     """I dmu/dI, with a graph where gradients are on."""
     keep = torch.is_grad_enabled()
 
@@ -148,14 +148,14 @@ def _slope(mu: Friction, I: Values, *theta: Values) -> Values:  # noqa: E741
     return _in_torch(slope, I, theta)
 
 
-def _spread(mu: Tensor, I: Tensor, theta: tuple[Tensor, ...]) -> Tensor:  # noqa: E741
+def _spread(mu: Tensor, I: Tensor, theta: tuple[Tensor, ...]) -> Tensor:
     """Values in the shape of I and theta: a friction without I may have fewer axes."""
     return mu.expand(np.broadcast_shapes(mu.shape, I.shape, *(value.shape for value in theta)))
 
 
 def _in_torch(
     work: Callable[[Tensor, tuple[Tensor, ...]], Tensor],
-    I: Values,  # noqa: E741
+    I: Values,
     theta: tuple[Values, ...],
 ) -> Values:
     """`work` on tensors; numbers and NumPy arrays become tensors, and its result a NumPy array."""
@@ -195,7 +195,7 @@ def _require_names(law: Law) -> None:
 
 def _try(law: Law, mu: Friction) -> None:
     """Refuse a law that has no finite friction and derivatives at its start values."""
-    I = torch.tensor(TRIED, requires_grad=True)  # noqa: E741
+    I = torch.tensor(TRIED, requires_grad=True)
     theta = tuple(torch.full((len(TRIED),), p.start, requires_grad=True) for p in law.parameters)
     where = f"mu of the law {law.name} at I = {', '.join(f'{i:g}' for i in TRIED)}"
     try:

@@ -139,7 +139,7 @@ class Bootstrap(Record):
     noise_left_out: float | None = None
     seconds: float | None = None
     parameters: dict[str, Recovery] = field(default_factory=dict)
-    I: tuple[float, ...] = ()  # noqa: E741 (the inertial number's own symbol)
+    I: tuple[float, ...] = ()
     friction: tuple[Recovery, ...] = ()
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ class Difference:
         se_percent: of both together: their variances are added, as the balance uses no network.
     """
 
-    I: float  # noqa: E741
+    I: float
     percent: float
     se_percent: float
 

@@ -246,7 +246,7 @@ def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -
     mu_s = np.array([[r.parameters.mu_s.value for r in row] for row in table])
     mu_2 = np.array([[r.parameters.mu_2.value for r in row] for row in table])
     low, high = _covered(results)
-    I = np.linspace(low, high, BAND_POINTS)  # noqa: E741
+    I = np.linspace(low, high, BAND_POINTS)
     means = zip(mu_s.mean(1), mu_2.mean(1), grid, strict=True)
     laws = np.stack([mu_of_i.friction(I, *theta) for theta in means])
     difference = np.abs(laws - laws[best]).max(axis=1)

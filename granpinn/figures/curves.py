@@ -49,7 +49,7 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     _histogram_of_I(histogram, fields)
     histogram.set_title("(b) share of the grain points")
     low, high = _over_the_data(curve, result)
-    I = fields.values["I"][after_start(fields)]  # noqa: E741
+    I = fields.values["I"][after_start(fields)]
     beyond = np.mean((low > I) | (high < I))
     return Drawing(figure, f"{caption}. {100 * beyond:.0f} % of all points lie beside the axis.")
 
@@ -74,7 +74,7 @@ def draw_law(curve: Axes, result: Result) -> str:
     caption += f"{high:.2g}"
     if found.points is not None:
         caption += _stress_points(curve, found.points, result.form)
-    I = np.geomspace(low, high, 2) if found.curve is None else np.array(found.curve.I)  # noqa: E741
+    I = np.geomspace(low, high, 2) if found.curve is None else np.array(found.curve.I)
     if found.curve is not None:
         curve.plot(I, found.curve.mu, color=BLUE, lw=2.2, label="identified", zorder=3)
         if found.curve.low is not None and found.curve.high is not None:
@@ -97,7 +97,7 @@ def draw_law(curve: Axes, result: Result) -> str:
     return caption
 
 
-def _compared(axes: Axes, others: Sequence[ComparedLaw], I: Floats) -> str:  # noqa: E741
+def _compared(axes: Axes, others: Sequence[ComparedLaw], I: Floats) -> str:
     """Draw the other laws of the comparison; words for the caption."""
     for c, color in zip(others, itertools.cycle(LAW_COLORS), strict=False):
         law = LAWS[c.law]
@@ -149,7 +149,7 @@ def draw_inertial_number(axes: Axes, result: Result, fields: Fields) -> str:
 
 def _histogram_of_I(axes: Axes, fields: Fields) -> None:
     counted = after_start(fields)
-    I, moving = fields.values["I"][counted], flowing(fields)[counted]  # noqa: E741
+    I, moving = fields.values["I"][counted], flowing(fields)[counted]
     share = np.full(I.size, 1.0 / I.size)
     # One outline: fifty bars take longer to lay out than the rest of the figure.
     axes.hist(

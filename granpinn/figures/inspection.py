@@ -64,7 +64,7 @@ def inertia(found: Inspection) -> Drawing:
     figure = new_figure(4.6)
     law_axes, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1))
     law = found.law
-    I = np.geomspace(I_EDGES[0], I_EDGES[-1], 300)  # noqa: E741
+    I = np.geomspace(I_EDGES[0], I_EDGES[-1], 300)
     mu = law.friction_law.friction(I, *law.theta)
     law_axes.plot(I, mu, color=BLUE, label=r"$\mu(I)$ assumed")
     if found.inertia is not None:

@@ -86,7 +86,7 @@ class FreeCurve:
         usual = math.exp(self.model.lower["constant"])
         self.scale = max(1.0, float(self.model.sd(of_run)[0]) / usual)
 
-    def covariance(self, I: Float64) -> Float64:  # noqa: E741
+    def covariance(self, I: Float64) -> Float64:
         """Covariance of mu at every I [n, n]."""
         B = basis(I, *self.ends)
         mu = B @ self.known.center
@@ -96,7 +96,7 @@ class FreeCurve:
 
     def band(self) -> CurveBand:
         """The curve with its errors over the range of I."""
-        I = np.geomspace(*self.I_range, POINTS)  # noqa: E741
+        I = np.geomspace(*self.I_range, POINTS)
         mu = basis(I, *self.ends) @ self.known.center
         std = np.sqrt(np.diag(self.covariance(I)))
         farthest = self.model.half_width(TOLD_APART) * std

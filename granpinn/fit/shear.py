@@ -27,7 +27,7 @@ class Shear(NamedTuple):
         ratio: |tau|/p [n], or (|tau| - c)/p with a cohesion c; NaN where p <= 0.
     """
 
-    I: Floats  # noqa: E741
+    I: Floats
     ratio: Floats
 
 

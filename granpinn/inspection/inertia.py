@@ -44,14 +44,14 @@ class InertialNumbers:
         p: estimated pressure, in units of rho |g| H0 [K].
     """
 
-    I: Float64  # noqa: E741 (the inertial number's own symbol)
+    I: Float64
     flows: Bool
     vectors: Float64
     p: Float64
 
     def quantiles(self, *levels: float) -> list[float] | None:
         """Quantiles of I over the flowing vectors; None if none flows."""
-        I, vectors = self.I[self.flows], self.vectors[self.flows]  # noqa: E741
+        I, vectors = self.I[self.flows], self.vectors[self.flows]
         if I.size == 0:
             return None
         order = np.argsort(I)
@@ -77,5 +77,5 @@ def inertial_numbers(facts: Facts) -> InertialNumbers:
     view, found = facts.view, facts.slopes
     least = np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
     p = estimated_pressure(view, found)
-    I = inertial_number(view, found, p)  # noqa: E741
+    I = inertial_number(view, found, p)
     return InertialNumbers(I, found.gamma_dot > least, found.vectors, p)

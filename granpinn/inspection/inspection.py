@@ -103,7 +103,7 @@ class Inspection:
     reason: str | None
     view: View
     gradients: Gradients
-    I: Float64  # noqa: E741 (the inertial number's own symbol)
+    I: Float64
     flows: Bool
     noise_cells: Float64
     baseline: Baseline
@@ -168,7 +168,7 @@ def inspect(
     speed = _largest_speed(flow, scales, found)
     gamma_dot = found.gamma_dot
     numbers = inertial_numbers(facts)
-    I, flows = numbers.I, numbers.flows  # noqa: E741
+    I, flows = numbers.I, numbers.flows
     law = law.in_units(scales.pressure).at_quantiles(numbers.quantiles)
     precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
@@ -261,7 +261,7 @@ def _precision(
     law: AssumedLaw,
 ) -> tuple[Precision | None, str | None]:
     """The expected precision, or the reason why there is none."""
-    I, flows, p = numbers.I, numbers.flows, numbers.p * pressure_unit  # noqa: E741
+    I, flows, p = numbers.I, numbers.flows, numbers.p * pressure_unit
     vectors = found.vectors / noise.vectors_per_independent
     moving, total = float(found.vectors[flows].sum()), float(found.vectors.sum())
     if noise.sigma is None:

@@ -69,7 +69,7 @@ class Precision(SimpleNamespace):
     """
 
 
-def sensitivities(I: Float64, law: AssumedLaw, p: Float64 | None = None) -> Float64:  # noqa: E741
+def sensitivities(I: Float64, law: AssumedLaw, p: Float64 | None = None) -> Float64:
     """Derivatives of mu(I) with respect to all N parameters of the law: [K, N].
 
     With a cohesion: of the logarithm of the yield stress, times mu.
@@ -90,7 +90,7 @@ def sensitivities(I: Float64, law: AssumedLaw, p: Float64 | None = None) -> Floa
 
 def expected_precision(
     gamma_dot: Float64,
-    I: Float64,  # noqa: E741
+    I: Float64,
     vectors: Float64,
     sigma: float,
     law: AssumedLaw,

@@ -29,7 +29,7 @@ def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> T
 
 def by_parameters(
     law: Law,
-    I: Float64,  # noqa: E741
+    I: Float64,
     theta: Sequence[float] | Float64,
     of: Callable[[Tensor, Tensor], Tensor] = lambda mu, theta: mu,
 ) -> Float64:

@@ -20,7 +20,7 @@ from torch import Tensor
 from granpinn.physics.laws import LAWS
 
 
-def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:
     """mu of the law at inertial numbers I [...], for parameters theta [..., N]."""
     if law == "coulomb":
         return theta[..., 0].expand(I.shape)
@@ -42,13 +42,13 @@ def friction(law: str, I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
     raise ValueError(f"law must be {known}, got {law!r}")
 
 
-def yield_stress(law: str, I: Tensor, p: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+def yield_stress(law: str, I: Tensor, p: Tensor, theta: Tensor) -> Tensor:
     """The stress |tau| at which grains flow [...]: mu p, and c + mu p with cohesion."""
     friction_part = friction(law, I, theta) * p
     return theta[..., 3] + friction_part if law == "cohesive" else friction_part
 
 
-def _regularised(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+def _regularised(I: Tensor, theta: Tensor) -> Tensor:
     """Barker and Gray (2017), with A of equation (6.4); I + 1e-30 in the place of I below I_1."""
     mu_s, mu_2, I_0, mu_inf, alpha, I_1 = theta.unbind(-1)
 
@@ -62,7 +62,7 @@ def _regularised(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
     return torch.where(slow, creep, inertial(torch.where(slow, I_1, I)))
 
 
-def _free(I: Tensor, theta: Tensor) -> Tensor:  # noqa: E741
+def _free(I: Tensor, theta: Tensor) -> Tensor:
     """The B-spline by the recursion of Cox and de Boor on its knots, in powers of I_high/I_low."""
     *c, I_low, I_high = theta.unbind(-1)
     intervals = len(c) - 3

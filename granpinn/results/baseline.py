@@ -9,7 +9,7 @@ from dataclasses import dataclass
 class Point:
     """Friction mu in a bin of I, with its standard error, from so many cells."""
 
-    I: float  # noqa: E741 (the inertial number's own symbol)
+    I: float
     mu: float
     se: float
     cells: int

@@ -24,7 +24,7 @@ class Determined:
 
     I_low: float
     I_high: float
-    I: float  # noqa: E741 (the inertial number's own symbol)
+    I: float
     mu: float
     std: float | None
     interval_90: tuple[float, float] | None

@@ -21,7 +21,7 @@ class Curve:
         low, high: its pointwise 90 % band; None where it is not determined.
     """
 
-    I: Numbers  # noqa: E741 (the inertial number's own symbol)
+    I: Numbers
     mu: Numbers
     low: Numbers | None = None
     high: Numbers | None = None
@@ -55,7 +55,7 @@ class StressPoints:
         count: of the points of a bin.
     """
 
-    I: Numbers  # noqa: E741
+    I: Numbers
     mu: Numbers
     low: Numbers
     high: Numbers
@@ -98,7 +98,7 @@ class IdentifiedLaw:
 
 
 def _require_columns(
-    I: Numbers,  # noqa: E741
+    I: Numbers,
     low: Numbers,
     mu: Numbers,
     high: Numbers,

@@ -69,7 +69,7 @@ def summarize(result: Result) -> Summary:
     )
 
 
-def true_friction(result: Result, I: Floats) -> Float64 | None:  # noqa: E741
+def true_friction(result: Result, I: Floats) -> Float64 | None:
     """mu of the law that made the data, at I [n]; None if one of its parameters is unknown.
 
     A parameter with an unknown true value that was given in the identification counts as true.
@@ -95,7 +95,7 @@ def _band(result: Result) -> Band | None:
     return Band(curve.I[0], curve.I[-1], curve.mu[0], curve.mu[-1], largest, curve.half_width)
 
 
-def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:  # noqa: E741
+def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:
     r"""Standard deviation of the law [n] from the covariance C of its parameters, to first order:
 
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$

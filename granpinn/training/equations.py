@@ -84,7 +84,7 @@ def _inertial_number(gamma_dot: Tensor, p: Tensor, physics: Physics) -> Tensor:
     return inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
 
 
-def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:  # noqa: E741
+def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:
     """How far the law is ill-posed, 0 to 1 [N], without a gradient."""
     C: Tensor = law.ill_posedness(I, theta.unbind(1))
     return (C / CERTAIN).clamp(0, 1).detach()

@@ -133,7 +133,7 @@ def relative_change(law: Law, before: Tensor, after: Tensor) -> float:
     """
     if law.curve:
         low, high = (math.log10(float(before[law.names.index(name)])) for name in law.quantiles)
-        I = torch.logspace(low, high, 50, dtype=before.dtype, device=before.device)  # noqa: E741
+        I = torch.logspace(low, high, 50, dtype=before.dtype, device=before.device)
         old, new = (law.friction(I, *theta) for theta in (before, after))
     else:
         free = [k for k, p in enumerate(law.parameters) if not p.fixed]

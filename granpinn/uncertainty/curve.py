@@ -45,7 +45,7 @@ def with_curve(
     found = percentiles(inertial_number, weight)
     if found is None:
         return _with(result, reason=NO_SHEAR)
-    I = np.geomspace(*found, POINTS)  # noqa: E741
+    I = np.geomspace(*found, POINTS)
     I[0], I[-1] = found
     points = None if ratio is None else stress_points(inertial_number, ratio, found)
     known = result.determined
@@ -84,7 +84,7 @@ def stress_points(
             rows.append((float(np.median(number[here])), *spread, count))
     if not rows:
         return None
-    I, lower, mu, upper, counts = zip(*rows, strict=True)  # noqa: E741
+    I, lower, mu, upper, counts = zip(*rows, strict=True)
     return StressPoints(I, mu, lower, upper, counts)
 
 

@@ -53,7 +53,7 @@ class Range(NamedTuple):
 
     low: float
     high: float
-    I: float  # noqa: E741 (the inertial number's own symbol)
+    I: float
 
 
 def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None:

@@ -227,7 +227,7 @@ def beyond_noise(misfit: float, noise: float) -> float:
 
 def ends_of(I_range: Pair, I0: float) -> Pair:
     """x = I/(I + I0) at both ends of a range of I, at least `LEAST_RANGE` apart."""
-    low, high = (I / (I + I0) for I in I_range)  # noqa: E741
+    low, high = (I / (I + I0) for I in I_range)
     return low, max(high, low + LEAST_RANGE)
 
 

@@ -98,14 +98,14 @@ def joined(values: Float64, shape: tuple[int, int, int]) -> Float64:
     return np.asarray(cube.sum((1, 3, 5)).reshape(np.prod(shape), -1))
 
 
-def basis(I: Float64, I_low: float, I_high: float) -> Float64:  # noqa: E741
+def basis(I: Float64, I_low: float, I_high: float) -> Float64:
     """mu of each coefficient at every I [n, N]."""
     columns = [free.friction(I, *row, I_low, I_high) for row in np.eye(N)]
     return np.stack(columns, axis=1)
 
 
 def model_covariance(
-    I: Float64,  # noqa: E741
+    I: Float64,
     mu: Float64,
     I_range: tuple[float, float],
     of_ends: Float64,

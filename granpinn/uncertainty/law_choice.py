@@ -58,7 +58,7 @@ class CurveBand:
         farthest: the same for 95 % [n].
     """
 
-    I: Float64  # noqa: E741 (the inertial number's own symbol)
+    I: Float64
     mu: Float64
     half: Float64
     farthest: Float64
@@ -97,7 +97,7 @@ class Fitter:
         root: R of C^-1 = R^T R [N, N].
     """
 
-    def __init__(self, law: Law, fixed: dict[str, float], I: Float64, root: Float64) -> None:  # noqa: E741
+    def __init__(self, law: Law, fixed: dict[str, float], I: Float64, root: Float64) -> None:
         scale = law.inertial_scale
         self.law, self.I, self.root, self.fixed = law, I, root, fixed
         self.names = [p.name for p in law.parameters if not p.fixed or p.name == scale]
@@ -112,7 +112,7 @@ class Fitter:
             theta.append(theta[-1] + value if p.variable == "log_above" else value)
         return theta
 
-    def curve(self, z: Float64, I: Float64) -> Float64:  # noqa: E741
+    def curve(self, z: Float64, I: Float64) -> Float64:
         return np.broadcast_to(self.law.friction(I, *self.theta(z)), I.shape)
 
     def fit(self, m: Float64, start: Float64 | None = None) -> tuple[Float64, Float64, float]:
@@ -161,7 +161,7 @@ def fits(
         covariance: C of the free curve at `knots` [N, N].
         fixed: values of fixed parameters of every law.
     """
-    I = knots((band.I[0], band.I[-1]))  # noqa: E741
+    I = knots((band.I[0], band.I[-1]))
     B = basis(I, *ends)
     variances, directions = np.linalg.eigh(covariance)
     root = (directions / np.sqrt(np.maximum(variances, SINGULAR * variances[-1]))).T

@@ -199,7 +199,7 @@ def test_raw_rows_make_the_table(tmp_path: Path) -> None:
     assert len(out.read_text().splitlines()) == 1 + 2 + 3
     simulated, drum, of_chute = table.read(out)
     assert (simulated.population, simulated.family) == ("varied", "varied-9")
-    x = tuple(I / (I + 0.25) for I in (0.01, 0.2))  # noqa: E741
+    x = tuple(I / (I + 0.25) for I in (0.01, 0.2))
     mu = simulated.known.mu
     assert mu == pytest.approx((0.31, 0.55))
     assert simulated.known == Known(x, mu, 0.2, 0.01, 0.1, 5e4, 15_000, outline=True)

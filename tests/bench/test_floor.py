@@ -107,7 +107,7 @@ def test_grains_stay_below_their_surface_and_above_the_floor(name: str) -> None:
 
 
 def test_the_inertial_number_covers_three_decades() -> None:
-    I = exact("smooth").inertial_number(*places("smooth", 5000))  # noqa: E741
+    I = exact("smooth").inertial_number(*places("smooth", 5000))
     assert np.quantile(I, 0.01) < 3e-3
     assert np.quantile(I, 0.95) > 1
 
@@ -161,7 +161,7 @@ def test_grains_on_a_slope_start_as_their_equation_says() -> None:
     y, e, k = np.linspace(0.1, 0.9, 9), 0.02, 20
     p = g_y * (1 - y[:, None] - np.array([-e, e]))
     rate = u(y[:, None] + np.array([-e, e]), 1)[k]
-    I = GRAIN * rate / np.sqrt(p)  # noqa: E741
+    I = GRAIN * rate / np.sqrt(p)
     tau = (mu_s + (mu_2 - mu_s) * I / (I_0 + I)) * p
     u_t = (u(y)[k + 1] - u(y)[k - 1]) / (t[k + 1] - t[k - 1])
     np.testing.assert_allclose(u_t, g_x + (tau[:, 1] - tau[:, 0]) / (2 * e), rtol=0.03)
@@ -218,7 +218,7 @@ def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyP
     """The local law has no mean at any point."""
     seen: list[float] = []
 
-    def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:  # noqa: E741
+    def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:
         found = whole(I, theta, law)
         seen.append(float(found.max()))
         return found

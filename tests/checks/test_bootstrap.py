@@ -86,7 +86,7 @@ def test_errors_of_the_law_against_its_error_bars() -> None:
     assert found.parameters["mu_2"].std is None
     assert result.law.curve is not None
     assert found.I == result.law.curve.I == (0.01, 0.045, 0.2)
-    for I, mu, of_mu in zip(found.I, result.law.curve.mu, found.friction, strict=True):  # noqa: E741
+    for I, mu, of_mu in zip(found.I, result.law.curve.mu, found.friction, strict=True):
         laws = [mu_of_i.friction(I, 0.45, 0.6, 0.3), mu_of_i.friction(I, 0.44, 0.62, 0.3)]
         assert of_mu.bias == pytest.approx(np.mean(laws) - mu)
     # The band of +-0.02 is 1.86 standard deviations wide at each side.

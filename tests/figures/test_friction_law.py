@@ -21,7 +21,7 @@ COVARIANCE = Covariance(("mu_s", "mu_2"), ((1.6e-4, -6e-5), (-6e-5, 9e-4)))
 
 def over(result: Result, low: float = 2e-3, high: float = 0.3) -> Result:
     """The result with its curve; a hundred points at each of these I, and their stress."""
-    I = np.repeat(np.array([low, high]), 100)  # noqa: E741
+    I = np.repeat(np.array([low, high]), 100)
     ratio = np.tile(np.linspace(0.3, 0.5, 100), 2)
     return with_curve(result, I, np.ones(200), ratio)
 
@@ -32,7 +32,7 @@ def test_the_law_is_drawn_over_the_covered_band_only(result: Result, contents: C
         "identified": (0.4, 0.6, 0.25),
         "true": (0.38, 0.64, 0.3),
     }.items():
-        I, mu = xy(line(law, name))  # noqa: E741
+        I, mu = xy(line(law, name))
         assert (I[0], I[-1]) == (2e-3, 0.3)
         np.testing.assert_allclose(mu, mu_s + (mu_2 - mu_s) / (1 + I_0 / I), rtol=1e-12)
     assert labels(law) == ["identified", "true", r"$|\tau|/p$ of the fit"]
@@ -44,7 +44,7 @@ def test_the_points_of_the_fit_are_drawn_with_their_spread(
     drawing = curves.friction_law(over(result), contents.fields)
     (points,) = drawing.figure.axes[0].containers
     middle, _, (spread,) = points.lines
-    I, mu = xy(middle)  # noqa: E741
+    I, mu = xy(middle)
     assert I.tolist() == [2e-3, 0.3]
     np.testing.assert_allclose(mu, 0.4)
     ends = np.array(spread.get_segments())[:, :, 1]
@@ -63,7 +63,7 @@ def test_the_law_without_its_truth(result: Result, contents: Contents, truth: Tr
 
 def test_a_truth_without_I0_is_drawn_with_the_given_one(result: Result, contents: Contents) -> None:
     truth = replace(over(result), truth=Truth(mu_s=0.38, mu_2=0.64))
-    I, mu = xy(line(curves.friction_law(truth, contents.fields).figure.axes[0], "true"))  # noqa: E741
+    I, mu = xy(line(curves.friction_law(truth, contents.fields).figure.axes[0], "true"))
     np.testing.assert_allclose(mu, 0.38 + 0.26 / (1 + 0.25 / I), rtol=1e-12)
 
 
@@ -103,7 +103,7 @@ def test_the_band_is_that_of_the_result(result: Result, contents: Contents) -> N
 
 
 def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result) -> None:
-    I = np.array([1e-3, 0.1, 2.0])  # noqa: E741
+    I = np.array([1e-3, 0.1, 2.0])
     values = np.array([0.4, 0.6, 0.25])
     matrix = np.array([[4.0, 1.0, -0.5], [1.0, 3.0, 0.2], [-0.5, 0.2, 2.0]]) * 1e-4
 

@@ -23,7 +23,7 @@ def test_the_histogram_of_I_counts_every_grain_point_after_the_start(
     result: Result, contents: Contents
 ) -> None:
     K = contents.fields.index.size
-    I = np.geomspace(2e-4, 5, K)  # noqa: E741
+    I = np.geomspace(2e-4, 5, K)
     fields = with_values(contents.fields, I=I, D2=np.where(np.arange(K) < K // 4, 1e3, 0))
     for axes in (
         curves.inertial_number(result, fields).figure.axes[0],

@@ -39,14 +39,14 @@ def test_a_run_states_its_law_over_the_points_that_shear(contents: Contents) -> 
         assert law.I_range == (result.determined.I_low, result.determined.I_high)
     assert law.curve is not None
     mu_s, mu_2, I0 = result.theta
-    I = np.array(law.curve.I)  # noqa: E741
+    I = np.array(law.curve.I)
     np.testing.assert_allclose(law.curve.mu, mu_s + (mu_2 - mu_s) * I / (I + I0))
     assert law.reason is not None  # so few steps have no error bars
 
 
 def test_the_points_are_the_stress_of_the_fit(contents: Contents) -> None:
     K = contents.fields.index.size
-    I = np.geomspace(0.01, 0.1, K)  # noqa: E741
+    I = np.geomspace(0.01, 0.1, K)
     p = np.where(np.arange(K) % 7 == 0, -1.0, 2.0)  # no ratio where p < 0
     fields = with_values(contents.fields, I=I, D2=1e3, p=p, tau_xx=0.3, tau_xy=-0.4)
     case = pose(make_flow(), Config(**SETTINGS))

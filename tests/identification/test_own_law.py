@@ -20,7 +20,7 @@ from tests.flows import make_flow
 from tests.run_folder import SETTINGS
 
 
-def linear(I: Tensor, theta: Sequence[Tensor]) -> Tensor:  # noqa: E741
+def linear(I: Tensor, theta: Sequence[Tensor]) -> Tensor:
     mu_s, b = theta
     return mu_s + b * I
 
@@ -42,7 +42,7 @@ def forget() -> Iterator[None]:
 
 def test_its_curve_for_numbers_arrays_and_tensors() -> None:
     law = laws.Law("linear", linear, UNKNOWNS)
-    I = np.array([0.0, 0.1, 0.5])  # noqa: E741
+    I = np.array([0.0, 0.1, 0.5])
     np.testing.assert_allclose(law.friction(I, 0.3, 2.0), 0.3 + 2 * I)
     np.testing.assert_allclose(law.slope(I, 0.3, 2.0), 2 * I)
     assert law.friction(0.1, 0.3, 2.0) == pytest.approx(0.5)

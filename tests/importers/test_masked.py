@@ -126,7 +126,7 @@ def test_a_flow_of_masked_arrays_is_that_of_nan() -> None:
 def test_points_of_a_surface_and_inertial_numbers_lose_their_mask() -> None:
     with pytest.raises(DataFileError, match="surface must have a finite x"):
         granpinn.flow(**arrays(), **UNITS, **MATERIAL, surface=(ROW.data, ROW, ROW.data))
-    own = Law("own", lambda I, theta: theta[0] + 0 * I, [Parameter("mu", 0.3)])  # noqa: E741
+    own = Law("own", lambda I, theta: theta[0] + 0 * I, [Parameter("mu", 0.3)])
     for mu in (own.friction(ROW, 0.3), LAWS["power"].friction(ROW, 0.4, 0.6, 0.3)):
         np.testing.assert_array_equal(np.isnan(mu), [False, True])
     assert np.isnan(HEAP.height(ROW, ROW)[1])

@@ -75,7 +75,7 @@ def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
     )
     fields = read_vectors(path)
-    V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED  # noqa: E741
+    V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED
     np.testing.assert_array_equal(fields.validity[0], [[V, V, M], [V, I, N]])
     np.testing.assert_allclose(fields.u[0], [[4, 5, np.nan], [1, 2, np.nan]])
     np.testing.assert_allclose(fields.y, [10 - 2.4, 10 - 0.8])

@@ -13,7 +13,7 @@ from granpinn.uncertainty.expectation import expected, facts
 
 def test_bound_of_one_parameter() -> None:
     """Constant friction shows at every inertial number: a calculation by hand."""
-    gamma_dot, I, n = np.array([2.0, 2.0]), np.array([1e-9, 1e9]), np.array([100.0, 400.0])  # noqa: E741
+    gamma_dot, I, n = np.array([2.0, 2.0]), np.array([1e-9, 1e9]), np.array([100.0, 400.0])
     found = expected_precision(gamma_dot, I, n, 0.1, AssumedLaw(0.5, law="coulomb"))
     assert found is not None
     assert found.mu_s == found.mu_s_free == pytest.approx(0.1 / (0.097 * 2 * 500**0.5) / 0.5)
@@ -24,7 +24,7 @@ def test_bound_of_one_parameter() -> None:
 def test_sensitivities_are_derivatives(name: str) -> None:
     """With a cohesion, of ln(c + mu p) times mu; without, p has no effect."""
     law, step = AssumedLaw(law=name), 1e-6
-    I, p = np.geomspace(1e-3, 10, 20), np.geomspace(1, 0.1, 20)  # noqa: E741
+    I, p = np.geomspace(1e-3, 10, 20), np.geomspace(1, 0.1, 20)
     friction, theta = law.friction_law.friction, np.array(law.theta)
 
     def value(at: np.ndarray) -> np.ndarray:

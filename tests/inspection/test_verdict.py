@@ -64,7 +64,7 @@ def test_precision_falls_with_the_number_of_vectors(demo: Flow, seed: int) -> No
 
 def test_bound_of_two_points() -> None:
     """Two inertial numbers fix two parameters: a calculation by hand."""
-    gamma_dot, I = np.array([2.0, 2.0]), np.array([1e-9, 1e9])  # noqa: E741
+    gamma_dot, I = np.array([2.0, 2.0]), np.array([1e-9, 1e9])
     n = np.array([100.0, 400.0])
     # Where I = 0 only mu_s shows, where I is infinite only mu_2; I0, which is fixed, shows nowhere.
     found = expected_precision(gamma_dot, I, n, 0.1, AssumedLaw())

@@ -110,7 +110,7 @@ class Manufactured:
         inertia = d * gamma_dot / np.sqrt(np.maximum(np.abs(p), p_floor))
         edges, curves = branches(self.law)
         branch = np.searchsorted(edges, inertia)
-        I = sp.Symbol("I")  # noqa: E741
+        I = sp.Symbol("I")
         mu = np.empty_like(inertia)
         for k, curve in enumerate(curves):
             value = sp.lambdify(I, curve(I), modules="numpy")(inertia[branch == k])

@@ -31,25 +31,25 @@ Branch = Callable[[sp.Expr], sp.Expr]  # mu of I
 def branches(law: str) -> tuple[tuple[float, ...], tuple[Branch, ...]]:
     """The values of I between two branches, ascending, and the branches, one more."""
     if law in ("mu_of_i", "cohesive"):
-        return (), (lambda I: MU_S + (MU_2 - MU_S) / (1 + I_0 / I),)  # noqa: E741
+        return (), (lambda I: MU_S + (MU_2 - MU_S) / (1 + I_0 / I),)
     if law == "coulomb":
-        return (), (lambda I: MU_S + 0 * I,)  # noqa: E741
+        return (), (lambda I: MU_S + 0 * I,)
     if law == "power":
-        return (), (lambda I: MU_S + B * I**N,)  # noqa: E741
+        return (), (lambda I: MU_S + B * I**N,)
     if law == "regularised":
         return (float(I_1),), (_creep, _inertial)
     edges = [I_LOW * (I_HIGH / I_LOW) ** sp.Rational(j, 5) for j in range(6)]
     inner = [_spline(j) for j in range(5)]
     ends = [inner[k](edge) for k, edge in ((0, I_LOW), (-1, I_HIGH))]
-    low, high = (lambda I, end=end: end + 0 * I for end in ends)  # noqa: E741
+    low, high = (lambda I, end=end: end + 0 * I for end in ends)
     return tuple(float(edge) for edge in edges), (low, *inner, high)
 
 
-def _inertial(I: sp.Expr) -> sp.Expr:  # noqa: E741
+def _inertial(I: sp.Expr) -> sp.Expr:
     return (MU_S * I_0 + MU_2 * I + MU_INF * I**2) / (I_0 + I)
 
 
-def _creep(I: sp.Expr) -> sp.Expr:  # noqa: E741
+def _creep(I: sp.Expr) -> sp.Expr:
     A = I_1 * sp.exp(ALPHA / _inertial(I_1) ** 2)
     return sp.sqrt(ALPHA / sp.log(A / I))
 
@@ -64,4 +64,4 @@ def _spline(interval: int) -> Branch:
         for c, B_k in zip(C, basis, strict=True)
     )
     scale = 5 / sp.log(I_HIGH / I_LOW)
-    return lambda I: mu.subs(X, scale * sp.log(I / I_LOW))  # noqa: E741
+    return lambda I: mu.subs(X, scale * sp.log(I / I_LOW))

@@ -86,7 +86,7 @@ def test_residuals_of_material_at_rest_are_finite(
 @pytest.mark.parametrize("name", LAW_NAMES)
 def test_curve_and_gradients_are_finite(name: str, inertia: float, dtype: torch.dtype) -> None:
     law = LAWS[name]
-    I = torch.tensor([inertia], dtype=dtype, requires_grad=True)  # noqa: E741
+    I = torch.tensor([inertia], dtype=dtype, requires_grad=True)
     theta = theta_of(name).to(dtype).requires_grad_()
     for function in (law.friction, law.slope):
         values = function(I, *theta)

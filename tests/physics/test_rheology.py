@@ -26,7 +26,7 @@ def test_inertial_number_takes_the_size_of_the_pressure() -> None:
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=lambda law: law.name)
 def test_derivatives_by_parameters_are_those_of_differences(law: Law) -> None:
-    I, theta = np.geomspace(1e-3, 1, 7), np.array([p.typical for p in law.parameters])  # noqa: E741
+    I, theta = np.geomspace(1e-3, 1, 7), np.array([p.typical for p in law.parameters])
     found = by_parameters(law, I, theta)
     assert found.shape == (7, len(theta))
     for k, value in enumerate(theta):

@@ -20,7 +20,7 @@ from tests.kernels.configurations import Form, Problem, problem, small
 from tests.runs import make_objective, make_trainer, tiny
 
 
-def mu_of_i(I: Tensor, theta: Sequence[Tensor]) -> Tensor:  # noqa: E741
+def mu_of_i(I: Tensor, theta: Sequence[Tensor]) -> Tensor:
     mu_s, mu_2, I0 = theta
     return mu_s + (mu_2 - mu_s) * I / (I0 + I)
 

@@ -90,7 +90,7 @@ def test_the_curve_covers_the_range_that_the_data_determine() -> None:
     assert shear is not None
     assert law.curve is not None
     assert law.I_range == (shear.I_low, shear.I_high)
-    I = np.array(law.curve.I)  # noqa: E741
+    I = np.array(law.curve.I)
     assert (len(I), I[0], I[-1]) == (POINTS, shear.I_low, shear.I_high)
     np.testing.assert_allclose(np.diff(np.log(I)), np.log(I[-1] / I[0]) / (POINTS - 1))
     np.testing.assert_allclose(law.curve.mu, MU_OF_I.friction(I, *result.theta))

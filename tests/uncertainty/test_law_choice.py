@@ -26,7 +26,7 @@ from granpinn.uncertainty.law_choice import (
 
 ENDS = (0.01, 0.5)
 N = free.COEFFICIENTS
-I = np.geomspace(*ENDS, POINTS)  # noqa: E741
+I = np.geomspace(*ENDS, POINTS)
 SD = 0.003
 
 

@@ -50,7 +50,7 @@ class Known(NamedTuple):
     flow: Flow
     noise: float
     law: dict[str, float]
-    I: Float64 | None = None  # noqa: E741
+    I: Float64 | None = None
 
     def errors(self, mu_s: float, mu_2: float, I_range: tuple[float, float]) -> Float64:
         """Relative errors of mu at the inertial numbers [n]."""

@@ -64,7 +64,7 @@ def velocity(frames: int) -> CubicSpline:
         rate = np.zeros(CELLS + 1)
         rate[1:-1] = np.diff(u) / dy
         rate[0] = (9 * u[0] - u[1]) / (3 * dy)  # of the parabola through u = 0 on the slope
-        I = GRAIN * np.maximum(rate, 0) / np.sqrt(np.maximum(p, 1e-300))  # noqa: E741
+        I = GRAIN * np.maximum(rate, 0) / np.sqrt(np.maximum(p, 1e-300))
         tau = (mu_s + (mu_2 - mu_s) * I / (I_0 + I)) * p
         return math.sin(SLOPE) + np.diff(tau) / dy
 

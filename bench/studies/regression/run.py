@@ -97,7 +97,7 @@ def stress_parts(k: Kinematics, p: Array, flow: Flow, I0: float) -> tuple[Array,
     """div T_s and div T_2, each [T, Y, X, 2]."""
     _, dy, dx = grid_of(flow)
     positive = np.maximum(p, 1e-12)
-    I = flow.grain_diameter * k.gamma_dot / np.sqrt(positive / flow.density)  # noqa: E741
+    I = flow.grain_diameter * k.gamma_dot / np.sqrt(positive / flow.density)
     phi = I / (I + I0)
 
     def force(share: Array) -> Array:

@@ -84,7 +84,7 @@ def momentum_balance(triple: list[Frame], collapse: Collapse) -> Balance:
     D_1, D_2 = 0.5 * (u_x - v_y), 0.5 * (u_y + v_x)
     gamma_dot = np.sqrt(2 * (u_x**2 + v_y**2) + 4 * D_2**2) + 1e-12
     positive = np.maximum(p, 1e-12)
-    I = s.d * gamma_dot / np.sqrt(positive / s.density)  # noqa: E741
+    I = s.d * gamma_dot / np.sqrt(positive / s.density)
     share = I / (I + s.I0)
 
     def force(eta: Array) -> Array:

@@ -13,12 +13,12 @@ from granpinn.physics.laws import mu_of_i
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Values:  # noqa: E741
+def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Values:
     """mu(I), of the shape of I; c has no effect."""
     return mu_of_i.friction(I, mu_s, mu_2, I0) + 0 * c
 
 
-def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Values:  # noqa: E741
+def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Values:
     """I dmu/dI."""
     return mu_of_i.slope(I, mu_s, mu_2, I0) + 0 * c
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(I: Values, mu_s: Values) -> Values:  # noqa: E741
+def friction(I: Values, mu_s: Values) -> Values:
     """mu, of the shape of I."""
     return mu_s + 0 * I
 
 
-def slope(I: Values, mu_s: Values) -> Values:  # noqa: E741
+def slope(I: Values, mu_s: Values) -> Values:
     """I dmu/dI = 0."""
     return 0 * (I * mu_s)
 

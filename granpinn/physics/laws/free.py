@@ -21,7 +21,7 @@ COEFFICIENTS = 8
 INTERVALS = COEFFICIENTS - 3
 
 
-def friction(I: Values, *theta: Values) -> Values:  # noqa: E741
+def friction(I: Values, *theta: Values) -> Values:
     """mu, of the shape of I."""
     xp, x, _, c = _place(I, theta)
     total = 0
@@ -31,7 +31,7 @@ def friction(I: Values, *theta: Values) -> Values:  # noqa: E741
     return total / 6
 
 
-def slope(I: Values, *theta: Values) -> Values:  # noqa: E741
+def slope(I: Values, *theta: Values) -> Values:
     """I dmu/dI."""
     xp, x, by_log, c = _place(I, theta)
     total = 0
@@ -42,9 +42,9 @@ def slope(I: Values, *theta: Values) -> Values:  # noqa: E741
     return by_log * total / 2
 
 
-def _place(I: Values, theta: tuple[Values, ...]) -> tuple[Any, Values, Values, list[Values]]:  # noqa: E741
+def _place(I: Values, theta: tuple[Values, ...]) -> tuple[Any, Values, Values, list[Values]]:
     """The library of arrays, x, dx / d ln I and the coefficients."""
-    xp, I, *c, I_low, I_high = together(I, *theta)  # noqa: E741
+    xp, I, *c, I_low, I_high = together(I, *theta)
     rate = INTERVALS / xp.log(I_high / I_low)
     x = rate * xp.log(I / I_low + LEAST_I)
     inside = (x > 0) & (x < INTERVALS)
@@ -108,8 +108,8 @@ WITH_COHESION = dataclasses.replace(
     LAW,
     name="free_cohesive",
     parameters=(*LAW.parameters, LawParameter(COHESION, "c", "c", start=0.0, may_vanish=True)),
-    friction=lambda I, *theta: friction(I, *theta[:-1]),  # noqa: E741
-    slope=lambda I, *theta: slope(I, *theta[:-1]),  # noqa: E741
+    friction=lambda I, *theta: friction(I, *theta[:-1]),
+    slope=lambda I, *theta: slope(I, *theta[:-1]),
     cohesion=COHESION,
     compiled=False,
 )

@@ -148,7 +148,7 @@ class Law:
             for k, (p, value) in enumerate(zip(self.parameters, theta, strict=True))
         )
 
-    def ill_posedness(self, I: Values, theta: Sequence[Values]) -> Values:  # noqa: E741
+    def ill_posedness(self, I: Values, theta: Sequence[Values]) -> Values:
         """C(I), positive where the equations of the law are ill-posed, of the shape of I.
 
         There the shortest waves grow fastest. C = 4 a^2 - 4 a + mu^2 (1 - a/2)^2 with

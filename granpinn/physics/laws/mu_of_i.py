@@ -8,12 +8,12 @@ from __future__ import annotations
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:  # noqa: E741
+def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:
     """mu(I), multiplied out by I so that I = 0 gives mu_s instead of a division by zero."""
     return mu_s + (mu_2 - mu_s) * I / (I0 + I)
 
 
-def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:  # noqa: E741
+def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:
     """I dmu/dI."""
     return I * (mu_2 - mu_s) * I0 / (I0 + I) ** 2
 

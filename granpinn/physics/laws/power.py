@@ -16,15 +16,15 @@ from granpinn.physics.laws.arrays import LEAST_I, together
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(I: Values, mu_s: Values, b: Values, n: Values) -> Values:  # noqa: E741
+def friction(I: Values, mu_s: Values, b: Values, n: Values) -> Values:
     """mu, of the shape of I."""
-    xp, I, mu_s, b, n = together(I, mu_s, b, n)  # noqa: E741
+    xp, I, mu_s, b, n = together(I, mu_s, b, n)
     return mu_s + b * xp.exp(n * xp.log(I + LEAST_I))
 
 
-def slope(I: Values, mu_s: Values, b: Values, n: Values) -> Values:  # noqa: E741
+def slope(I: Values, mu_s: Values, b: Values, n: Values) -> Values:
     """I dmu/dI."""
-    xp, I, mu_s, b, n = together(I, mu_s, b, n)  # noqa: E741
+    xp, I, mu_s, b, n = together(I, mu_s, b, n)
     return n * b * xp.exp(n * xp.log(I + LEAST_I)) + 0 * mu_s
 
 

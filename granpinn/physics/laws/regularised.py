@@ -18,17 +18,17 @@ from granpinn.physics.laws.arrays import LEAST_I, together
 from granpinn.physics.laws.law import Law, LawParameter, Values
 
 
-def friction(I: Values, *theta: Values) -> Values:  # noqa: E741
+def friction(I: Values, *theta: Values) -> Values:
     """mu, of the shape of I."""
-    xp, I, *values = together(I, *theta)  # noqa: E741
+    xp, I, *values = together(I, *theta)
     mu_s, mu_2, I0, mu_inf, alpha, I1 = values
     creep = xp.sqrt(alpha / _logarithm(xp, I, *values))
     return xp.where(I < I1, creep, (mu_s * I0 + mu_2 * I + mu_inf * I**2) / (I0 + I))
 
 
-def slope(I: Values, *theta: Values) -> Values:  # noqa: E741
+def slope(I: Values, *theta: Values) -> Values:
     """I dmu/dI."""
-    xp, I, *values = together(I, *theta)  # noqa: E741
+    xp, I, *values = together(I, *theta)
     mu_s, mu_2, I0, mu_inf, alpha, I1 = values
     L = _logarithm(xp, I, *values)
     inertial = I * ((mu_2 - mu_s) * I0 + mu_inf * I * (2 * I0 + I)) / (I0 + I) ** 2
@@ -37,7 +37,7 @@ def slope(I: Values, *theta: Values) -> Values:  # noqa: E741
 
 def _logarithm(
     xp: Values,
-    I: Values,  # noqa: E741
+    I: Values,
     mu_s: Values,
     mu_2: Values,
     I0: Values,
