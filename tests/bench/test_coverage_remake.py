@@ -35,6 +35,7 @@ def test_stored_rows_are_those_of_the_words(name: str, tmp_path: Path) -> None:
     assert as_asked(name, tmp_path) == (name not in EARLIER)
 
 
+@pytest.mark.long
 def test_a_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -103,6 +103,7 @@ def test_a_run_that_has_no_time_left_ends_cleanly(tmp_path: Path) -> None:
     assert read(tmp_path / "a.json")["tried"] == 0
 
 
+@pytest.mark.long
 def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any) -> None:
     words = ["--format", "pivlab", "--command", "convert"]
     mutants([*words, "--seeds", "0:3", "--out", str(tmp_path / "a.json")])
@@ -116,6 +117,7 @@ def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any)
     assert any(kept[name] != content for name, content in valid.items())
 
 
+@pytest.mark.long
 def test_faults_hit_every_call(tmp_path: Path) -> None:
     output_faults(["--case", "convert", "--every", "20", "--out", str(tmp_path / "a.json")])
     found = read(tmp_path / "a.json")

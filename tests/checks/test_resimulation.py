@@ -217,6 +217,7 @@ def test_the_command_shows_it(
     assert (out / "figures" / "resimulation.png").exists()
 
 
+@pytest.mark.long
 def test_a_free_I0_is_fitted_by_the_simulator_too(
     flow_file: Path,
     tmp_path: Path,

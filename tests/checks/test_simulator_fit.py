@@ -130,6 +130,7 @@ def test_the_record_survives_results_json(flow: Flow, runs: LawRuns) -> None:
     assert decode(SimulatorFit, json.loads(json.dumps(dataclasses.asdict(found)))) == found
 
 
+@pytest.mark.long
 def test_I0_is_found_from_a_wrong_one(flow: Flow) -> None:
     """mu_2 and I0 move together; the slope at small I is what is known best."""
     found = fit(flow, law_runs_of(flow, 0.22, free_I0=True), (0.41, 0.68))
