@@ -12,6 +12,7 @@ import numpy as np
 from granpinn.arrays import Bool, Float64
 from granpinn.data.constants import check_constants_of
 from granpinn.data.flow import (
+    LARGEST,
     PERIOD_X,
     STEADY,
     SURFACE_SD,
@@ -77,6 +78,12 @@ def _check_coordinate(name: str, values: Float64) -> None:
         raise FlowFileError(
             f"{name} must be finite, got NaN or infinity at index "
             f"{int(np.argmin(np.isfinite(values)))}: correct the coordinate"
+        )
+    if (np.abs(values) > LARGEST).any():
+        i = int(np.argmax(np.abs(values)))
+        raise FlowFileError(
+            f"{name} must be from {-LARGEST:g} to {LARGEST:g}, got {values[i]:g} at index {i}: "
+            "check its unit"
         )
     steps = np.diff(values)
     if not (steps > 0).all():

@@ -77,6 +77,10 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "u as a list": ({"u": [1.0]}, "Flow.u must be a NumPy array, got list"),
     "NaN in x": (changed("x", 3, np.nan), "x must be finite, got NaN or infinity at index 3"),
     "infinite t": (changed("t", 11, np.inf), "t must be finite"),
+    "times beyond all units": (
+        {"t": np.linspace(1e307, 1.7e308, FLOW.t.size)},
+        "t must be from -1e+30 to 1e+30, got 1.7e+308 at index",
+    ),
     "y downwards": ({"y": FLOW.y[::-1].copy()}, "y must increase strictly, got"),
     "x twice": (changed("x", 4, FLOW.x[3]), "x must increase strictly"),
     "c of NaN": (changed("c", (3, 2, 1), np.nan), "c must be a volume fraction"),
