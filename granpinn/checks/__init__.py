@@ -14,7 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from granpinn.config import Config, ConfigError
-from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.record import ROOM, Record, names
 
 if TYPE_CHECKING:
@@ -86,8 +85,5 @@ def make(context: Context, checks: Sequence[Check]) -> None:
     A check that fails leaves its reason in the result, and the others go on.
     """
     for check in checks:
-        record = attempt(partial(check.make, context))
-        if isinstance(record, NotDone):
-            context.keep(context.result.without(check.name, record.why))
-        else:
-            context.keep(context.result.with_record(check.name, record))
+        context.attempt(check.name, partial(check.make, context))
+        context.keep(context.result)

@@ -17,6 +17,7 @@ from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.shear import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_csv, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
+from granpinn.results.record import Record
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
 
@@ -71,13 +72,13 @@ class Context:
         if self.shown is not None:
             self.shown(result)
 
-    def attempt(self, part: str, work: Callable[[], None]) -> None:
+    def attempt(self, part: str, work: Callable[[], Record | None]) -> None:
         """Do what may fail alone (results/attempt.py); the result has the reason then."""
         made = attempt(work)
         if isinstance(made, NotDone):
             self.result = self.result.without(part, made.why)
         else:
-            self.result = self.result.with_record(part, None)
+            self.result = self.result.with_record(part, made)
 
     def predicted(self) -> Fields:
         """The fields; a batch does not keep those of all its members."""

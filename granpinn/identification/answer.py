@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from granpinn.checks import NONE, wanted
+from granpinn.checks import NONE, Check
 from granpinn.checks.comparison_of_laws import places
 from granpinn.data import Flow
 from granpinn.fit import assumptions, ensemble
@@ -33,6 +33,7 @@ def valued(
     cases: Sequence[Case],
     run: TrainingLoop,
     first: int,
+    checks: Sequence[Check],
     folder: Path | None = None,
     keep_fields: bool = True,
     others: int | None = None,
@@ -41,6 +42,7 @@ def valued(
 
     Args:
         flow: as it was given.
+        checks: those that will follow; they are pending until then.
         others: place of the first companion of these cases (checks/comparison_of_laws.py), by
             default behind them.
 
@@ -51,15 +53,13 @@ def valued(
     case, e = cases[place], first + place
     model = ensemble.model_of(case, run.trainer, e)
     uncertain = () if e in run.trainer.diverged else assumptions.assumptions_of(case)
-    why = PENDING
-    if case.config.checks == NONE:
-        why = LEFT_OUT
+    left_out = case.config.checks == NONE
+    why = LEFT_OUT if left_out else PENDING
     unknown = tuple(without_effect(assumption, why) for assumption in uncertain)
     result = ensemble.result(case, run, e, members, model, unknown)
-    parts = [FIELDS, CURVE, *(check.name for check in wanted(case.config))]
-    if uncertain and why == PENDING:
-        parts.append(ASSUMPTIONS)
-    for part in parts:
+    uncertain = () if left_out else uncertain
+    parts = [FIELDS, CURVE, *(check.name for check in checks)]
+    for part in [*parts, ASSUMPTIONS] if uncertain else parts:
         result = result.without(part, PENDING)
     context = Context(
         flow,
@@ -68,7 +68,7 @@ def valued(
         model,
         run,
         e,
-        uncertain if why == PENDING else (),
+        uncertain,
         places(case, e, first + len(cases) if others is None else others),
         folder,
         keep_fields,

@@ -78,7 +78,7 @@ def identify_many(
     """
     begin = time.monotonic()
     config = config or Config()
-    root = folder_of(run_dir)
+    root, checks = folder_of(run_dir), [check for check in wanted(config) if not check.trains]
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
     configs = [
@@ -129,7 +129,7 @@ def identify_many(
             def valued(e: int) -> Context:
                 ensemble, first = every[e * K : (e + 1) * K], e * K
                 context = answer.valued(
-                    cases[e].flow, ensemble, run, first, parts[e], keep_fields, behind[e]
+                    cases[e].flow, ensemble, run, first, checks, parts[e], keep_fields, behind[e]
                 )
                 answer.with_fields(context)
                 context.fields = None  # those of all members would not fit into memory
@@ -143,8 +143,7 @@ def identify_many(
                 def finished(context: Context) -> Result:
                     answer.with_curve(context)
                     context.pool = pool
-                    checks = wanted(context.case.config)
-                    make(context, [check for check in checks if not check.trains])
+                    make(context, checks)
                     return answer.kept(context)
 
                 found = _side_by_side(finished, contexts, config.device)

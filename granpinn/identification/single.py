@@ -85,10 +85,10 @@ def identify(
         if all(k in run.trainer.diverged for k in range(len(cases))):
             raise NonFiniteError(run.trainer.diverged[0])
         if together.rank > 0:
-            context = answer.valued(flow, cases, run, 0)
+            context = answer.valued(flow, cases, run, 0, checks)
             checks = [check for check in checks if check.trains]
         else:
-            context = answer.valued(flow, cases, run, 0, folder)
+            context = answer.valued(flow, cases, run, 0, checks, folder)
             answer.with_fields(context)
             answer.with_intervals([context], run)
             answer.with_curve(context, shown)

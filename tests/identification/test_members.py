@@ -206,3 +206,14 @@ def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
     seen = noisy.residuals
     assert seen.noise == pytest.approx(seen.velocity, rel=0.25)
     assert measured_noise(pose(flow, tiny(noise=0.3))) == pytest.approx(seen.noise, rel=0.15)
+
+
+def test_checks_of_a_batch_are_known_before_its_training(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that train more networks are left out, and are not pending for ever."""
+    with monkeypatch.context() as patch, pytest.raises(ConfigError, match="--checks must be words"):
+        patch.setattr(batch, "start", None)
+        batch.identify_many([flow], tiny(checks="no_such_check"))
+    (found,) = batch.identify_many([flow], tiny(steps=3, free_I0=True))
+    assert found.not_done == {}
