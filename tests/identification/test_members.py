@@ -212,8 +212,9 @@ def test_checks_of_a_batch_are_known_before_its_training(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Those that train more networks are left out, and are not pending for ever."""
-    with monkeypatch.context() as patch, pytest.raises(ConfigError, match="--checks must be words"):
+    with monkeypatch.context() as patch:
         patch.setattr(batch, "start", None)
-        batch.identify_many([flow], tiny(checks="no_such_check"))
+        with pytest.raises(ConfigError, match="--checks must be words"):
+            batch.identify_many([flow], tiny(checks="no_such_check"))
     (found,) = batch.identify_many([flow], tiny(steps=3, free_I0=True))
     assert found.not_done == {}
