@@ -1,22 +1,5 @@
-"""A coarser flow than that of other tests: what follows a training takes half as long."""
+"""The tests of this folder have a coarser flow."""
 
-from __future__ import annotations
+from tests.coarse_flow import flow, flow_file
 
-from pathlib import Path
-
-import pytest
-
-from granpinn.data import Flow, write_flow
-from tests.flows import make_flow
-
-
-@pytest.fixture(scope="session")
-def flow() -> Flow:
-    return make_flow(rows=12, columns=10)
-
-
-@pytest.fixture(scope="session")
-def flow_file(tmp_path_factory: pytest.TempPathFactory, flow: Flow) -> Path:
-    path = tmp_path_factory.mktemp("flows") / "heap.h5"
-    write_flow(flow, path)
-    return path
+__all__ = ["flow", "flow_file"]
