@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bench.studies.ablation import run
-from bench.studies.ablation.flows import Known
+from bench.studies.ablation.flows import NOISES, Known, known_file
 from bench.studies.ablation.variants import VARIANTS
 from granpinn.config import Config
+from granpinn.data import Truth, write_flow
 from tests.flows import make_flow
 
 LAW = {"mu_s": 0.3, "mu_2": 0.6, "I0": 0.3}
@@ -50,3 +51,18 @@ def test_the_table_has_every_variant_of_the_raw_rows() -> None:
     printed = run.table(rows)
     for name in {row["variant"] for row in rows}:
         assert f"\n{name} " in printed
+
+
+def test_a_file_of_stated_law_is_one_flow_with_each_noise(tmp_path: Path) -> None:
+    path, truth = tmp_path / "flow.h5", Truth(**LAW)
+    write_flow(dataclasses.replace(make_flow(), truth=truth, eta_max=1e4), path)
+    known = list(known_file(path))
+    assert [k.noise for k in known] == list(NOISES.values())
+    assert all(k.law == LAW and k.flow.eta_max is None for k in known)
+
+
+def test_a_file_without_a_law_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flow.h5"
+    write_flow(dataclasses.replace(make_flow(), truth=None), path)
+    with pytest.raises(ValueError, match="must state the law"):
+        next(known_file(path))

@@ -2,21 +2,21 @@
 
 Groups: `clean` collapses of every shape on 256 cells, the same with noise of 2 and 20 % of the
 largest speed, `fine` collapses on 512 cells, `few` vectors (every second column and row, every
-fourth frame), `floor` flows that solve the equations exactly, and one group for each scene of
-grains.
+fourth frame), `floor` flows that solve the equations exactly, one group for each scene of
+grains, and flow files that state their law, with the same noises.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from bench.studies.coverage.materials import Task, draw, make_all, read
+from bench.studies.coverage.materials import Task, as_measured, draw, make_all, read
 from bench.studies.floor.fields import THETA
 from bench.studies.floor.run import Case
 from bench.studies.floor.sampling import Sampling
@@ -60,11 +60,12 @@ class Known(NamedTuple):
         return np.asarray(mu_of_i(found, at) / mu_of_i(self.law, at) - 1)
 
 
-def known_flows(folder: Path, scenes: Path | None) -> list[Known]:
+def known_flows(folder: Path, scenes: Path | None, files: Sequence[Path] = ()) -> list[Known]:
     """All flows; collapses that `folder` lacks are simulated there on all cores.
 
     Args:
         scenes: folder of bench.studies.grains.make; None: no grains.
+        files: flow files that state the law of the material.
     """
     usual = draw(COLLAPSES, 0, DRAW, True, cells=256, stride=2, frames=200, threads=1)
     fine = draw(FINE, 0, DRAW, True, cells=512, stride=2, frames=200, threads=1)
@@ -76,7 +77,23 @@ def known_flows(folder: Path, scenes: Path | None) -> list[Known]:
     known += [_few(k) for k in flows[FINE:]][:4]
     theta = dict(zip(("mu_s", "mu_2", "I0"), THETA, strict=True))
     known += [Known("floor", case.name, case.made(), 0.0, theta) for case in EXACT]
-    return known + (list(_grains(scenes)) if scenes else [])
+    known += list(_grains(scenes)) if scenes else []
+    return known + [k for path in files for k in known_file(path)]
+
+
+def known_file(path: Path) -> Iterator[Known]:
+    """A flow file that states its law, as an experiment would give it, with each noise.
+
+    Raises:
+        ValueError: it states none.
+    """
+    flow = as_measured(read_flow(path))
+    if flow.truth is None:
+        raise ValueError(f"{path} must state the law of the material, got none (true_mu_s, ...)")
+    truth = flow.truth
+    law = {"mu_s": truth.mu_s, "mu_2": truth.mu_2, "I0": truth.I0}
+    for group, noise in NOISES.items():
+        yield Known(f"{group} (file)", path.stem, flow, noise, law)
 
 
 def _collapse(task: Task, path: Path) -> Known:

@@ -104,6 +104,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--flows", type=Path, help="folder that keeps the simulated flows")
     parser.add_argument("--scenes", type=Path, help="folder with scenes of grains")
+    parser.add_argument("--files", type=Path, nargs="+", default=[], help="flows of stated law")
     parser.add_argument("--variants", nargs="+", choices=VARIANTS, default=list(VARIANTS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
     parser.add_argument("--groups", nargs="+", help="kinds of data, by default all")
@@ -116,7 +117,7 @@ def main() -> int:
     if own.flows is None or own.out is None:
         parser.error("--flows and --out must be given, or --table")
     own.flows.mkdir(parents=True, exist_ok=True)
-    flows = known_flows(own.flows, own.scenes)
+    flows = known_flows(own.flows, own.scenes, own.files)
     if own.groups:
         flows = [f for f in flows if f.group in own.groups]
     for name in own.variants:

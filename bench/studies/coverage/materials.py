@@ -138,10 +138,14 @@ def make_all(tasks: Sequence[Task], folder: Path) -> list[Path]:
 
 
 def read(task: Task, path: Path) -> Flow:
-    """The flow as an experiment would give it: without the limits of the viscosity."""
-    flow = read_flow(path)
-    flow = dataclasses.replace(flow, eta_min=None, eta_max=None, p=None)
+    """The flow of a task, as an experiment would give it."""
+    flow = as_measured(read_flow(path))
     return backwards(flow) if task.law == "reversed" else flow
+
+
+def as_measured(flow: Flow) -> Flow:
+    """The flow without the pressure and the limits of the viscosity, which no instrument shows."""
+    return dataclasses.replace(flow, eta_min=None, eta_max=None, p=None)
 
 
 def backwards(flow: Flow) -> Flow:
