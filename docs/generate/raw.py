@@ -12,7 +12,7 @@ FILES = {
     "flows": f"{STUDIES}/coverage/results/rows.csv",  # identifications of flows of known law
     "coverage": f"{STUDIES}/coverage/results/report.md",  # how often the intervals hold
     "references": f"{STUDIES}/identification/results/rows.csv",
-    "noise": f"{STUDIES}/noise/results/rows.csv",
+    "rules": f"{STUDIES}/ablation/results/rows.csv",
     "laws": f"{STUDIES}/laws/choice/results/rows.csv",
     "exact flows": f"{STUDIES}/floor/results/rows.csv",
     "scenes": f"{STUDIES}/grains/results/scenes.md",

@@ -28,7 +28,8 @@ SCENES = {
     "channel_wall": "channel of spheres, through its side wall",
     "collapse_2": "collapse, aspect 2",
     "collapse_6": "collapse, aspect 6",
-    "drum": "drum",
+    "drum": "drum, mean over time",
+    "drum_filmed": "drum, as filmed",
     "heap": "heap",
     "silo": "silo",
 }
@@ -49,6 +50,9 @@ def errors(row: dict[str, str]) -> list[float]:
     """Errors of mu(I) of an identification in %, at the ends of its range of I and between."""
     number = {key: float(row[key]) for key in LAWS if row[key]}
     ends = number["I_low"], number["I_high"]
+    if row["true_low"]:  # what grains obey was measured between two I only
+        true_low, true_high = float(row["true_low"]), float(row["true_high"])
+        ends = max(ends[0], true_low), min(ends[1], true_high)
     places = [ends[0], *(n for n in INERTIAL_NUMBERS if ends[0] < n < ends[1]), ends[1]]
     if row["true_low"] == row["true_high"] != "":  # mu is known at one I only
         places = [number["true_low"]]
@@ -80,49 +84,46 @@ def grains_table() -> Iterator[str]:
         yield f"| {title} | {' | '.join(span(c) if c else '' for c in cells)} |"
 
 
-def references() -> list[dict[str, str]]:
+def references(noise: str = "clean") -> list[dict[str, str]]:
     """Identifications of collapses of another solver by the default recipe, one row each seed."""
-    return [row for row in rows("references") if row["flows"] == "reference, default"]
+    trained = (row for row in rows("rules") if row["variant"] == "default")
+    return [row for row in trained if row["group"] == f"{noise} (file)"]
 
 
-def with_percent(law: str, row: dict[str, str]) -> list[float]:
-    """Errors of mu(I) in %, from those of the parameters; `law` has mu_s and mu_2, I0 is 0.3."""
-    mu_s, mu_2 = map(float, law.split())
-    s, two = (1 + float(row[f"{name}_percent"]) / 100 for name in ("mu_s", "mu_2"))
-    return law_errors((s * mu_s, two * mu_2, 0.3), (mu_s, mu_2, 0.3))
+def law_of(row: dict[str, str]) -> tuple[float, float]:
+    """mu_s and mu_2 of a collapse of another solver, from its name."""
+    mu_s, mu_2 = map(float, row["flow"].split("_")[1:])
+    return mu_s, mu_2
 
 
-def reference_laws() -> list[float]:
-    """Errors of mu(I) in collapses of another solver, in %."""
-    return [error for row in references() for error in with_percent(row["mu_s mu_2"], row)]
+def reference_laws(noise: str = "clean") -> list[float]:
+    """Errors of mu(I) in collapses of another solver, in %; I0 is 0.3."""
+    errors = []
+    for row in references(noise):
+        mu_s, mu_2 = law_of(row)
+        s, two = (1 + float(row[name]) / 100 for name in ("mu_s", "mu_2"))
+        errors += law_errors((s * mu_s, two * mu_2, 0.3), (mu_s, mu_2, 0.3))
+    return errors
 
 
 def references_table() -> Iterator[str]:
     """Median errors of collapses of another solver, the worst in brackets."""
     yield "| (mu_s, mu_2) | mu_s | mu_2 | velocity | p | p, flowing | p, at rest |"
     yield "|---|---|---|---|---|---|---|"
-    names = ("mu_s", "mu_2", "velocity", "pressure", "pressure_flowing", "pressure_at_rest")
-    for law in dict.fromkeys(row["mu_s mu_2"] for row in references()):
-        seeds = [row for row in references() if row["mu_s mu_2"] == law]
-        columns = [[abs(float(row[f"{name}_percent"])) for row in seeds] for name in names]
-        cells = [f"{statistics.median(c):.1f} ({max(c):.1f})" for c in columns[:2]]
-        cells += [f"{statistics.median(columns[2]):.2f}"]
-        cells += [f"{statistics.median(column):.1f}" for column in columns[3:]]
-        yield f"| ({law.replace(' ', ', ')}) | {' | '.join(cells)} |"
+    for mu_s, mu_2 in dict.fromkeys(map(law_of, references())):
+        seeds = [row for row in references() if law_of(row) == (mu_s, mu_2)]
+        parameters = [[abs(float(row[name])) for row in seeds] for name in ("mu_s", "mu_2")]
+        cells = [f"{statistics.median(c):.1f} ({max(c):.1f})" for c in parameters]
+        own = [row for row in reference_fields() if row["mu_s mu_2"] == f"{mu_s:.2f} {mu_2:.2f}"]
+        for name in ("velocity", "pressure", "pressure_flowing", "pressure_at_rest"):
+            error = statistics.median(abs(float(row[f"{name}_percent"])) for row in own)
+            cells += [f"{error:.2f}" if name == "velocity" else f"{error:.1f}"]
+        yield f"| ({mu_s:.2f}, {mu_2:.2f}) | {' | '.join(cells)} |"
 
 
-def noisy_references() -> list[dict[str, str]]:
-    """The same with white noise of 20 % of the largest speed, one row each draw."""
-    named = (row for row in rows("noise") if row["flow"].startswith("collapse_"))
-    return [row for row in named if row["vectors"] == "all"]
-
-
-def noisy_laws() -> list[float]:
-    """Errors of mu(I) with that noise, in %."""
-    laws = (
-        (row["flow"].removeprefix("collapse_").replace("_", " "), row) for row in noisy_references()
-    )
-    return [error for law, row in laws for error in with_percent(law, row)]
+def reference_fields() -> list[dict[str, str]]:
+    """Errors of the fields of the same collapses, one row each seed."""
+    return [row for row in rows("references") if row["flows"] == "reference, default"]
 
 
 def parameter_errors(population: str, name: str) -> list[float]:
@@ -167,7 +168,7 @@ def simulator_fits(name: str) -> list[float]:
 
 def reference_pressures(name: str) -> list[float]:
     """Errors of the pressure in collapses of another solver, in %."""
-    return [float(row[f"{name}_percent"]) for row in references()]
+    return [float(row[f"{name}_percent"]) for row in reference_fields()]
 
 
 def exits(run: str, steps: str) -> list[float]:
@@ -284,9 +285,10 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "references.mu": lambda: span(reference_laws()),
     "references.table": table(references_table),
     "references.seeds": lambda: f"{len({row['seed'] for row in references()})}",
-    "noise.mu": lambda: span(noisy_laws()),
-    "noise.rms": lambda: rms(noisy_laws()),
-    "noise.mu_2": lambda: size(float(row["mu_2_percent"]) for row in noisy_references()),
+    "references.rms": lambda: rms(float(row["rms"]) for row in references()),
+    "noise.mu": lambda: span(reference_laws("noise 20 %")),
+    "noise.rms": lambda: rms(float(row["rms"]) for row in references("noise 20 %")),
+    "noise.mu_2": lambda: size(float(row["mu_2"]) for row in references("noise 20 %")),
     "grains.mu": lambda: span(grains(*GRAINS)),
     "grains.rms": lambda: rms(grains(*GRAINS)),
     "grains.chutes": lambda: span(grains("chute_fast", "chute_slow")),
