@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from granpinn.arrays import Floats
 from granpinn.figures import curves, maps, profiles, residual
-from granpinn.figures.style import Drawing, NothingToDraw, encoded, for_phones, save
+from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, Result
 from granpinn.results.attempt import NotDone, attempt
@@ -29,12 +29,11 @@ class Source(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A figure that was drawn: its file, title and caption, and its narrow PNG for phones."""
+    """A figure that was drawn: its file, title and caption."""
 
     path: Path
     title: str
     caption: str
-    phone: bytes = b""
 
     @property
     def words(self) -> str:
@@ -140,6 +139,4 @@ def _write(
     save(drawing.figure, path)
     if pdf:
         save(drawing.figure, path.with_suffix(".pdf"))
-    with for_phones():
-        narrow = encoded(draw(source).figure)
-    return Picture(path, title, drawing.caption, narrow)
+    return Picture(path, title, drawing.caption)

@@ -15,19 +15,19 @@ from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
     VALUE_MAP,
+    WIDTH,
     Drawing,
     NothingToDraw,
     label,
     new_figure,
     styled,
-    width,
 )
 from granpinn.results import Fields
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
 UNCERTAINTY_MAP = "magma"
-WIDE = 0.8  # maps with a smaller height / width are stacked
-LEAST = 5.0  # inches; on a narrower figure all maps are stacked
+WIDE = 1.3  # maps with a smaller height / width are stacked
+TALLEST = 1.9  # inches of a stacked map
 
 
 class Window(NamedTuple):
@@ -180,19 +180,19 @@ def aspect_of(fields: Fields, window: Window) -> float:
     return float(height / width) if width > 0 and height > 0 else 1.0
 
 
-def stacked(aspect: float) -> bool:
-    """Whether maps stand one above the other."""
-    return aspect < WIDE or width() < LEAST
+def stacked_height(aspect: float) -> float | None:
+    """Height in inches of maps that stand one above the other; None: they stand side by side."""
+    return min((WIDTH - 1.6) * aspect, TALLEST) if aspect < WIDE else None
 
 
 def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
     """A figure with `count` maps: one above the other for wide grains, else side by side."""
     aspect = aspect_of(fields, window)
-    if stacked(aspect):
-        figure = new_figure(((width() - 1.6) * aspect + 0.5) * count + 0.3)
+    if height := stacked_height(aspect):
+        figure = new_figure((height + 0.5) * count + 0.3)
         grid = figure.subplots(count, 1, squeeze=False, sharex=True, sharey=True)
     else:
-        figure = new_figure(min(((width() - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
+        figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
         grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
     for axes in grid.ravel():
         label_axes(axes, fields)

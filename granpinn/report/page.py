@@ -67,7 +67,7 @@ def build(
     figures = folder / "figures"
     source, problems = read(folder, time)
     pictures, missing = album.draw_all(source, figures, pdf, draw)
-    taken = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
+    taken = sum(4 * p.path.stat().st_size // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - taken)
     film = attempt(lambda: films.shoot(album.fields_of(source), source.frame, budget))
     if isinstance(film, NotDone):
