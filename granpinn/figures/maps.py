@@ -103,11 +103,11 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
     figure, panels = new_maps(fields, window, 3 if has_reference else 2)
     values = value_norm(simulated)
     draw_map(panels[0], fields, window, simulated, values, VALUE_MAP, label("$p$", unit))
-    panels[0].set_title("(a) simulated")
+    panels[0].set_title("(a) $p$ simulated")
     reach = _quantile(gap, 0.99) or 1.0
     text = label(r"$|\Delta p|$", unit)
     draw_map(panels[1], fields, window, gap, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
-    panels[1].set_title("(b) difference")
+    panels[1].set_title(r"(b) $|\Delta p|$")
     caption = f"Simulated pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
     caption += "(a) simulated, (b) its difference from the predicted pressure"
     if has_reference:
@@ -115,7 +115,7 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
         reach = _quantile(np.abs(error), 0.99) or 1.0
         limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
         draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
-        panels[2].set_title("(c) error")
+        panels[2].set_title("(c) error of $p$")
         caption += ", (c) its error against the reference"
     return Drawing(
         figure,
@@ -154,12 +154,12 @@ def _compare(fields: Fields, k: int, quantity: MapQuantity) -> Drawing:
     values = value_norm(both)
     text = label(quantity.symbol, quantity.unit)
     draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
-    panels[0].set_title("(a) predicted")
+    panels[0].set_title(f"(a) {quantity.symbol} predicted")
     caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}"
     if known is None:
         return Drawing(figure, caption + ": predicted.")
     draw_map(panels[1], fields, window, known, values, VALUE_MAP, text)
-    panels[1].set_title(f"(b) {quantity.known_name}")
+    panels[1].set_title(f"(b) {quantity.symbol} of the {quantity.known_name}")
     difference = quantity.predicted - known
     reach = _quantile(np.abs(difference), 0.99) or 1.0
     text = label(rf"$\Delta${quantity.symbol}", quantity.unit)
