@@ -35,6 +35,7 @@ class Check:
         flag: the setting that asks for it too.
         quick: whether the default makes it.
         trains: whether it trains more networks, in which every process takes part.
+        refuse: raises ConfigError for settings under which it cannot be asked for.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Check:
     flag: str | None = None
     quick: bool = True
     trains: bool = False
+    refuse: Callable[[Config], None] | None = None
 
     def asked(self, config: Config) -> bool:
         """Whether the settings name this check, or ask for it by its flag."""
@@ -67,7 +69,8 @@ def wanted(config: Config) -> list[Check]:
     """The checks that the settings want, in their order.
 
     Raises:
-        ConfigError: --checks names a check that there is none of.
+        ConfigError: --checks has an unknown word, or the settings ask for a check that they cannot
+            have.
     """
     known = (NONE, QUICK, ALL, *names())
     for word in config.checks.split(","):
@@ -76,7 +79,11 @@ def wanted(config: Config) -> list[Check]:
                 f"--checks must be words of {', '.join(known)}, with commas between them, got "
                 f"{word!r}"
             )
-    return [check for check in every() if check.wanted(config)]
+    checks = [check for check in every() if check.wanted(config)]
+    for check in checks:
+        if check.refuse is not None and check.asked(config):
+            check.refuse(config)
+    return checks
 
 
 def make(context: Context, checks: Sequence[Check]) -> None:

@@ -367,5 +367,12 @@ def _answer(
 
 
 CHECK = Check(
-    "profile_of_I0", Profile, make, seconds=600.0, flag="free_I0", quick=False, trains=True
+    "profile_of_I0",
+    Profile,
+    make,
+    seconds=600.0,
+    flag="free_I0",
+    quick=False,
+    trains=True,
+    refuse=require_mu_of_i,
 )

@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import wait
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,7 +21,14 @@ from granpinn.declared import checked
 from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.fit.context import Context
 from granpinn.identification import answer
-from granpinn.identification.start import folder_of, histories, prepare, start
+from granpinn.identification.start import (
+    CHECKS,
+    ERROR_BARS,
+    folder_of,
+    histories,
+    prepare,
+    start,
+)
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
@@ -92,7 +100,7 @@ def identify_many(
         )
     ]
     group = processes(choose_device(config.device))
-    with owned(None if group.rank else root):
+    with owned(None if group.rank else root), ExitStack() as at_end:
         if root is not None and group.rank == 0:
             prepare(root, config)
         group.barrier()
@@ -116,7 +124,8 @@ def identify_many(
             every += [other for own in others for other in own]
             places += [None] * (len(every) - len(places))
             listener = progress if group.rank == 0 else None
-            run = start(every, config, folder, listener, begin, places)
+            run = start(every, config, folder, listener, begin, places, None, checks, len(cases))
+            at_end.callback(run.progress.stop)
             with threads(1) as beside:
                 ahead = []
                 if run.trainer.params.is_cuda:  # the cores of the CPU are idle
@@ -125,6 +134,7 @@ def identify_many(
                 for later in ahead:  # what has not begun is made by all cores, in its place
                     later.cancel()
             behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
+            run.progress.stage(ERROR_BARS)
 
             def valued(e: int) -> Context:
                 ensemble, first = every[e * K : (e + 1) * K], e * K
@@ -137,6 +147,7 @@ def identify_many(
 
             contexts = _side_by_side(valued, range(len(cases)), config.device)
             answer.with_intervals(contexts, run)
+            run.progress.stage(CHECKS)
             # One pool for all members: every core simulates as long as frames are left.
             with threads(max(1, _cores() // group.size)) as pool:
 

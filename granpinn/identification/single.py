@@ -6,6 +6,7 @@ import dataclasses
 import os
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from granpinn.checks import make, momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
@@ -16,7 +17,14 @@ from granpinn.fit.case import choose_device, members, pose
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
-from granpinn.identification.start import folder_of, histories, prepare, start
+from granpinn.identification.start import (
+    CHECKS,
+    ERROR_BARS,
+    folder_of,
+    histories,
+    prepare,
+    start,
+)
 from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import Law
@@ -35,7 +43,8 @@ def identify(
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     law: Law | None = None,
-    shown: Callable[[Result], None] | None = None,
+    on_values: Callable[[Result], None] | None = None,
+    reserve: float = 0.0,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields, and check it.
 
@@ -49,7 +58,9 @@ def identify(
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: a law of your own (granpinn/laws.py); by default the one in the settings.
-        shown: called with the result once its values and intervals are known, and after each check.
+        on_values: called with the result once its values and intervals are known, and after each
+            check.
+        reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
 
     Returns:
         The result, with the network, its fields, the history and figures.
@@ -60,7 +71,7 @@ def identify(
         OutputError: the folder cannot be written to, or another process or thread uses it.
         Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
-    begin, folder = time.monotonic(), folder_of(run_dir)
+    begin, folder = time.monotonic() - reserve, folder_of(run_dir)
     config = config or Config()
     if law is not None:
         register(law)
@@ -68,7 +79,11 @@ def identify(
     checks = wanted(config)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
-    with owned(None if together.rank else folder), threads(len(os.sched_getaffinity(0))) as pool:
+    with (
+        owned(None if together.rank else folder),
+        threads(len(os.sched_getaffinity(0))) as pool,
+        ExitStack() as at_end,
+    ):
         if together.rank > 0:
             progress = None
         elif folder is not None:
@@ -78,7 +93,8 @@ def identify(
         others = companions(cases[0])
         if others:
             parts = [*(parts or [folder]), *[None] * len(others)]
-        run = start([*cases, *others], config, folder, progress, begin, parts, together)
+        run = start([*cases, *others], config, folder, progress, begin, parts, together, checks)
+        at_end.callback(run.progress.stop)
         if run.trainer.params.is_cuda and together.rank == 0:
             pool.submit(momentum_balance.prepare, cases[0])  # the cores of the CPU are idle
         run.train()
@@ -89,9 +105,11 @@ def identify(
             checks = [check for check in checks if check.trains]
         else:
             context = answer.valued(flow, cases, run, 0, checks, folder)
+            run.progress.stage(ERROR_BARS)
             answer.with_fields(context)
             answer.with_intervals([context], run)
-            answer.with_curve(context, shown)
+            answer.with_curve(context, on_values)
         context.pool, context.identify_many, context.runs = pool, identify_many, folder_of(run_dir)
+        run.progress.stage(CHECKS)
         make(context, checks)
         return answer.kept(context)

@@ -38,10 +38,10 @@ class TrainingLoop:
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
         processes: the processes that share the run; the first one writes.
-        later: seconds of a time limit for more training after `deadline` (continuation.py).
+        limit: when the run has to end; None without a time limit.
 
     Attributes:
-        deadline: value of time.monotonic() when training has to end, None without a time limit.
+        limit: None also where a checkpoint brought its schedule.
         wall_s: time spent in training, over all resumptions.
         stopped: the setting that limited the steps, "steps" or "max_time".
     """
@@ -52,18 +52,16 @@ class TrainingLoop:
         config: Config,
         folder: Path | None,
         progress: Progress,
-        deadline: float | None,
+        limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
         processes: Processes | None = None,
-        later: float = 0.0,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
         self.processes = processes or Processes()
         self.single = members is None
         self.progress = progress
-        self.deadline = deadline
-        self.later = later
+        self.limit = limit
         self.stopped = "steps"
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
@@ -101,8 +99,8 @@ class TrainingLoop:
                 history.close()
 
     def _begin(self) -> None:
-        if self.deadline is not None:
-            schedule = time_limit.schedule_until(self.deadline, self.trainer, self.at_most)
+        if self.limit is not None:
+            schedule = time_limit.schedule_within(self.limit, self.trainer, self.at_most)
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
         for history in self.histories:
@@ -122,7 +120,7 @@ class TrainingLoop:
         checkpoint.restore(found, self.trainer.tensors())
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
-        self.deadline = None  # the schedule of the checkpoint stays
+        self.limit = None  # the schedule of the checkpoint stays
         self._open(found.state)
         self._mark()
         return True
@@ -186,18 +184,18 @@ class TrainingLoop:
             history.append(row)
         trainer.remember()
         self.progress.show(median([row for e, row in enumerate(rows) if e not in trainer.diverged]))
-        if self.deadline is not None and not trainer.finished:
-            self._correct_schedule(now, self.deadline)
+        if self.limit is not None and not trainer.finished:
+            self._correct_schedule(now, self.limit)
 
-    def _correct_schedule(self, now: float, deadline: float) -> None:
+    def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer
         if trainer.schedule.in_prefit(trainer.step):
             self.corrected, self.corrected_step = now, trainer.step
             return
         schedule = trainer.schedule
-        if now - self.corrected > CORRECT_EVERY * (deadline - self.started):
+        if now - self.corrected > CORRECT_EVERY * (limit.until - self.started):
             since = (self.corrected_step, self.corrected)
-            schedule = time_limit.corrected(trainer, since, deadline, self.at_most)
+            schedule = time_limit.corrected(trainer, since, limit, self.at_most)
             self.corrected, self.corrected_step = now, trainer.step
         total, step, progress = self.processes.broadcast(
             [schedule.total, schedule.from_step, schedule.from_progress]

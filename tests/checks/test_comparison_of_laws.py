@@ -45,7 +45,7 @@ def test_a_run_says_which_laws_explain_the_data(flow: Flow, tmp_path: Path) -> N
     assert content["chosen"] == result.checks[NAME].chosen
     assert set(content["laws"][0]) == {"law", "parameters", "score", "not_told_apart_from"}
     assert results.read_results(tmp_path / "results.json").checks == result.checks
-    lines = str(result).splitlines()
+    lines = result.summary().splitlines()
     assert any(line.split()[:2] == ["law", "score"] for line in lines)
     assert any("explain" in line for line in lines)
 

@@ -192,7 +192,7 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert stored["assessment"]["grade"] == found.grade
     assert tuple(stored["assessment"]["reasons"]) == found.reasons
     assert read_results(path).assessment == found
-    assert str(result).splitlines()[-1] == f"assessment: {found}"
+    assert result.summary().splitlines()[-1] == f"assessment: {found}"
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()
