@@ -2,7 +2,7 @@
 
 Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
 
-In Python, `granpinn.inspection.inspect(flow)` gives the same numbers.
+In Python, `granpinn.inspect(flow)` gives the same numbers.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from granpinn.command.callable_module import call_like
 from granpinn.command.next_step import refusal, training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls
@@ -149,6 +150,8 @@ def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
     write_text(folder / "inspect.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
     save_figures(found, folder)
 
+
+call_like(inspect, __name__)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -174,7 +174,7 @@ def settings_of(config: Config, steps: int | None = None) -> Config:
 def profile_I0(
     flow: Flow | str | os.PathLike[str],
     config: Config,
-    identify_many: Callable[..., list[Result]],
+    identify_many: Callable[..., Sequence[Result]],
     *,
     steps: int | None = None,
     run_dir: str | os.PathLike[str] | None = None,

@@ -6,21 +6,23 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import wait
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from granpinn import results
 from granpinn.checks import make, momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
+from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.fit.context import Context
 from granpinn.identification import answer
+from granpinn.identification.identified import Identification, InFolder
 from granpinn.identification.start import (
     CHECKS,
     ERROR_BARS,
@@ -46,7 +48,7 @@ SIDE_BY_SIDE = 4
 @checked
 def identify_many(
     flows: Sequence[FlowLike],
-    config: Config | None = None,
+    config: Config | Mapping[str, Any] | None = None,
     seeds: Sequence[int] | None = None,
     *,
     I0: Sequence[float] | None = None,
@@ -55,7 +57,8 @@ def identify_many(
     run_dir: str | os.PathLike[str] | None = None,
     keep_fields: bool = True,
     progress: Progress | None = None,
-) -> list[Result]:
+    **settings: Any,
+) -> list[Identification]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
     Checks that train more networks (--free-I0, --calibrate) are left out.
@@ -68,7 +71,8 @@ def identify_many(
 
     Args:
         flows: a flow or the path of a flow file for every member.
-        config: settings of all, by default the default recipe.
+        config: settings of all as a `Config` or a dict, by default the default recipe.
+        settings: single ones, which win, such as `steps=6000`.
         seeds, I0, laws, noise: one value for every member, by default the value in the settings.
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
@@ -77,15 +81,14 @@ def identify_many(
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue. Each is an `Identification`; without a folder its fields are predicted when they
-        are asked for, without the simulated pressure. In a group of processes each is a plain
-        `Result`.
+        continue. Without a folder, fields are predicted when they are asked for, without the
+        simulated pressure; in a group of processes there are then no fields and no networks.
 
     Raises:
         As `identify`, except NonFiniteError.
     """
     begin = time.monotonic()
-    config = config or Config()
+    config = config_of(config, settings)
     root, checks = folder_of(run_dir), [check for check in wanted(config) if not check.trains]
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
@@ -115,7 +118,7 @@ def identify_many(
                 prepare(root / f"{e:03d}", case.config, config.members)
                 for e, case in zip(own, cases, strict=True)
             ]
-        found: list[Result] = []
+        found: list[Identification] = []
         if cases:
             K = config.members
             every = [member for case in cases for member in members(case)]
@@ -151,21 +154,27 @@ def identify_many(
             # One pool for all members: every core simulates as long as frames are left.
             with threads(max(1, _cores() // group.size)) as pool:
 
-                def finished(context: Context) -> Result:
+                def finished(context: Context) -> Identification:
                     answer.with_curve(context)
                     context.pool = pool
                     make(context, checks)
                     return answer.kept(context)
 
                 found = _side_by_side(finished, contexts, config.device)
-        return found if group.size == 1 else _in_order(found, len(flows))
+        return found if group.size == 1 else _in_order(found, len(flows), root)
 
 
-def _in_order(found: Sequence[Result], count: int) -> list[Result]:
-    """The results of all processes, in the order of the flows."""
+def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Identification]:
+    """The results of all processes, in the order of the flows; the rest is in their folders."""
     texts = gather_texts(json.dumps([result.to_dict() for result in found]))
     shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
-    return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+    every = [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+    return [
+        Identification.of(
+            result, None if root is None else InFolder(root / f"{e:03d}", result.friction_law)
+        )
+        for e, result in enumerate(every)
+    ]
 
 
 S = TypeVar("S")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from typing import Any
 
 from granpinn.checks import make, momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config
+from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import choose_device, members, pose
@@ -31,6 +32,7 @@ from granpinn.physics.laws import Law
 from granpinn.results import Result
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
+from granpinn.training.history import Row
 from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 
@@ -38,13 +40,15 @@ from granpinn.training.progress import Progress
 @checked
 def identify(
     flow: Flow | str | os.PathLike[str],
-    config: Config | None = None,
+    config: Config | Mapping[str, Any] | None = None,
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
-    law: Law | None = None,
-    on_values: Callable[[Result], None] | None = None,
+    law: Law | str | None = None,
+    on_step: Callable[[Row], Any] | None = None,
+    on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
+    **settings: Any,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields, and check it.
 
@@ -52,12 +56,16 @@ def identify(
 
     Args:
         flow: a flow, or the path of a flow file.
-        config: settings, by default the default recipe; its `flow` and `out` are not used.
+        config: settings as a `Config` or a dict, by default the default recipe.
+        settings: single ones, which win, such as `steps=6000`, `level="V0"`, `checks="quick"`.
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
-        law: a law of your own (granpinn/laws.py); by default the one in the settings.
+        law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
+            settings.
+        on_step: called with every row of the history, `log_every` steps apart. If it returns True,
+            the training ends there and the result is that of a short training.
         on_values: called with the result once its values and intervals are known, and after each
             check.
         reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
@@ -72,10 +80,10 @@ def identify(
         Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
     begin, folder = time.monotonic() - reserve, folder_of(run_dir)
-    config = config or Config()
-    if law is not None:
+    if isinstance(law, Law):
         register(law)
-        config = dataclasses.replace(config, law=law.name)
+    named = {} if law is None else {"law": law.name if isinstance(law, Law) else law}
+    config = config_of(config, settings | named)
     checks = wanted(config)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
@@ -94,6 +102,7 @@ def identify(
         if others:
             parts = [*(parts or [folder]), *[None] * len(others)]
         run = start([*cases, *others], config, folder, progress, begin, parts, together, checks)
+        run.on_step = on_step
         at_end.callback(run.progress.stop)
         if run.trainer.params.is_cuda and together.rank == 0:
             pool.submit(momentum_balance.prepare, cases[0])  # the cores of the CPU are idle

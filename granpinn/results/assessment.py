@@ -223,6 +223,15 @@ def without_errors(r: Result) -> str | None:
     return f"The errors are not known: {r.law.reason or 'none were estimated'}."
 
 
+def stopped_early(r: Result) -> str | None:
+    if r.stopped != "on_step":
+        return None
+    return (
+        f"The training was stopped at step {r.timing.steps}, before its learning rates had fallen: "
+        "the error bars are not tested for this."
+    )
+
+
 def untested(r: Result) -> str | None:
     if r.error_bars is None or not r.error_bars.outside:
         return None
@@ -262,6 +271,7 @@ CONDITIONS = (
     Condition(CARE, wide),
     Condition(CARE, without_errors),
     Condition(CARE, unbalanced),
+    Condition(CARE, stopped_early),
     Condition(CARE, untested),
     Condition(CARE, unusual),
     Condition(GOOD, known),

@@ -64,5 +64,5 @@ def _curve(result: Result) -> str:
 
 
 def number(value: float) -> str:
-    """Three decimals; two digits of a small number."""
-    return f"{value:.3f}" if abs(value) >= 0.001 or value == 0 else f"{value:.2g}"
+    """Three decimals; two digits of a small number, three of a large one."""
+    return f"{value:.3f}" if 0.001 <= abs(value) < 100 or value == 0 else f"{value:.3g}"

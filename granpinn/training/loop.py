@@ -6,9 +6,10 @@ stops at signals, rolls back members that diverge, and keeps a time limit.
 
 from __future__ import annotations
 
+import math
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from granpinn.errors import Interrupted
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.guard import NonFiniteError, require_finite
-from granpinn.training.history import History, median
+from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
@@ -43,7 +44,8 @@ class TrainingLoop:
     Attributes:
         limit: None also where a checkpoint brought its schedule.
         wall_s: time spent in training, over all resumptions.
-        stopped: the setting that limited the steps, "steps" or "max_time".
+        stopped: what limited the steps, "steps", "max_time" or "on_step".
+        on_step: called with every row of the history; the training ends where it returns True.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class TrainingLoop:
         self.progress = progress
         self.limit = limit
         self.stopped = "steps"
+        self.on_step: Callable[[Row], Any] | None = None
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
         writes = self.processes.rank == 0
@@ -169,7 +172,11 @@ class TrainingLoop:
             # None: another process received one
             raise Interrupted(signals.received or signal.SIGTERM, message)
         signals.stop_at_once(message)
-        trainer.solve_last_layer()
+        until = math.inf
+        if self.limit is not None:
+            pace = (time.monotonic() - self.started) / max(1, trainer.step)
+            until = self.limit._replace(steps=0.0).deadline(pace)
+        trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
 
     def _stopping(self, signals: Signals) -> bool:
@@ -183,9 +190,21 @@ class TrainingLoop:
         for history, row in zip(self.histories, rows, strict=True):
             history.append(row)
         trainer.remember()
-        self.progress.show(median([row for e, row in enumerate(rows) if e not in trainer.diverged]))
+        row = median([row for e, row in enumerate(rows) if e not in trainer.diverged])
+        self.progress.show(row)
+        ends = self.on_step is not None and bool(self.on_step(row))
+        if self.processes.broadcast([ends])[0] and not trainer.finished:
+            self._end_here()
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
+
+    def _end_here(self) -> None:
+        """Let the schedule end at the present step."""
+        trainer = self.trainer
+        trainer.schedule = trainer.schedule.ending_at(trainer.step, trainer.step)
+        trainer.remember()
+        self.stopped = "on_step"
+        self.progress.total(trainer.step)
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer

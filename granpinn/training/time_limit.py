@@ -33,7 +33,7 @@ class Limit(NamedTuple):
         until: value of time.monotonic() at the end of the run.
         seconds: of the whole run.
         later: seconds for more training (continuation.py).
-        steps: so many steps take as long as the last layer and the fields.
+        steps: so many steps take as long as the steps in the last layer, which come next.
         after: seconds for everything else, at a pace of `members` * `PACE`.
         members: trained side by side.
     """
