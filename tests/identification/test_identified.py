@@ -101,10 +101,8 @@ def test_there_is_no_prediction_outside_of_the_grains(run: Run) -> None:
     assert np.isfinite(run.result.predict(**place)["u"])
     for axis in "tyx":  # half a cell beyond the grid, the last frame, or in no place
         ends = fields[axis].values[[0, -1]]
-        for beyond in (
-            *(ends + 0.51 * np.array([-1, 1]) * np.diff(fields[axis].values)[0]),
-            np.nan,
-        ):
+        step = np.diff(fields[axis].values)[0]
+        for beyond in (ends[0] - 0.51 * step, ends[1] + 0.51 * step, np.nan):
             assert np.isnan(run.result.predict(**place | {axis: beyond})["u"])
 
 
