@@ -183,4 +183,4 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     return flowing, stagnant
 
 
-CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=10.0)
+CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=5.0)

@@ -23,7 +23,7 @@ from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
-LAST_LAYER = 600  # steps that take as long as last layer and fields
+LAST_LAYER = 500  # steps that take as long as last layer and fields
 FIELDS = 100  # the same without steps in the last layer
 LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
@@ -116,10 +116,10 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
     if taken and not config.resume:
         raise ConfigError(
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
-            f"another --out"
+            f"another folder"
         )
     if objection := objection_to_folder(folder):
-        raise ConfigError(f"--out {objection}")
+        raise ConfigError(f"run_dir {objection}")
     for part in parts_of(folder, members):
         make_folder(part)
     if not (config.resume and (folder / "config.toml").exists()):

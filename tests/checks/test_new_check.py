@@ -90,7 +90,7 @@ def test_one_file_is_enough(
 
 
 def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--checks must be words of none, quick, all, bootstrap,"):
+    with pytest.raises(ConfigError, match="checks must be words of none, quick, all, bootstrap,"):
         identify(flow, tiny(checks="largest_speed"))
     identify(flow, tiny(checks="none"), run_dir=tmp_path)
     path = tmp_path / "results.json"

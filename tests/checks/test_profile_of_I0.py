@@ -191,7 +191,7 @@ def test_the_command_says_it_and_writes_it(
 
 
 def test_another_law_is_refused_before_anything_is_written(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"for mu\(I\) alone, got --law cohesive"):
+    with pytest.raises(ConfigError, match=r"for mu\(I\) alone, got law cohesive"):
         identify(flow, tiny(law="cohesive", free_I0=True), run_dir=tmp_path / "run")
     assert not (tmp_path / "run").exists()
     assert [check.name for check in wanted(tiny(law="cohesive", checks="all"))] == [

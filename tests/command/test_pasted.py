@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn import convert, inspect
+import granpinn.convert as convert
+import granpinn.inspect as inspect
 from granpinn.command.exit_codes import fail
 from granpinn.command.next_step import require_flow_file
 from granpinn.data import Flow

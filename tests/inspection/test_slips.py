@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import inspect, train
+import granpinn.inspect as inspect
+from granpinn import train
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read

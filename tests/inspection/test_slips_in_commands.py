@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import convert, inspect
+import granpinn.convert as convert
+import granpinn.inspect as inspect
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileError, FlowFileWarning, write_flow
 from granpinn.fit.case import pose
