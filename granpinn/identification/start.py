@@ -62,12 +62,12 @@ def start(
     limit = None
     if config.max_time is not None:
         later = config.max_time * share / (1 + share)
-        until = begin + config.max_time
-        limit = Limit(until, config.max_time, later, steps, quick, len(cases))
+        limit = Limit(begin + config.max_time, config.max_time, later, steps, quick, len(cases))
     progress = progress or by_default()
     everything = shown * sum(check.seconds for check in checks)
     stages = [Stage(ERROR_BARS, steps=steps, share=share), Stage(CHECKS, everything)]
-    progress.plan(stages, limit.until if limit and everything == quick else None)
+    until = limit.until if limit and everything == quick else None
+    progress.plan(stages, until, len(cases))
     run = TrainingLoop(objective, config, folder, progress, limit, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
