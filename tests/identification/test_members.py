@@ -115,7 +115,7 @@ def test_its_folder_is_that_of_a_run_and_has_a_report(
     interval = found.parameters.mu_s.interval_90
     assert interval is not None
     assert f"{interval[0]:.4f} to {interval[1]:.4f}" in page
-    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in str(found)
+    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in found.summary()
     with pytest.raises(ConfigError, match="resume"):
         identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
 
