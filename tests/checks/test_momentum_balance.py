@@ -16,9 +16,9 @@ from granpinn.data import Flow
 from granpinn.fit import case as cases
 from granpinn.fit.case import Shared
 from granpinn.fit.context import Context
+from granpinn.inspection.momentum_balance import Baseline
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.baseline import Baseline
 from tests.examples import make_result
 from tests.inspection.chutes import TANGENT, chute
 

@@ -11,7 +11,6 @@ from unittest import mock
 import granpinn.convert
 import granpinn.figures.album
 import granpinn.figures.animation
-import granpinn.figures.inspection
 import granpinn.figures.simulation
 import granpinn.inspect
 import granpinn.train
