@@ -168,7 +168,8 @@ def test_every_condition_is_met_by_a_case() -> None:
 def test_reasons_are_ordered_by_their_grades() -> None:
     result = make_result(**slips("improbable"), **outside(), residuals=residuals(0.06))
     said = {c.said(result): c.grade for c in CONDITIONS}
-    said |= {s: g for record in result.checks.values() for g, s in record.reasons(result)}
+    reasons = [r for record in result.checks.values() for r in record.reasons(result)]
+    said |= {reason.sentence: reason.grade for reason in reasons}
     grades = [said[reason] for reason in result.assessment.reasons]
     assert grades == sorted(grades, key=GRADES.index)
     assert set(grades) == set(GRADES)
