@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from granpinn.data import Flow, add_noise, write_flow
-from granpinn.inspect import main, parse
+from granpinn.inspect.__main__ import main, parse
 from granpinn.simulation import demo_path
 
 

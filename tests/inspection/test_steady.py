@@ -12,7 +12,7 @@ import pytest
 
 from granpinn.data import add_noise, write_flow
 from granpinn.data.noise import max_speed
-from granpinn.inspect import main
+from granpinn.inspect.__main__ import main
 from granpinn.inspection import inspect
 from tests.flows import make_chute, make_flow
 

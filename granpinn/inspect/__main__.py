@@ -4,6 +4,8 @@ Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
 
 In Python, `granpinn.inspection.inspect(flow)` gives the same numbers.
 """
+# This folder has no __init__.py: a package would hide the module `inspect` of the standard library
+# from code that runs in granpinn/.
 
 from __future__ import annotations
 
