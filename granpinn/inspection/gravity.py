@@ -343,4 +343,4 @@ def slender(body: Body, gravity: tuple[float, float]) -> tuple[float, float]:
     return float(height[0] / width[0]), float(height[-1] / height[0])
 
 
-CHECK = Check("gravity", Gravity, make, seconds=0.03, explains=True)
+CHECK = Check("gravity", Gravity, make, seconds=0.06, explains=True)

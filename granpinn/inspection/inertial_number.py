@@ -139,4 +139,4 @@ def _draw(inspection: Inspection) -> Any:
     return draw(inspection["inertial_number"])
 
 
-CHECK = Check("inertial_number", InertialNumbers, make, seconds=0.6, quick=False, explains=True)
+CHECK = Check("inertial_number", InertialNumbers, make, seconds=0.2, quick=False, explains=True)

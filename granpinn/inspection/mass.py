@@ -318,4 +318,4 @@ def _ratio(moved: Float64, expected: Float64) -> float | None:
     return None
 
 
-CHECK = Check("mass", Mass, make, seconds=0.02, explains=True)
+CHECK = Check("mass", Mass, make, seconds=0.05, explains=True)

@@ -100,4 +100,4 @@ def _map(inspection: Inspection) -> Any:
     return drawing
 
 
-CHECK = Check("motion", Motion, make, seconds=0.3, quick=False)
+CHECK = Check("motion", Motion, make, seconds=0.04, quick=False)

@@ -142,4 +142,4 @@ def _map(inspection: Inspection) -> Any:
     return map_of_grid(inspection.flow, values, label(r"$\sigma$", inspection.velocity_unit))
 
 
-CHECK = Check("noise", MeasuredNoise, make, seconds=0.2, quick=False)
+CHECK = Check("noise", MeasuredNoise, make, seconds=0.03, quick=False)

@@ -259,4 +259,4 @@ def expected_precision(
     return Bounds(bounds, unknown, correlation, float(vectors.sum()))
 
 
-CHECK = Check("precision", Precision, make, seconds=0.7, quick=False)
+CHECK = Check("precision", Precision, make, seconds=0.3, quick=False)

@@ -70,4 +70,4 @@ def make(inspection: Inspection) -> Shear:
     )
 
 
-CHECK = Check("shear", Shear, make, seconds=0.4, quick=False)
+CHECK = Check("shear", Shear, make, seconds=0.07, quick=False)

@@ -75,4 +75,4 @@ def make(inspection: Inspection) -> Sizes:
     return Sizes(grains, flow.periodic, flow.density, flow.grain_density, gravity)
 
 
-CHECK = Check("sizes", Sizes, make, seconds=0.05)
+CHECK = Check("sizes", Sizes, make, seconds=0.1)

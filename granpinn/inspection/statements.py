@@ -152,4 +152,4 @@ def _vectors(flow: Flow) -> tuple[Floats, Floats]:
     return some.u[some.valid], some.v[some.valid]
 
 
-CHECK = Check("statements", Statements, make, seconds=0.06)
+CHECK = Check("statements", Statements, make, seconds=0.11)

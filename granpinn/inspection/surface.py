@@ -158,4 +158,4 @@ def _downhill(pose: Upright, layer: Bool) -> float | None:
     return float((g_x * u + g_y * v).sum()) / speed
 
 
-CHECK = Check("surface", FreeSurface, make, seconds=0.04, explains=True)
+CHECK = Check("surface", FreeSurface, make, seconds=0.08, explains=True)

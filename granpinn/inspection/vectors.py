@@ -87,4 +87,4 @@ def _share_of_valid(inspection: Inspection) -> Any:
     return map_of_grid(flow, share, "share of valid vectors", (0.0, 1.0))
 
 
-CHECK = Check("vectors", Vectors, make, seconds=0.1, quick=False)
+CHECK = Check("vectors", Vectors, make, seconds=0.02, quick=False)

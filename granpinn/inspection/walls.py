@@ -31,4 +31,4 @@ def make(inspection: Inspection) -> Walls | None:
     return None if found is None else Walls(tuple(found[2]))
 
 
-CHECK = Check("walls", Walls, make, seconds=0.5, quick=False)
+CHECK = Check("walls", Walls, make, seconds=0.09, quick=False)
