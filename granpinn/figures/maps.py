@@ -76,7 +76,7 @@ def map_of_grid(
 ) -> Drawing:
     """One field [Y, X] over the whole grid of a flow; `text` labels its colors."""
     aspect = float(np.ptp(flow.y) / np.ptp(flow.x))
-    figure = new_figure(float(np.clip((width() - 1.6) * aspect + 0.7, 2.4, 7.0)))
+    figure = new_figure(float(np.clip((WIDTH - 1.6) * aspect + 0.7, 2.4, 7.0)))
     axes = figure.subplots()
     finite = values[np.isfinite(values)]
     if limits is None:

@@ -88,28 +88,12 @@ class Fall:
 
 
 @dataclass(frozen=True)
-class Energy:
-    """Kinetic energy that the grains gain up to its largest, and the work of gravity on them.
-
-    Attributes:
-        gained, work: per mass, over |g| times the height of the grains.
-    """
-
-    gained: float
-    work: float
-
-    @property
-    def share(self) -> float:
-        """Part of the work that becomes kinetic energy."""
-        return self.gained / self.work
-
-
-@dataclass(frozen=True)
 class Gravity(Record):
     """
     Attributes:
         fall: of the side that accelerates most.
-        energy: that the grains gain.
+        energy: kinetic energy that the grains gain up to its largest, and the work of gravity on
+            them; per mass, over |g| times the height of the grains.
         speed: the largest over that of a free fall through the height of all grains; None without
             vectors.
         aspect, shrinks: height over width of the body in the first frame, and its height in the
@@ -123,7 +107,7 @@ class Gravity(Record):
     title = "gravity"
 
     fall: Fall | None
-    energy: Energy | None
+    energy: tuple[float, float] | None
     speed: float | None
     aspect: float
     shrinks: float
@@ -217,23 +201,24 @@ def _size(fall: Fall | None) -> Reason | None:
     )
 
 
-def _gain(energy: Energy | None) -> Reason | None:
+def _gain(energy: tuple[float, float] | None) -> Reason | None:
     """Grains that gain more energy than gravity gives."""
     if energy is None:
         return None
-    if energy.work < 0:
-        if energy.work > -RISE and energy.gained < RISE:
+    gained, work = energy
+    if work < 0:
+        if work > -RISE and gained < RISE:
             return None
         return Reason(
             IMPROBABLE,
             "the grains gain speed while they rise against gravity, and without moving walls they "
             "can only fall: check the signs of gravity, y and v, and the order of the frames",
         )
-    if energy.share < GAINS:
+    if gained / work < GAINS:
         return None
     return Reason(
-        IMPOSSIBLE if energy.share > GAINS_TOO_MUCH else IMPROBABLE,
-        f"the grains gain {digits(energy.share)} times the energy that gravity gives them, and "
+        IMPOSSIBLE if gained / work > GAINS_TOO_MUCH else IMPROBABLE,
+        f"the grains gain {digits(gained / work)} times the energy that gravity gives them, and "
         "friction leaves less than all of it: the scale is too large (the share grows with it), "
         "the frame rate is too high (with its square), or gravity is too small",
     )
@@ -266,10 +251,10 @@ def _remedy(factor: float, bound: str) -> str:
 
 def make(inspection: Inspection) -> Gravity:
     flow, body, height = inspection.filmed, inspection.body, inspection.height
-    center = inspection["mass"].center
+    mass = inspection["mass"]
     speeds, free_fall = inspection.speeds, math.sqrt(2 * math.hypot(*flow.gravity) * height)
     driven = flow.walls is not None and flow.walls.u is not None
-    measured = (center.closed or flow.periodic) and not driven and not flow.steady
+    measured = (mass.closed or flow.periodic) and not driven and not flow.steady
     aspect, shrinks = slender(body, flow.gravity)
     return Gravity(
         fall=None if flow.steady else fall_of(flow, body),
@@ -277,8 +262,8 @@ def make(inspection: Inspection) -> Gravity:
         speed=float(np.quantile(speeds, FASTEST)) / free_fall if speeds.size else None,
         aspect=aspect,
         shrinks=shrinks,
-        rise=center.rise,
-        closed=center.closed,
+        rise=mass.rise,
+        closed=mass.closed,
         free=flow.source is None,
         gravity=flow.gravity,
     )
@@ -316,7 +301,7 @@ def _fall(flow: Flow, body: Body, side: str) -> Fall | None:
     return Fall(side, (a_x, a_y), error, a_x * d_x + a_y * d_y, pull)
 
 
-def energy_of(flow: Flow, body: Body, height: float) -> Energy | None:
+def energy_of(flow: Flow, body: Body, height: float) -> tuple[float, float] | None:
     """The energy that the grains gain; None if they gain little, or other grains are seen later."""
     last = int(np.argmax(body.energy))
     if last < 2 or not body.energy[0] < GROWS * body.energy[last]:
@@ -330,7 +315,7 @@ def energy_of(flow: Flow, body: Body, height: float) -> Energy | None:
     if not noise * math.sqrt(float((step**2).sum())) < SURE_WORK * abs(work):
         return None
     unit = math.hypot(*flow.gravity) * height
-    return Energy(float(body.energy[last] - body.energy[0]) / unit, work / unit)
+    return float(body.energy[last] - body.energy[0]) / unit, work / unit
 
 
 def slender(body: Body, gravity: tuple[float, float]) -> tuple[float, float]:

@@ -20,7 +20,7 @@ I_EDGES = np.logspace(-4, 1, 51)  # of the figure
 
 
 @dataclass(frozen=True)
-class InertialNumbers(Record):
+class InertialRange(Record):
     """With the pressure of estimates/inertia.py.
 
     Attributes:
@@ -73,7 +73,7 @@ class InertialNumbers(Record):
         return {"inertial_number": ("Inertial numbers that the data cover", _draw)}
 
 
-def make(inspection: Inspection) -> InertialNumbers | None:
+def make(inspection: Inspection) -> InertialRange | None:
     numbers, law = inspection.inertia, inspection.law
     found, shear = numbers.quantiles(0.05, 0.5, 0.95, 0.99), shear_of(inspection)
     if found is None or shear is None:
@@ -88,7 +88,7 @@ def make(inspection: Inspection) -> InertialNumbers | None:
         mu_s, mu_2, I0 = law.theta
         lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2)))
     q05, q50, q95, q99 = found
-    return InertialNumbers(q05, q50, q95, q99, reach, above, *shear, lost)
+    return InertialRange(q05, q50, q95, q99, reach, above, *shear, lost)
 
 
 def shear_of(inspection: Inspection) -> Range | None:
@@ -104,7 +104,7 @@ def _draw(inspection: Inspection) -> Any:
     from granpinn.figures.style import BLACK, BLUE, ORANGE, SKY, Drawing, new_figure, styled
 
     @styled
-    def draw(found: InertialNumbers) -> Drawing:
+    def draw(found: InertialRange) -> Drawing:
         figure = new_figure(4.6)
         law_axes, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1))
         law, numbers = inspection.law, inspection.inertia
@@ -139,4 +139,4 @@ def _draw(inspection: Inspection) -> Any:
     return draw(inspection["inertial_number"])
 
 
-CHECK = Check("inertial_number", InertialNumbers, make, seconds=0.2, quick=False, explains=True)
+CHECK = Check("inertial_number", InertialRange, make, seconds=0.2, quick=False, explains=True)

@@ -54,58 +54,28 @@ FEWEST_FRAMES = 4
 
 
 @dataclass(frozen=True)
-class Volume:
-    """What the gradients say: None where they do not decide.
-
-    Attributes:
-        swapped, mirrored: u and v are swapped; one of them has the wrong sign.
-        ratio: rms(v_y) / rms(u_x), if they are correlated.
-    """
-
-    swapped: bool = False
-    mirrored: bool = False
-    ratio: float | None = None
-
-
-@dataclass(frozen=True)
-class Center:
-    """Motion of the center of mass.
-
-    Attributes:
-        ratio: signed (integral of the mean velocity) / displacement in x and y; None: not known.
-        closed: whether no grains cross the edges of the grid.
-        rise: height that the center of mass gains, over the height H of the grains.
-    """
-
-    ratio: tuple[float | None, float | None]
-    closed: bool
-    rise: float
-
-    @property
-    def ratios(self) -> list[float]:
-        """The known ones."""
-        return [ratio for ratio in self.ratio if ratio is not None]
-
-    @property
-    def follows(self) -> bool:
-        """Whether it is known to move along the velocity in x and y."""
-        return len(self.ratios) == 2 and min(self.ratios) > 0
-
-
-@dataclass(frozen=True)
 class Mass(Record):
-    """
+    """What the volume and the center of mass say; None where they do not decide.
+
     Attributes:
         swapped: u and v, or x and y.
+        mirrored: the gradients show that u or v has the wrong sign.
+        gradients: rms(v_y) / rms(u_x), if they are correlated.
+        ratio: signed (integral of the mean velocity) / displacement of the center in x and y.
+        closed: whether no grains cross the edges of the grid.
+        rise: height that the center gains, over the height of the grains.
         covered: share of the grains that have vectors.
         jump: the frame before the interval in which the center moves far more than its velocity,
             its time, and the way of the center over that of the velocity.
         gridded: the components of scattered vectors are not compared.
     """
 
-    volume: Volume
-    center: Center
     swapped: bool
+    mirrored: bool
+    gradients: float | None
+    ratio: tuple[float | None, float | None]
+    closed: bool
+    rise: float
     covered: float
     jump: tuple[int, float, float] | None
     gridded: bool
@@ -123,13 +93,13 @@ class Mass(Record):
 
     def _orientation(self) -> list[Reason]:
         """Components with the wrong sign."""
-        volume = self.volume
-        in_x, in_y = (None if ratio is None else ratio > 0 for ratio in self.center.ratio)
-        if volume.ratio is not None:  # the volume ties the sign of one component to the other
-            in_x = (in_y != volume.mirrored) if in_x is None and in_y is not None else in_x
-            in_y = (in_x != volume.mirrored) if in_y is None and in_x is not None else in_y
+        mirrored = self.mirrored
+        in_x, in_y = (None if ratio is None else ratio > 0 for ratio in self.ratio)
+        if self.gradients is not None:  # the volume ties the sign of one component to the other
+            in_x = (in_y != mirrored) if in_x is None and in_y is not None else in_x
+            in_y = (in_x != mirrored) if in_y is None and in_x is not None else in_y
         if in_x is not False and in_y is not False:
-            if not volume.mirrored or in_x is not None:
+            if not mirrored or in_x is not None:
                 return []
             wrong = "u_x = +v_y where grains that keep their volume have u_x = -v_y: u or v"
             return [Reason(IMPOSSIBLE, f"{wrong} (or x or y) has the wrong sign")]
@@ -144,8 +114,8 @@ class Mass(Record):
 
     def _factors(self) -> list[Reason]:
         """Components, times and places in units that do not fit together."""
-        gradients = self.volume.ratio
-        n = {axis: r for axis, r in zip("xy", self.center.ratio, strict=True) if r is not None}
+        gradients = self.gradients
+        n = {axis: r for axis, r in zip("xy", self.ratio, strict=True) if r is not None}
         far = {axis: r for axis, r in n.items() if _beyond(r, CENTER_DIFFERS)}
         agree = len(n) == 2 and self.covered > COVERED and not _beyond(n["x"] / n["y"], AGREE)
         if not far and agree and all(_beyond(r, BOTH_DIFFER) for r in n.values()):
@@ -195,16 +165,25 @@ def _grade(ratio: float) -> str:
 
 
 def make(inspection: Inspection) -> Mass:
-    flow, height = inspection.filmed, inspection.height
+    flow, height, gridded = (
+        inspection.filmed,
+        inspection.height,
+        inspection.filmed.particles is None,
+    )
     frames, u, v = inspection.vectors
-    volume, center = volume_of(flow, u, v), center_of(flow, frames, u, v, height)
-    swapped, gridded = volume.swapped, flow.particles is None
-    if gridded and not (swapped or center.follows):
-        other = center_of(flow, frames, v, u, height)
-        swapped = other.follows and not any(_beyond(r, CENTER_DIFFERS) for r in other.ratios)
+    swapped, mirrored, gradients = volume_of(flow, u, v)
+    ratio, closed, rise = center_of(flow, frames, u, v, height)
+    if gridded and not (swapped or _follows(ratio)):
+        other, *_ = center_of(flow, frames, v, u, height)
+        swapped = _follows(other) and not any(_beyond(r, CENTER_DIFFERS) for r in other if r)
     covered = float(np.isfinite(u).sum() / flow.c[frames].sum(dtype=np.float64))
-    jump = jump_of(flow, inspection.body) if gridded and center.closed else None
-    return Mass(volume, center, swapped, covered, jump, gridded)
+    jump = jump_of(flow, inspection.body) if gridded and closed else None
+    return Mass(swapped, mirrored, gradients, ratio, closed, rise, covered, jump, gridded)
+
+
+def _follows(ratio: tuple[float | None, float | None]) -> bool:
+    """Whether the center of mass is known to move along the velocity in x and y."""
+    return all(r is not None and r > 0 for r in ratio)
 
 
 def jump_of(flow: Flow, body: Body) -> tuple[int, float, float] | None:
@@ -221,8 +200,8 @@ def jump_of(flow: Flow, body: Body) -> tuple[int, float, float] | None:
     return k, float(body.t[k]), float(np.hypot(*moved[k]) / size[k])
 
 
-def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
-    """Compares the divergence with that of the hypotheses.
+def volume_of(flow: Flow, u: Float64, v: Float64) -> tuple[bool, bool, float | None]:
+    """`swapped`, `mirrored` and `gradients` of `Mass`: the divergence against hypotheses.
 
     Args:
         u, v: velocity of some frames [K, Y, X], NaN where there is no vector.
@@ -238,7 +217,7 @@ def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
     ]
     n, xx, yx, xy, yy, normal, shear = np.array(blocks).T
     if not ((n >= FEWEST_VECTORS) & (xx + yy > 0)).all():
-        return Volume()
+        return False, False, None
     divergence, all_gradients = xx + yy + 2 * normal, xx + yx + xy + yy
 
     def wins(other: Float64) -> bool:
@@ -250,11 +229,7 @@ def volume_of(flow: Flow, u: Float64, v: Float64) -> Volume:
     r = normal / np.sqrt(xx * yy)
     mirrored = bool((r > CORRELATED).all())
     related = mirrored or bool((r < -CORRELATED).all())
-    return Volume(
-        swapped=swapped,
-        mirrored=mirrored,
-        ratio=math.sqrt(yy.sum() / xx.sum()) if related else None,
-    )
+    return swapped, mirrored, math.sqrt(yy.sum() / xx.sum()) if related else None
 
 
 def _block(there: Bool, *gradients: Float64) -> list[float]:
@@ -267,8 +242,10 @@ def _block(there: Bool, *gradients: Float64) -> list[float]:
     return [float(there.sum()), *(float(np.sum(a * b)) for a, b in pairs)]
 
 
-def center_of(flow: Flow, frames: Index, u: Float64, v: Float64, height: float) -> Center:
-    """Compares the motion of the center of mass with the mean velocity.
+def center_of(
+    flow: Flow, frames: Index, u: Float64, v: Float64, height: float
+) -> tuple[tuple[float | None, float | None], bool, float]:
+    """`ratio`, `closed` and `rise` of `Mass`: the center of mass against the mean velocity.
 
     Args:
         u, v: velocity of the frames [K, Y, X], NaN where there is no vector.
@@ -295,7 +272,7 @@ def center_of(flow: Flow, frames: Index, u: Float64, v: Float64, height: float) 
         ratios.append(_ratio(np.diff(place), _integrals(mean, t)) if moves else None)
     levels = flow.height(*places)
     rise = float(levels[-1] - levels[0]) / height
-    return Center((ratios[0], ratios[1]), all(closed), rise)
+    return (ratios[0], ratios[1]), all(closed), rise
 
 
 def _integrals(mean: Float64, t: Float64) -> Float64:

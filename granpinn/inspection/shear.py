@@ -14,7 +14,7 @@ PIV_DIVERGENCE, LARGE_DIVERGENCE = 0.08, 0.12
 
 
 @dataclass(frozen=True)
-class Shear(Record):
+class ShearRate(Record):
     """
     Attributes:
         window: cells across the windows in which velocities were differentiated.
@@ -53,7 +53,7 @@ class Shear(Record):
         return [Reason(ADVICE, text)]
 
 
-def make(inspection: Inspection) -> Shear:
+def make(inspection: Inspection) -> ShearRate:
     found, flows, time = inspection.facts.slopes, inspection.inertia.flows, inspection.scales.time
     gamma_dot, weight, divergence = found.gamma_dot[flows], found.vectors.sum(), None
     if flows.any():
@@ -61,7 +61,7 @@ def make(inspection: Inspection) -> Shear:
         square = float(np.mean(found.divergence[flows] ** 2 - found.bias[flows] / 2))
         divergence = float(np.sqrt(max(square, 0.0) / np.mean(gamma_dot**2)))
     error = float(np.sqrt(np.median(found.bias) / 2)) if found.u.size else 0.0
-    return Shear(
+    return ShearRate(
         window=2 * found.half_width + 1,
         flowing=float(found.vectors[flows].sum() / weight) if weight else 0.0,
         shear_rate=float(np.median(gamma_dot)) / time if flows.any() else None,
@@ -70,4 +70,4 @@ def make(inspection: Inspection) -> Shear:
     )
 
 
-CHECK = Check("shear", Shear, make, seconds=0.07, quick=False)
+CHECK = Check("shear", ShearRate, make, seconds=0.07, quick=False)

@@ -1,4 +1,4 @@
-"""What a flow file states: numbers that the flow itself bounds.
+"""What a flow file states: usual sizes, and numbers that the flow itself bounds.
 
 Such a statement can be read and used, but it is likely to be in another unit, or of another flow.
 The bounds are wide: no sound file of any study comes near them.
@@ -8,6 +8,13 @@ The bounds are wide: no sound file of any study comes near them.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
 - A pressure or a stress is at most some times the weight of the grains.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
+
+Sizes have the bounds of any laboratory and field, with margins:
+
+- A flow is a continuum from about 10 grains across it; thin layers on slopes flow from 5 on. The
+  largest flows of small grains, 2,000 diameters, are columns of a metre of sand.
+- Grains fill 0.5 to 0.65 of a dense flow, and disks in a plane up to 0.91 of it.
+- On Earth |g| is 9.81 m/s^2. Its part along a plane that leans may be smaller.
 """
 
 from __future__ import annotations
@@ -22,10 +29,15 @@ from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.data.large import spread
 from granpinn.data.scaling import initial_height
-from granpinn.inspection import Inspection
+from granpinn.inspection import Inspection, digits
 from granpinn.physics.axes import vertical_coordinate
 from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Check, Reason, Record
 
+FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
+EMPTY = 0.2  # share of the space that grains fill
+EARTH = (0.5, 11.0)  # m/s^2
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SECONDS = {"s": 1.0, "ms": 1e-3}
 COARSE, UNSURE = 0.5, 0.3  # cell of the solver and error of the line, over the height
 MONOLAYER = 0.9  # distance of side walls over the grain diameter
 LONG = 1000.0  # period over the width of the grid
@@ -48,8 +60,35 @@ class Statements(Record):
 
 def make(inspection: Inspection) -> Statements:
     flow, speeds = inspection.filmed, inspection.speeds
-    found = [*_lengths(flow), *_errors(flow, speeds), *_line(flow), *_stresses(flow)]
-    return Statements((*found, *_level(flow, speeds), *_alike(flow)))
+    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
+    return Statements((*found, *_stresses(flow), *_level(flow, speeds), *_alike(flow)))
+
+
+def _sizes(flow: Flow) -> list[Reason]:
+    """Of the grains, of their density and of gravity."""
+    found, count = [], initial_height(flow) / flow.grain_diameter
+    few = FEW_IN_LAYERS if flow.periodic else FEW_GRAINS
+    if not few <= count <= MOST_GRAINS:
+        text = (
+            f"the {'layer is' if flow.periodic else 'grains are'} {digits(count)} diameters high "
+            f"in the first frame, and flows of {few:g} to {MOST_GRAINS:,.0f} are usual: check the "
+            "grain diameter and the scale"
+        )
+        found.append(Reason(IMPOSSIBLE if count < FEWEST_GRAINS else UNUSUAL, text))
+    share = math.inf if flow.grain_density is None else flow.density / flow.grain_density
+    if share < EMPTY:
+        text = (
+            f"the grains fill {share:.3g} of the space (density {flow.density:.4g}, of a grain "
+            f"{flow.grain_density:.4g}), and 0.5 to 0.65 are usual: check both densities"
+        )
+        found.append(Reason(IMPROBABLE, text))
+    if flow.length_unit in METRES and flow.time_unit in SECONDS:
+        unit = METRES[flow.length_unit] / SECONDS[flow.time_unit] ** 2
+        g = math.hypot(*flow.gravity) * unit
+        if not EARTH[0] <= g <= EARTH[1]:
+            text = f"gravity is {digits(g)} m/s^2, and 9.81 on Earth: check its size and unit"
+            found.append(Reason(UNUSUAL, text))
+    return found
 
 
 def _lengths(flow: Flow) -> list[Reason]:

@@ -30,36 +30,28 @@ FRAMES = 24  # at most
 
 
 @dataclass(frozen=True)
-class Line:
+class FreeSurface(Record):
     """The line of the free surface against the vectors.
 
-    Attributes:
-        above: share of the vectors more than CELLS above the line.
-        gap: height of the line over the uppermost full cells, median over the columns without
-            holes, in cells; 0 if most columns have holes.
-        down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
-    """
+    They are not compared with few vectors below the line, with other forces than gravity, or
+    without a grid.
 
-    above: float
-    gap: float
-    down: float | None
-
-
-@dataclass(frozen=True)
-class FreeSurface(Record):
-    """
     Attributes:
         points: of the line.
         frames: share of the frames with points.
-        line: against the vectors; None without a line, with few vectors below it, with other
-            forces than gravity, or without a grid.
+        above: share of the vectors more than CELLS above the line.
+        gap: height of the line over the uppermost full cells, median over the columns without
+            holes, in cells; 0 if most columns have holes.
+        down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: not known.
     """
 
     title = "free surface"
 
     points: int
     frames: float
-    line: Line | None
+    above: float = 0.0
+    gap: float = 0.0
+    down: float | None = None
 
     @property
     def words(self) -> str:
@@ -71,27 +63,24 @@ class FreeSurface(Record):
                 return []
             text = "No free surface: level V0 only; give the line, it fixes the pressure."
             return [Reason(ADVICE, text)]
-        line = self.line
-        if line is None:
-            return []
-        if line.above > ABOVE:
+        if self.above > ABOVE:
             text = (
-                f"{line.above:.0%} of the vectors lie more than {CELLS:g} cells above the line of "
+                f"{self.above:.0%} of the vectors lie more than {CELLS:g} cells above the line of "
                 "the free surface, measured against gravity: check the unit, the origin and the "
                 "sign of surface_y, and the direction of gravity"
             )
-            return [Reason(IMPOSSIBLE if line.above > FAR_ABOVE else IMPROBABLE, text)]
-        if abs(line.gap) > CELLS:
-            side = "above" if line.gap > 0 else "below"
+            return [Reason(IMPOSSIBLE if self.above > FAR_ABOVE else IMPROBABLE, text)]
+        if abs(self.gap) > CELLS:
+            side = "above" if self.gap > 0 else "below"
             text = (
-                f"the line of the free surface lies {abs(line.gap):.2g} cells {side} the uppermost "
+                f"the line of the free surface lies {abs(self.gap):.2g} cells {side} the uppermost "
                 "vectors: check its origin and unit, and its direction of y"
             )
             return [Reason(IMPROBABLE, text)]
-        if line.down is None or line.down > UPHILL:
+        if self.down is None or self.down > UPHILL:
             return []
         text = (
-            f"the grains at the free surface run uphill ({-line.down:.2f} of their speed is "
+            f"the grains at the free surface run uphill ({-self.down:.2f} of their speed is "
             "against gravity): check the signs of u, v, x and y, the direction of gravity, and "
             "the order of the frames"
         )
@@ -101,26 +90,22 @@ class FreeSurface(Record):
 def make(inspection: Inspection) -> FreeSurface:
     flow = inspection.filmed
     if flow.surface is None:
-        return FreeSurface(0, 0.0, None)
+        return FreeSurface(0, 0.0)
     middle = (flow.t[1:] + flow.t[:-1]) / 2
     frames = np.unique(np.searchsorted(middle, flow.surface.t)).size
-    line = line_of(flow, flow.surface) if flow.source is None else None
-    return FreeSurface(flow.surface.t.size, frames / flow.t.size, line)
-
-
-def line_of(flow: Flow, surface: Surface) -> Line | None:
-    """The line against the vectors; None with few vectors below it, or without a grid."""
-    pose = upright(_some_frames(flow, surface), 0)
+    found = FreeSurface(flow.surface.t.size, frames / flow.t.size)
+    pose = upright(_some_frames(flow, flow.surface), 0) if flow.source is None else "driven"
     if isinstance(pose, str):
-        return None
+        return found
     dy = float(np.diff(pose.y).mean())
     height, y = pose.height[:, None, :], pose.y[:, None]
     grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
-        return None
+        return found
     top, whole = _tops(grains, pose.y)
     dense = 2 * whole.sum() > np.isfinite(top).sum()
-    return Line(
+    return replace(
+        found,
         above=float(np.mean((y > height + CELLS * dy)[grains])),
         gap=float(np.median((pose.height - top)[whole])) / dy if dense else 0.0,
         down=_downhill(pose, grains & (y > height - LAYER * dy)),

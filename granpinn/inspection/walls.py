@@ -11,7 +11,7 @@ from granpinn.results.record import ADVICE, Check, Reason, Record
 
 
 @dataclass(frozen=True)
-class Walls(Record):
+class WallContacts(Record):
     """All walls, in the order of the file."""
 
     title = "walls"
@@ -26,9 +26,9 @@ class Walls(Record):
         return [Reason(ADVICE, f"{t[0].upper()}{t[1:]}.") for t in contradictions(self.walls)]
 
 
-def make(inspection: Inspection) -> Walls | None:
+def make(inspection: Inspection) -> WallContacts | None:
     found = walls_of(with_partial_cells(inspection.flow))
-    return None if found is None else Walls(tuple(found[2]))
+    return None if found is None else WallContacts(tuple(found[2]))
 
 
-CHECK = Check("walls", Walls, make, seconds=0.09, quick=False)
+CHECK = Check("walls", WallContacts, make, seconds=0.09, quick=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 if TYPE_CHECKING:
     from granpinn.config import Config
@@ -137,14 +137,12 @@ class Check:
         return flag or self.name in config.checks.split(",")
 
 
-class Checked(Protocol):
-    """What checks are made of: it keeps their records, or why there is none."""
+def make(context: Any, checks: Sequence[Check]) -> None:
+    """Make checks one after another; one that fails leaves its reason, and the others go on.
 
-    def take(self, check: Check) -> None: ...
-
-
-def make(context: Checked, checks: Sequence[Check]) -> None:
-    """Make checks one after another; a check that fails leaves its reason, and the others go on."""
+    Args:
+        context: a `fit.context.Context` or an `inspection.Inspection`.
+    """
     for check in checks:
         context.take(check)
 

@@ -144,10 +144,10 @@ def test_one_file_is_enough_for_a_check_of_a_flow(
 def test_a_check_of_a_flow_that_fails_is_not_done(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("granpinn.inspection.sizes.initial_height", lambda flow: 1 / 0)
-    with pytest.warns(FlowFileWarning, match="the check sizes of the flow was not done: "):
+    monkeypatch.setattr("granpinn.inspection.statements.initial_height", lambda flow: 1 / 0)
+    with pytest.warns(FlowFileWarning, match="the check statements of the flow was not done: "):
         found = inspection.refuse_slips(flow)
-    assert any(line.startswith("sizes            not done: ") for line in found.lines())
+    assert any(line.startswith("statements       not done: ") for line in found.lines())
 
 
 def test_one_file_is_enough(

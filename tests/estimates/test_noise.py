@@ -115,11 +115,8 @@ def test_noise_of_neighbors_that_share_pixels(demo: Flow, seed: int) -> None:
     # Correlation 1/2 with either neighbor in x and y: (1 + 2/2)^2.
     assert found["noise"].vectors_per_independent == pytest.approx(4, rel=0.2)
     alone = inspect(add_noise(demo, 0.05, seed))
-    assert found["precision"].bounds is not None
-    assert alone["precision"].bounds is not None
-    assert found["precision"].bounds.known["mu_s"] / alone["precision"].bounds.known[
-        "mu_s"
-    ] == pytest.approx(2, rel=0.2)
+    shared, own = (i["precision"].bounds.known["mu_s"] for i in (found, alone))
+    assert shared / own == pytest.approx(2, rel=0.2)
 
 
 def test_outliers_and_gaps_do_not_matter(demo: Flow, seed: int) -> None:
@@ -155,5 +152,5 @@ def test_noise_map_shows_where(demo: Flow, seed: int) -> None:
 def test_few_vectors_have_no_noise() -> None:
     t = np.zeros(10)
     found = particle_fits(t, t, t, t, t)
-    assert found["noise"].sigma is None
+    assert found.noise.sigma is None
     assert found.where.size == found.local.size == found.shear_rate.size == 0
