@@ -182,6 +182,11 @@ class Inspection:
         return body_of(self.filmed)
 
     @property
+    def time_unit(self) -> str:
+        """Behind a number, with a space."""
+        return "" if self.filmed.time_unit == "1" else f" {self.filmed.time_unit}"
+
+    @property
     def velocity_unit(self) -> str:
         """In words; "1" for a flow without units."""
         flow = self.filmed

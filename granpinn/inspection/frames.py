@@ -25,46 +25,39 @@ class Frames(Record):
     """
     Attributes:
         repeated: frames with the vectors of the frame before; none of a steady flow or particles.
-        first_repeated: time of the first one.
-        poor: frames without vectors in half of the grains; None for particles.
-        first_poor: time of the first one.
-        empty: frames without grains between frames with grains.
-        steps: shortest, median and longest time from frame to frame; None for a steady flow.
+        poor: frames without vectors in half of the grains; none of particles.
+        empty: number of frames without grains between frames with grains.
         acceleration: of the mean velocity of a flow that is stated as steady, over gravity.
-        time_unit: behind a number, with a space.
     """
 
     title = "frames"
 
     count: int
-    repeated: int
-    first_repeated: tuple[int, float] | None
-    poor: int
-    first_poor: float | None
+    repeated: tuple[int, ...]
+    poor: tuple[int, ...]
     empty: int
-    steps: tuple[float, ...] | None
     acceleration: float
-    time_unit: str
 
     @property
     def words(self) -> str:
-        return f"{self.count}, {self.repeated} repeated, {self.poor} mostly empty"
+        return f"{self.count}, {len(self.repeated)} repeated, {len(self.poor)} mostly empty"
 
     def reasons(self, of: Inspection) -> list[Reason]:
-        found = []
-        if self.first_repeated is not None:
-            frame, t = self.first_repeated
-            if self.repeated > MANY * self.count:
-                text = (
-                    f"{self.repeated} of {self.count} frames repeat the one before (first: frame "
-                    f"{frame + 1}, t = {t:.4g}): leave them out, and check the frame rate"
-                )
-                found.append(Reason(IMPROBABLE, text))
-            else:
-                text = (
-                    f"{self.repeated} frames repeat the one before (first: t = {t:.4g}"
-                    f"{self.time_unit}): leave them out."
-                )
+        found, t, repeated = [], of.filmed.t, len(self.repeated)
+        if repeated > MANY * self.count:
+            k = self.repeated[0]
+            text = (
+                f"{repeated} of {self.count} frames repeat the one before (first: frame {k + 1}, "
+                f"t = {t[k]:.4g}): leave them out, and check the frame rate"
+            )
+            found.append(Reason(IMPROBABLE, text))
+        for frames, what in (
+            (self.repeated if repeated <= MANY * self.count else (), "repeat the one before"),
+            (self.poor, "lack vectors in more than half of the grains"),
+        ):
+            if frames:
+                first = f"t = {t[frames[0]]:.4g}{of.time_unit}"
+                text = f"{len(frames)} frames {what} (first: {first}): leave them out."
                 found.append(Reason(ADVICE, text))
         if self.acceleration > UNSTEADY:
             part = self.acceleration
@@ -81,39 +74,27 @@ class Frames(Record):
                 "out, or give their fraction"
             )
             found.append(Reason(IMPROBABLE, text))
-        if self.steps is not None and self.steps[0] < SHORT * self.steps[1]:
-            shortest, median, longest = self.steps
+        step = np.diff(t)
+        if not of.filmed.steady and step.min() < SHORT * np.median(step):
             text = (
-                f"frames follow each other by {shortest:.3g} to {longest:.3g}, with {median:.3g} "
-                "as the median: check the times"
+                f"frames follow each other by {step.min():.3g} to {step.max():.3g}, with "
+                f"{np.median(step):.3g} as the median: check the times"
             )
             found.append(Reason(UNUSUAL, text))
-        if self.poor:
-            text = (
-                f"{self.poor} frames lack vectors in more than half of the grains (first: t = "
-                f"{self.first_poor:.4g}{self.time_unit}): leave them out."
-            )
-            found.append(Reason(ADVICE, text))
         return found
 
 
 def make(inspection: Inspection) -> Frames:
     flow = inspection.filmed
-    same = [] if flow.steady or flow.particles is not None else _repeated(flow)
+    scattered = flow.particles is not None
     grains, seen = _cells(flow)
     full = np.flatnonzero(grains)
-    poor = np.flatnonzero(seen < POOR * grains) if flow.particles is None else full[:0]
-    steps = np.diff(flow.t)
     return Frames(
         count=flow.t.size,
-        repeated=len(same),
-        first_repeated=(same[0], float(flow.t[same[0]])) if same else None,
-        poor=poor.size,
-        first_poor=float(flow.t[poor[0]]) if poor.size else None,
+        repeated=() if flow.steady or scattered else _repeated(flow),
+        poor=() if scattered else tuple(map(int, np.flatnonzero(seen < POOR * grains))),
         empty=int(full[-1] - full[0] + 1 - full.size) if full.size else 0,
-        steps=None if flow.steady else tuple(map(float, np.quantile(steps, (0, 0.5, 1)))),
         acceleration=_acceleration(flow),
-        time_unit="" if flow.time_unit == "1" else f" {flow.time_unit}",
     )
 
 
@@ -126,7 +107,7 @@ def _cells(flow: Flow) -> tuple[Floats, Floats]:
     return grains, seen
 
 
-def _repeated(flow: Flow) -> list[int]:
+def _repeated(flow: Flow) -> tuple[int, ...]:
     """Frames with the vectors of the frame before; none where nothing moves or changes."""
     pairs = zip(flow.u[1:], flow.u[:-1], flow.v[1:], flow.v[:-1], strict=True)
     same = [
@@ -137,7 +118,7 @@ def _repeated(flow: Flow) -> list[int]:
         and _equal(v, v_0)
         and (np.nan_to_num(u).any() or np.nan_to_num(v).any())
     ]
-    return same if len(same) < flow.t.size - 1 else []
+    return tuple(same) if len(same) < flow.t.size - 1 else ()
 
 
 def _equal(a: Floats, b: Floats) -> bool:

@@ -29,7 +29,7 @@ class Motion(Record):
             for a steady flow, whose frames need not follow each other.
         largest_move: the same distance in units of H0, for the worst pair of frames, or None.
         sparse: (start, end) of the longest run of frames that are too far apart.
-        velocity_unit, time_unit: behind a number, with a space.
+        unit: of the speed, behind a number, with a space.
     """
 
     title = "motion"
@@ -38,21 +38,20 @@ class Motion(Record):
     cells_per_frame: float | None
     largest_move: float | None
     sparse: tuple[float, float] | None
-    velocity_unit: str
-    time_unit: str
+    unit: str
 
     @property
     def words(self) -> str:
         cells = self.cells_per_frame
         moves = "" if cells is None else f"; {cells:.2g} cells per frame"
-        return f"largest speed {self.speed:.3g}{self.velocity_unit}{moves}"
+        return f"largest speed {self.speed:.3g}{self.unit}{moves}"
 
     def reasons(self, of: Inspection) -> list[Reason]:
         if self.sparse is None or self.largest_move is None:
             return []
         start, end = self.sparse
         text = (
-            f"Add frames between t = {start:.4g} and {end:.4g}{self.time_unit}: grains move up to "
+            f"Add frames between t = {start:.4g} and {end:.4g}{of.time_unit}: grains move up to "
             f"{self.largest_move:.2f} of the initial height from one to the next; a frame rate "
             f"{math.ceil(self.largest_move / LARGEST_MOVE)} times higher resolves the motion."
         )
@@ -65,16 +64,15 @@ class Motion(Record):
 def make(inspection: Inspection) -> Motion:
     flow, view, found = inspection.flow, inspection.facts.view, inspection.facts.slopes
     noise = inspection["noise"]
-    units = noise.unit, "" if flow.time_unit == "1" else f" {flow.time_unit}"
     if view.steady:
-        return Motion(noise.speed, None, None, None, *units)
+        return Motion(noise.speed, None, None, None, noise.unit)
     # Of the smoothed velocity: that of single vectors contains noise.
     size = np.hypot(found.u, found.v)
     fastest = quantiles(size, found.index[0], view.t.size, FASTEST)
     moves = np.diff(view.t) * np.maximum(fastest[1:], fastest[:-1])
     cells = float(np.quantile(moves, FASTEST) / min(view.steps[1:]))
     sparse = _longest_run(moves > LARGEST_MOVE, flow.t)
-    return Motion(noise.speed, cells, float(moves.max()), sparse, *units)
+    return Motion(noise.speed, cells, float(moves.max()), sparse, noise.unit)
 
 
 def _longest_run(marked: Bool, t: Float64) -> tuple[float, float] | None:

@@ -48,12 +48,8 @@ def as_particles(flow: Flow, seed: int, per_frame: int = 1500, every: int = 4) -
 def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
     found = inspect(add_noise(demo, sd, seed))
     expected = sd * max_speed(demo)
-    for estimate in (
-        found["noise"].sigma,
-        found["noise"].u,
-        found["noise"].v,
-        found["noise"].in_space,
-    ):
+    noise = found["noise"]
+    for estimate in (noise.sigma, noise.u, noise.v, noise.in_space):
         assert estimate is not None
         assert estimate == pytest.approx(expected, rel=TOLERANCE)
     assert found["noise"].relative == pytest.approx(sd, rel=TOLERANCE)
@@ -73,7 +69,6 @@ def test_noise_is_that_of_a_typical_vector(demo: Flow, seed: int) -> None:
     rms = np.sqrt(np.mean((u - demo.u)[demo.valid] ** 2))
     assert rms > 1.3 * expected
     found = inspect(replace(demo, u=u, v=v))
-    assert found["noise"].sigma is not None
     assert found["noise"].sigma == pytest.approx(expected, rel=0.1)
 
 
@@ -110,7 +105,6 @@ def test_noise_of_neighbors_that_share_pixels(demo: Flow, seed: int) -> None:
         v=(demo.v + shared()).astype(np.float32),
     )
     found = inspect(flow)
-    assert found["noise"].sigma is not None
     assert found["noise"].sigma == pytest.approx(sigma, rel=0.1)
     # Correlation 1/2 with either neighbor in x and y: (1 + 2/2)^2.
     assert found["noise"].vectors_per_independent == pytest.approx(4, rel=0.2)

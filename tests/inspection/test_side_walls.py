@@ -76,8 +76,7 @@ def test_a_flow_without_side_walls_does_not_mention_them() -> None:
 
 
 def test_an_inspection_takes_their_friction() -> None:
-    found = inspect(make_channel(), side_walls=SideWalls(FRICTION, 0.0))
-    assert found["momentum_balance"] == baseline(
-        make_channel(), side_walls=SideWalls(FRICTION, 0.0)
-    )
+    walls = SideWalls(FRICTION, 0.0)
+    found = inspect(make_channel(), side_walls=walls)
+    assert found["momentum_balance"] == baseline(make_channel(), side_walls=walls)
     assert found["momentum_balance"].wall_friction == FRICTION

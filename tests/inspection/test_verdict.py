@@ -35,9 +35,7 @@ def test_good_data(inspected: Inspection) -> None:
     assert found["gravity"].fall.size == pytest.approx(1, abs=0.05)
     assert found["gravity"].fall.tilt(found.flow.gravity) == pytest.approx(0, abs=2)
     assert found["vectors"].invalid_share == 0
-    assert "inertial_number" in found.records
     assert 0.05 < found["inertial_number"].q95 < 0.2
-    assert found["shear"].divergence is not None
     assert found["shear"].divergence < 0.05
 
 
@@ -88,7 +86,6 @@ def test_rest_has_no_precision(demo: Flow, seed: int) -> None:
 def test_too_few_frames(demo: Flow, inspected: Inspection) -> None:
     flow = every(demo, 5)
     found = inspect(flow)
-    assert found["motion"].sparse is not None
     start, end = found["motion"].sparse
     assert 0 < start < end <= demo.t[-1]
     assert "Add frames between t =" in said(found)
@@ -119,8 +116,8 @@ def test_frames_without_vectors_and_repeated_frames(demo: Flow) -> None:
         )
     )
     frames = found["frames"]
-    assert (frames.poor, frames.first_poor) == (3, demo.t[30])
-    assert (frames.repeated, frames.first_repeated) == (1, (50, demo.t[50]))
+    assert frames.poor == (30, 31, 32)
+    assert frames.repeated == (50,)
     assert "3 frames lack vectors" in said(found)
     assert "1 frames repeat" in said(found)
     assert found["precision"].bounds is not None
@@ -149,11 +146,8 @@ def test_an_inertial_number_that_stays_small(demo: Flow, inspected: Inspection) 
     """Grains ten times smaller: the same motion at a tenth of I."""
     found = inspect(replace(demo, grain_diameter=0.0025))
     assert "mu_2 cannot be separated from I0" in said(found)
-    assert "inertial_number" in found.records
-    assert "inertial_number" in inspected.records
-    assert found["inertial_number"].q50 == pytest.approx(
-        inspected["inertial_number"].q50 / 10, rel=0.1
-    )
+    small, large = (i["inertial_number"].q50 for i in (found, inspected))
+    assert small == pytest.approx(large / 10, rel=0.1)
 
 
 def test_a_stated_deviation_that_is_wrong(demo: Flow, seed: int) -> None:
@@ -180,7 +174,6 @@ def test_grains_that_leave_the_plane(demo: Flow) -> None:
 
 def test_errors_like_those_of_piv_are_not_grains_that_leave_the_plane(demo: Flow) -> None:
     found = inspect(replace(demo, u=(1.4 * demo.u).astype(np.float32)))
-    assert found["shear"].divergence is not None
     assert PIV_DIVERGENCE < found["shear"].divergence < LARGE_DIVERGENCE
     assert "div v" not in said(found)
 
