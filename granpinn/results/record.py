@@ -109,7 +109,8 @@ class Check:
         make: gives the record of a `fit.context.Context` or an `inspection.Inspection`; None where
             the check does not apply.
         seconds: that it takes after a training of one minute on two cores, roughly. Checks are made
-            in this order.
+            in this order. Those of a flow take 2 s together: theirs give the order of the lines
+            only.
         flag: the setting that asks for it too.
         quick: whether the default makes it; of a flow: whether `convert` and `train` make it too.
         trains: whether it trains more networks, in which every process takes part.
