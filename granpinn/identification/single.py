@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
 
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config
 from granpinn.config.settings import config_of
@@ -30,6 +30,7 @@ from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import Law
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row

@@ -7,14 +7,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.checks import NONE, Check
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
+from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case, choose_device
 from granpinn.identification.answer import parts_of
-from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import granpinn.convert as convert
-import granpinn.inspect as inspect
 from granpinn.command.exit_codes import fail
 from granpinn.command.next_step import require_flow_file
 from granpinn.data import Flow
 from granpinn.errors import BadInput
 from granpinn.importers.formats import detect
+from granpinn.inspect import __main__ as inspect
 
 NAMES = {
     "command": "x$(touch PWNED)",

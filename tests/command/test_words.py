@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import granpinn.convert as convert
-import granpinn.inspect as inspect
 from granpinn import collect, identify, identify_many, train
 from granpinn.command import cli
 from granpinn.config import Config, ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import Flow, write_flow
+from granpinn.inspect import __main__ as inspect
 from granpinn.report import __main__ as report
 from granpinn.results import write_results
 from granpinn.results.results_csv import write_csv
