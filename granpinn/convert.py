@@ -1,6 +1,9 @@
 """The command `python -m granpinn.convert`: makes a flow file of the files of a PIV or PTV program.
 
 Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
+
+In Python, `granpinn.read(files, ...)` gives the flow, and `granpinn.convert(files, settings)` takes
+the settings as a record.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.command import flow_warnings
+from granpinn.command.callable_module import call_like
 from granpinn.command.next_step import training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config.fields import flag_of
@@ -124,6 +128,8 @@ def _joined(argv: Sequence[str]) -> list[str]:
 def _formats() -> str:
     return "\n".join(f"  {name:<12}{found.title}" for name, found in FORMATS.items())
 
+
+call_like(convert, __name__)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,9 +9,19 @@ import pytest
 import granpinn
 
 
-@pytest.mark.parametrize("name", [n for n in granpinn.__all__ if n != "__version__"])
+@pytest.mark.parametrize("name", sorted({*granpinn.__all__} - {"__version__", "laws"}))
 def test_public_names_load(name: str) -> None:
     assert callable(getattr(granpinn, name))
+
+
+def test_commands_leave_the_functions_of_their_names() -> None:
+    code = (
+        "import granpinn; import granpinn.inspect.__main__, granpinn.convert, granpinn.simulate; "
+        "print(callable(granpinn.inspect), callable(granpinn.convert), callable(granpinn.simulate),"
+        "granpinn.laws.__name__)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["True", "True", "True", "granpinn.laws"]
 
 
 def test_dir_lists_the_public_names() -> None:

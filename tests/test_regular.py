@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import granpinn
-from granpinn import convert, importers, train
+import granpinn.convert as convert
+from granpinn import importers, train
 from granpinn.config.toml import read_saved, read_toml
 from granpinn.data import read_flow
 from granpinn.fit.network import read_network

@@ -264,12 +264,6 @@ def size(numbers: Iterable[float]) -> str:
     return f"{statistics.median(map(abs, numbers)):.2g}"
 
 
-def demonstration() -> str:
-    """The first and the last lines of what the demonstration prints."""
-    lines = text("demonstration").rstrip().splitlines()
-    return fenced("\n".join([*lines[:4], "...", *lines[-2:]]))
-
-
 def fenced(lines: str) -> str:
     """A block of text."""
     return f"```text\n{lines.rstrip()}\n```"
@@ -316,8 +310,8 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "time.demonstration": lambda: seconds(exits("two EPYC cores", "6000")),
     "time.collapse": lambda: seconds(exits("two EPYC cores", "15000")),
     "time.GPU": lambda: seconds(exits("H100, 15000 steps", "15000")),
-    "demonstration": demonstration,
-    "demonstration.assessment": lambda: fenced(text("demonstration").splitlines()[-1]),
+    "demonstration": lambda: fenced(text("demonstration")),
+    "demonstration.grade": lambda: fenced(text("demonstration").splitlines()[-2]),
     "tests": lambda: fenced(text("tests")),
     "jets.table": table(jets_table),
     "studies": table(studies),

@@ -15,7 +15,8 @@ def wanted(config: Config) -> list[Check]:
     """The checks that the settings want, in their order.
 
     Raises:
-        ConfigError: --checks names a check that there is none of.
+        ConfigError: --checks has an unknown word, or the settings ask for a check that they cannot
+            have.
     """
     known = (NONE, QUICK, ALL, *names(FIT))
     for word in config.checks.split(","):
@@ -24,4 +25,8 @@ def wanted(config: Config) -> list[Check]:
                 f"--checks must be words of {', '.join(known)}, with commas between them, got "
                 f"{word!r}"
             )
-    return [check for check in every(FIT) if check.wanted(config)]
+    checks = [check for check in every(FIT) if check.wanted(config)]
+    for check in checks:
+        if check.refuse is not None and check.asked(config):
+            check.refuse(config)
+    return checks

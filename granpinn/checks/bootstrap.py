@@ -209,7 +209,7 @@ def bootstrap(
     measured: Flow,
     result: Result,
     config: Config,
-    identify_many: Callable[..., list[Result]],
+    identify_many: Callable[..., Sequence[Result]],
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,

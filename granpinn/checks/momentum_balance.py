@@ -74,11 +74,11 @@ class MomentumBalance(Record):
         farthest = max(self.differences, key=lambda d: d.standard_errors, default=None)
         if farthest is None:
             return []
-        what = "the momentum balance, which needs no network"
+        what = "the momentum balance without a network"
         if farthest.standard_errors > SIGNIFICANT:
-            text = f"The law differs from {what}, by {farthest}: one of them is wrong."
+            text = f"The law differs from {what} by {farthest}: one of them is wrong."
             return [Reason(CARE, text)]
-        return [Reason(GOOD, f"{what.capitalize()}, agrees: the law differs by {farthest}.")]
+        return [Reason(GOOD, f"{what.capitalize()} agrees: the law differs by {farthest}.")]
 
 
 def without_error_bars(result: Result) -> Result:

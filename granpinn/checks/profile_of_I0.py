@@ -173,7 +173,7 @@ def settings_of(config: Config, steps: int | None = None) -> Config:
 def profile_I0(
     flow: Flow | str | os.PathLike[str],
     config: Config,
-    identify_many: Callable[..., list[Result]],
+    identify_many: Callable[..., Sequence[Result]],
     *,
     steps: int | None = None,
     run_dir: str | os.PathLike[str] | None = None,
@@ -366,5 +366,12 @@ def _answer(
 
 
 CHECK = Check(
-    "profile_of_I0", Profile, make, seconds=600.0, flag="free_I0", quick=False, trains=True
+    "profile_of_I0",
+    Profile,
+    make,
+    seconds=600.0,
+    flag="free_I0",
+    quick=False,
+    trains=True,
+    refuse=require_mu_of_i,
 )

@@ -24,8 +24,7 @@ from granpinn.results.record import Check, Record
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.comparison import Comparison, compare
 from granpinn.second_opinion.scenes import GrainColumn, scene_of
-from granpinn.simulation import progress
-from granpinn.simulation.progress import SilentSimulation
+from granpinn.simulation.progress import SilentSimulation, SimulationLines
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
 
@@ -185,7 +184,7 @@ def make(context: Context) -> Resimulation:
         result.friction_law,
         result.theta,
         config.resimulation.cells,
-        progress.automatic(),
+        SimulationLines(context.run.progress.message),
         config.side_walls.friction,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
@@ -57,7 +57,7 @@ class Context:
     shear: Shear | None = None
     runs: Path | None = None
     pool: Executor | None = None
-    identify_many: Callable[..., list[Result]] | None = None
+    identify_many: Callable[..., Sequence[Result]] | None = None
     shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:

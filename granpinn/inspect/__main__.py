@@ -2,7 +2,7 @@
 
 Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
 
-In Python, `granpinn.inspection.inspect(flow)` gives the same numbers.
+In Python, `granpinn.inspect(flow)` gives the same numbers.
 """
 # This folder has no __init__.py: a package would hide the module `inspect` of the standard library
 # from code that runs in granpinn/.
@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from granpinn.command.callable_module import call_like
 from granpinn.command.next_step import refusal, training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls
@@ -150,6 +151,8 @@ def write(found: Inspection, numbers: str, folder: Path) -> None:
         for name, (_, draw) in record.figures().items():
             save(draw(found).figure, folder / f"{name}.png")
 
+
+call_like(inspect, "granpinn.inspect")
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -15,7 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from granpinn.arrays import Float32, Float64, Int64
+from granpinn.arrays import Bool, Float32, Float64, Int64
 from granpinn.data.flow import STEADY
 from granpinn.data.hdf5 import SafeFile, open_hdf5
 from granpinn.data.hdf5.attributes import Attributes
@@ -79,6 +79,14 @@ class Units:
         }.get(kind)
 
 
+def _cell(centers: Float64, at: Float64) -> Int64:
+    """The index of the cell that holds each position; -1 outside of all. NaN is outside."""
+    half = np.diff(centers).mean() / 2 if centers.size > 1 else np.inf
+    within = (at >= centers[0] - half) & (at <= centers[-1] + half)
+    between = (centers[1:] + centers[:-1]) / 2
+    return np.where(within, np.searchsorted(between, at), -1)
+
+
 @dataclass(frozen=True, eq=False)
 class Fields:
     """Values at the K points inside the grains (c = 1) of a grid, in the units of the flow file.
@@ -111,6 +119,20 @@ class Fields:
     def index(self) -> Int64:
         """Positions of the points in the flattened grid [K], ascending."""
         return np.flatnonzero(np.equal(self.c, 1.0))
+
+    def inside(self, x: Float64, y: Float64, t: Float64) -> Bool:
+        """Whether points are inside the grains: at least half of their cell is, in its frame.
+
+        Args:
+            x, y, t: of shapes that broadcast; the time of a steady flow does not count.
+        """
+        frames = (np.zeros(1), np.zeros_like(t)) if self.steady else (self.t, t)
+        places = [_cell(*pair) for pair in (frames, (self.y, y), (self.x, x))]
+        known = places[0] >= 0
+        for place in places[1:]:
+            known = known & (place >= 0)
+        inside: Bool = known & (self.c[tuple(places)] >= 0.5)
+        return inside
 
     def time_of_points(self) -> Float64:
         """Time of every point [K]."""

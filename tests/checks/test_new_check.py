@@ -159,8 +159,8 @@ def test_one_file_is_enough(
     assert list(result.checks) == ["largest_speed"]
     record = result.checks["largest_speed"]
     assert "A test says so." in result.assessment.reasons
-    assert f"no grain is faster than {record.speed:.3g}" in str(result)
-    assert f"largest  {record.speed:.4f}" in str(result)
+    assert f"no grain is faster than {record.speed:.3g}" in result.summary()
+    assert f"largest  {record.speed:.4f}" in result.summary()
     assert read_results(folder / "results.json").checks == load(folder).checks == result.checks
     monkeypatch.setattr("granpinn.figures.album.FIGURES", {})
     page = report.build(folder).read_text()
@@ -169,7 +169,7 @@ def test_one_file_is_enough(
 
 
 def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--checks must be words of none, quick, all, bootstrap,"):
+    with pytest.raises(ConfigError, match="checks must be words of none, quick, all, bootstrap,"):
         identify(flow, tiny(checks="largest_speed"))
     identify(flow, tiny(checks="none"), run_dir=tmp_path)
     path = tmp_path / "results.json"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn import convert
+import granpinn.convert as convert
 from granpinn.command.exit_codes import fail
 from granpinn.command.next_step import require_flow_file
 from granpinn.data import Flow

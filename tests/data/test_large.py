@@ -251,7 +251,7 @@ def test_what_a_large_flow_does_not_allow_is_refused(
         case.pose(path, Config(noise=0.01, device="cpu"))
     monkeypatch.setattr(case, "available", lambda: 10**9)
     with pytest.raises(
-        ConfigError, match=r"points 1.68, .* got 1 GB: choose a smaller --batch.colloc"
+        ConfigError, match=r"points 1.68, .* got 1 GB: choose a smaller batch.colloc"
     ):
         case.pose(path, Config(members=4, device="cpu"))
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import convert
+import granpinn.convert as convert
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileError, FlowFileWarning, write_flow
 from granpinn.fit.case import pose

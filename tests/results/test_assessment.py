@@ -132,6 +132,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "only mu_2 is wide": ({"law": law(1.05), "parameters": LARGE_MU_2}, "good", "+- 4.9 %"),
     "no errors": (without_bars(), "care", "The errors are not known: too few steps."),
     "no band": ({"law": law(None)}, "good", "mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43)"),
+    "stopped by a callback": ({"stopped": "on_step"}, "care", "was stopped at step 4000, before"),
     "outside": (outside(), "care", "The error bars are not tested here: mu_2/mu_s = 2.9 (tested"),
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),
@@ -193,7 +194,7 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert stored["assessment"]["grade"] == found.grade
     assert tuple(stored["assessment"]["reasons"]) == found.reasons
     assert read_results(path).assessment == found
-    assert str(result).splitlines()[-1] == f"assessment: {found}"
+    assert result.summary().splitlines()[-1] == f"assessment: {found}"
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()
