@@ -6,12 +6,14 @@ of small types: a compressed file of a few megabytes can declare many gigabytes.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from granpinn.data.memory import available
+from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
-from granpinn.regular import UnsafeFileError, open_regular_file
+from granpinn.regular import UnsafeFileError, first_bytes, open_regular_file, too_large
 
 # Of the arrays of one flow, as float64.
 MAX_BYTES = 2**33
@@ -55,5 +57,32 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
     """
     try:
         return open_regular_file(path, max_bytes, "split it into one file per frame")
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+
+
+def file_bytes(path: Path) -> int:
+    """Size of one regular file, which may not be empty."""
+    if not first_bytes(path, 1):
+        raise UnsafeFileError("the file is empty, expected data: copy or make it again")
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise too_large(size, MAX_BYTES)
+    return size
+
+
+def read_file(
+    reader: str, path: Path, size: Callable[[Path], int] = file_bytes, **request: Any
+) -> Any:
+    """What a reader of `granpinn.foreign` gives for a file.
+
+    Args:
+        size: checks the files that belong to it, and gives the bytes of all.
+
+    Raises:
+        DataFileError: it is no regular file with data, or the reader refuses it.
+    """
+    try:
+        return read_foreign(reader, path, size(path), **request)
     except UnsafeFileError as error:
         raise DataFileError(f"{path}: {error}") from None

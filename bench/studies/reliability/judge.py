@@ -16,7 +16,7 @@ ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
 LEAST_MEMORY = 48 * 2**20  # bytes: below it, modules that are imported late count more than data
 BAIT = "outside.fifo"
-READER = "/granpinn/importers/foreign_process.py'"
+READER = "granpinn.foreign.program"
 SYSTEM = (
     *("/proc/", "/sys/", "/usr/", "/lib", "/etc/", "/dev/null", "/dev/urandom", "/var/lib/"),
     *("/var/cache/fontconfig", "/dev/tty"),
