@@ -93,11 +93,9 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
         n_bytes = os.fstat(stream.fileno()).st_size
         in_place = n_bytes > max_bytes
         image = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if in_place else None
-        found = read_foreign(
-            *("hdf5", path, n_bytes),
-            **{"names": names, "max_bytes": max_bytes, "remedy": remedy, "in_place": in_place},
-        )
-        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        request: dict[str, Any] = {"names": names, "remedy": remedy, "in_place": in_place}
+        found = read_foreign("hdf5", path, n_bytes, max_bytes=max_bytes, **request)
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
     datasets = {}
     for name, part in found["datasets"].items():
         values, shape = part.get("values"), tuple(part["shape"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +38,13 @@ def read(path: Path, answer: Answer, names: list[str]) -> dict[str, Any]:
         return {"variables": variables, "delta_t": str(data.attrs.get("delta_t", ""))}
 
 
-def variables_of(data: xarray.Dataset, names: list[str]) -> dict[str, dict[str, Any]]:
+def variables_of(data: xarray.Dataset, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """`values` in float64, `dims` and `unit` of each variable of these names, with the numbers that
     its attributes mean, such as scale_factor.
 
     Raises:
-        UnsafeFileError: attributes contradict each other, or an array holds no numbers.
+        UnsafeFileError: attributes contradict each other.
+        BadInput: an array holds no numbers.
     """
     try:
         data = xarray.decode_cf(data, decode_times=False)
@@ -54,13 +55,13 @@ def variables_of(data: xarray.Dataset, names: list[str]) -> dict[str, dict[str, 
         name: {
             "dims": [str(dim) for dim in variable.dims],
             "unit": str(variable.attrs.get("units", "")),
-            "values": plain_array(variable.data, name, UnsafeFileError).astype(np.float64),
+            "values": plain_array(variable.data, name).astype(np.float64),
         }
         for name, variable in variables.items()
     }
 
 
-def _opened(path: Path, answer: Answer, names: list[str]) -> xarray.Dataset:
+def _opened(path: Path, answer: Answer, names: list[str]) -> Any:
     if path.is_dir():
         answer.require(sum(map(_declared_bytes, _documents(path))))
         return xarray.open_zarr(path, decode_times=False, chunks=None, consolidated=False)
@@ -131,4 +132,4 @@ def _declared_bytes(path: Path) -> int:
             f"the type of {path.parent.name} must be a number type such as float64, got "
             f"{str(kind)[:40]!r}: objects could run foreign code; write it again with plain numbers"
         )
-    return 8 * math.prod(document.get("shape", []))
+    return 8 * int(math.prod(document.get("shape", [])))

@@ -34,7 +34,7 @@ def _meshes(path: Path) -> Iterator[tuple[float | None, Any]]:
             kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
             reader = kind(str(path / "system" / "controlDict"))
         else:
-            reader = pyvista.get_reader(str(path))
+            reader = pyvista.get_reader(str(path))  # type: ignore[no-untyped-call]
         for t in reader.time_values:
             reader.set_active_time_value(t)
             yield float(t), reader.read()

@@ -43,7 +43,7 @@ class _Process:
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "granpinn.foreign.program"],
-                stdin=theirs,
+                stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **threads},

@@ -10,12 +10,14 @@ import json
 import os
 import resource
 import socket
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from granpinn.errors import BadInput
 from granpinn.regular import UnsafeFileError, too_large
 
 LEAST_MEMORY = 2**28  # bytes for one request
@@ -56,6 +58,7 @@ def main() -> None:
     with socket.socket(fileno=0) as channel, channel.makefile("r") as requests:
         for line in requests:
             request = json.loads(line)
+            _limit_memory(sys.maxsize)  # imports may take more than the last request
             module = import_module(f"granpinn.foreign.{request.pop('reader')}")
             used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             channel.sendall(b"r")
@@ -72,7 +75,7 @@ def main() -> None:
 def _answered(module: Any, request: dict[str, Any], answer: Answer) -> dict[str, Any]:
     try:
         return {"found": module.read(Path(request.pop("path")), answer, **request)}
-    except UnsafeFileError as error:
+    except (UnsafeFileError, BadInput) as error:
         return {"refused": str(error)}
     except MemoryError:
         limit = resource.getrlimit(resource.RLIMIT_AS)[0] / 2**30

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
+from granpinn.errors import BadInput
 from granpinn.foreign import installed
 from granpinn.importers.columns import Column, chosen, in_one_unit
 from granpinn.importers.gaps import GAPS, split_gaps
@@ -55,7 +56,7 @@ def from_dataset(data: Any) -> VectorFields:
     require_room(sum(data[n].size for n in VARIABLES if n in data.variables), 8, path)
     try:
         variables = variables_of(data, VARIABLES)
-    except UnsafeFileError as error:
+    except (UnsafeFileError, BadInput) as error:
         raise DataFileError(f"{path}: {error}") from None
     return _fields(path, variables, str(data.attrs.get("delta_t", "")))
 

@@ -203,7 +203,7 @@ def test_chunks_of_another_size(tmp_path: Path, name: str) -> None:
     encoding = {"compressors": codec and (codec,), "chunks": (7, 9, 3)}
     path = written(tmp_path / "a.zarr", 2, **encoding)
     a_chunk(path, 2).write_bytes(content)
-    with pytest.raises(DataFileError, match=LIBRARY):
+    with pytest.raises(DataFileError, match=f"{LIBRARY}|its arrays need"):
         read_vectors(path)
 
 
