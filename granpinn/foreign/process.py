@@ -117,14 +117,16 @@ def read_foreign(
         UnsafeFileError: the reader refuses the file, crashes on it, or takes too long.
     """
     limit = max_bytes or min(max(LEAST_BYTES, BYTES_PER_BYTE * n_bytes), MOST_BYTES)
-    asked = {"reader": reader, "path": str(path.absolute()), "max_bytes": limit, **request}
+    seconds = SECONDS + n_bytes / BYTES_PER_SECOND
+    asked = {"reader": reader, "path": str(path.absolute()), **request}
+    asked |= {"max_bytes": limit, "seconds": seconds}
     with _lock:
         if _running and _running[0].owner != os.getpid():  # that of the process before a fork
             _running.clear()
         try:
             if not _running:
                 _running.append(_Process())
-            answer = _running[0].ask(asked, SECONDS + n_bytes / BYTES_PER_SECOND)
+            answer = _running[0].ask(asked, seconds)
         except _Crashed:
             _close()
             raise UnsafeFileError(

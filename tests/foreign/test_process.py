@@ -23,7 +23,8 @@ from granpinn.regular import UnsafeFileError
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     path = tmp_path / "a.npz"
-    np.savez(path, u=np.arange(6.0).reshape(2, 3), t=np.arange(2), unit="mm")
+    arrays = {"u": np.arange(6.0).reshape(2, 3), "t": np.arange(2), "none": np.empty((0, 3))}
+    np.savez(path, **arrays, unit="mm")
     return path
 
 
@@ -31,6 +32,7 @@ def test_arrays_and_text_come_back(path: Path) -> None:
     found = read_foreign("npz", path, 0)
     np.testing.assert_array_equal(found["u"], np.arange(6.0).reshape(2, 3))
     assert found["t"].dtype == np.int64
+    assert found["none"].shape == (0, 3)
     assert found["unit"] == "mm"
     found["u"][0] = 9  # the arrays are those of this process
     assert (read_foreign("npz", path, 0)["u"][0] == [0, 1, 2]).all()
