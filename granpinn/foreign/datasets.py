@@ -115,18 +115,19 @@ def _declared_bytes(path: Path) -> int:
         UnsafeFileError: its codecs or its type could run foreign code, such as pickle or objects.
     """
     document = json.loads(read_regular_file(path, MAX_METADATA))
+    second = path.name == ".zarray"
     codecs = [*(document.get("filters") or []), *(document.get("codecs") or [])]
     codecs += [document["compressor"]] if document.get("compressor") else []
     for codec in codecs:
-        name = codec.get("id", codec.get("name")) if isinstance(codec, dict) else codec
+        name = codec.get("id" if second else "name") if isinstance(codec, dict) else codec
         if name not in CODECS:
             raise UnsafeFileError(
                 f"codecs must be among {', '.join(CODECS)}, got {str(name)[:40]!r}: another codec "
                 "can run foreign code; write it again with one of these"
             )
-    if document.get("node_type", "array") != "array":
+    if not second and document.get("node_type") == "group":
         return 0
-    kind = document.get("dtype", document.get("data_type"))
+    kind = document.get("dtype" if second else "data_type")
     if not isinstance(kind, str) or not TYPES.fullmatch(kind):
         raise UnsafeFileError(
             f"the type of {path.parent.name} must be a number type such as float64, got "

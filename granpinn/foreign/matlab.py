@@ -50,7 +50,7 @@ def _stored(name: str, dataset: h5py.Dataset, answer: Answer) -> Any:
     """A variable of version 7.3: stored transposed, cells as references, empty by attribute."""
     if dataset.attrs.get("MATLAB_empty") or not dataset.size:
         return None
-    if dataset.dtype == h5py.ref_dtype:
+    if h5py.check_ref_dtype(dataset.dtype) is h5py.Reference:
         references = hdf5.values(name, dataset).T
         items = [h5r.dereference(r, dataset.file.id) if r else None for r in references.ravel("F")]
         cells = [item and _stored(name, hdf5.own_dataset(name, item), answer) for item in items]

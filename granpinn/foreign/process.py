@@ -39,14 +39,15 @@ class _Process:
         self._channel, theirs = socket.socketpair()
         folder = str(Path(granpinn.__file__).parents[1])
         paths = [folder, *filter(None, [os.environ.get("PYTHONPATH")])]
-        threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
+        few = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
+        without_plugins = {"HDF5_PLUGIN_PRELOAD": "::"}
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "granpinn.foreign.program"],
                 stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **threads},
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **few, **without_plugins},
                 start_new_session=True,  # an interrupt at the terminal is for this process only
             )
 

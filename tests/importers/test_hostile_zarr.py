@@ -77,6 +77,19 @@ def _sharding(content: dict[str, Any]) -> None:
     _codec(content, "sharding_indexed", **inner)
 
 
+def _two_names(content: dict[str, Any]) -> None:
+    used, other = ("id", "name") if content["zarr_format"] == 2 else ("name", "id")
+    codec = {used: "numcodecs.pickle", other: "bytes"}
+    content["filters" if content["zarr_format"] == 2 else "codecs"] = [codec]
+
+
+def _group_of_objects(content: dict[str, Any]) -> None:
+    """What is a group in one version, and a type that is only read in the other."""
+    _retype(content, "|O")
+    content |= {"node_type": "group"}
+    content["data_type" if content["zarr_format"] == 2 else "dtype"] = "<f8"
+
+
 def _grow(content: dict[str, Any], n: int) -> None:
     content["shape"] = [n] * 3
 
@@ -101,6 +114,8 @@ EDITS: dict[str, tuple[Edit, str]] = {
     "text of variable length": (lambda c: _codec(c, "vlen-utf8"), "got 'vlen-utf8'"),
     "codec inside shards": (_sharding, "got 'sharding_indexed'"),
     "codec that is a list": (lambda c: _codec(c, ["pickle"]), "codecs must be among"),  # type: ignore[arg-type]
+    "two names of a codec": (_two_names, "got 'numcodecs.pickle'"),
+    "group with a type": (_group_of_objects, f"must be a number type|{LIBRARY}"),
     "objects": (lambda c: _retype(c, "|O"), "must be a number type"),
     "record": (lambda c: _retype(c, [["a", "<f8"], ["b", "|O"]]), "must be a number type"),
     "named type": (lambda c: _retype(c, {"name": "numpy.object"}), "must be a number type"),
