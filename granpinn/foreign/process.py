@@ -138,6 +138,9 @@ def read_foreign(
             raise UnsafeFileError(
                 f"its arrays do not fit into memory ({error.strerror}): choose fewer frames"
             ) from None
+        except BaseException:  # an interrupt: the next request must not get this answer
+            _close()
+            raise
     if "refused" in answer:
         raise UnsafeFileError(answer["refused"])
     return answer["found"]

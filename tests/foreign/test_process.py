@@ -51,6 +51,18 @@ def test_a_process_that_gives_no_answer(
     assert read_foreign("npz", path, 0)["u"].size == 6
 
 
+def test_an_interrupt_leaves_no_answer_behind(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("socket.recv_fds", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        read_foreign("npz", path, 0)
+    monkeypatch.undo()
+    np.savez(path, u=np.zeros(1))
+    assert read_foreign("npz", path, 0).keys() == {"u"}
+
+
 def _in_a_fork(path: Path) -> int:
     return int(read_foreign("npz", path, 0)["u"].size)
 

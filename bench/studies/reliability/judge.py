@@ -67,7 +67,7 @@ def by_code(found: Outcome, command: str) -> str:
 def started(found: Outcome, valid: Outcome | None) -> set[str]:
     """What a command started, without what it starts for the valid file too.
 
-    zarr makes a pair of sockets for its event loop. VTK and lvpyio read in a process of ours.
+    A process of ours opens the files; a pair of sockets connects it with the command.
     """
     known = {line.split()[0] for line in valid.started} if valid is not None else {"socket.__new__"}
     foreign = {line for line in found.started if line.split()[0] not in known}
