@@ -19,7 +19,8 @@ import numpy as np
 import granpinn
 from granpinn.regular import UnsafeFileError
 
-SECONDS = 6.0  # a command asks twice at most about a file
+SECONDS = 6.0  # of processor time: a command asks twice at most about a file
+WAITING = 2.5  # times that, in all: the machine may be busy with other things
 BYTES_PER_SECOND = 2**20
 START_SECONDS = 120.0  # for the imports of the library
 # Memory of a reading: packed data of a valid file unpack to a few times their size.
@@ -127,7 +128,7 @@ def read_foreign(
         try:
             if not _running:
                 _running.append(_Process())
-            answer = _running[0].ask(asked, seconds)
+            answer = _running[0].ask(asked, WAITING * seconds)
         except _Crashed:
             _close()
             raise UnsafeFileError(
