@@ -6,6 +6,7 @@ of small types: a compressed file of a few megabytes can declare many gigabytes.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,7 +14,7 @@ from typing import Any, BinaryIO
 from granpinn.data.memory import available
 from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
-from granpinn.regular import UnsafeFileError, first_bytes, open_regular_file, too_large
+from granpinn.regular import UnsafeFileError, open_regular_file
 
 # Of the arrays of one flow, as float64.
 MAX_BYTES = 2**33
@@ -63,12 +64,8 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
 
 def file_bytes(path: Path) -> int:
     """Size of one regular file, which may not be empty."""
-    if not first_bytes(path, 1):
-        raise UnsafeFileError("the file is empty, expected data: copy or make it again")
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise too_large(size, MAX_BYTES)
-    return size
+    with open_regular_file(path, MAX_BYTES) as stream:
+        return os.fstat(stream.fileno()).st_size
 
 
 def read_file(
