@@ -14,16 +14,12 @@ foreign code to unpack the names of the columns.
 
 from __future__ import annotations
 
-import pickletools
-import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Float64
-from granpinn.data.hdf5 import SafeFile, open_hdf5
-from granpinn.data.hdf5.dataset import Dataset
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
@@ -36,7 +32,7 @@ from granpinn.importers.columns import (
     require,
     require_finite,
 )
-from granpinn.importers.textfile import MAX_BYTES
+from granpinn.importers.limits import read_file
 from granpinn.importers.tracking import TrackMotion, counted, velocities
 from granpinn.importers.vectors import (
     TRACK_WINDOW,
@@ -45,17 +41,17 @@ from granpinn.importers.vectors import (
     VectorFields,
     vector_fields,
 )
-from granpinn.regular import UnsafeFileError
 
-_DIGITS = re.compile(r"\d++")
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
-_TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "STRING")
 
 
 def sniff(path: Path, head: bytes) -> bool:
     """A header line with x, y and frame or t; or the tables of pandas in HDF5."""
     if head.startswith(b"\x89HDF"):
-        return path.suffix.lower() in (".h5", ".hdf5", ".hdf") and _has_tables(path)
+        hdf5 = path.suffix.lower() in (".h5", ".hdf5", ".hdf")
+        with suppress(DataFileError):
+            return hdf5 and bool(read_file("tracks", path, columns=False))
+        return False
     lines = head.decode("utf-8", "replace").lstrip("\ufeff").splitlines() or [""]
     names = {column.name for column in header(lines[0])}
     x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
@@ -114,77 +110,11 @@ def read(path: Path, window: int = 5) -> VectorFields:
     )
 
 
-def _has_tables(path: Path) -> bool:
-    try:
-        with open_hdf5(path, MAX_BYTES) as file:
-            return bool(_tables(file))
-    except UnsafeFileError:
-        return False
-
-
-def _tables(file: SafeFile) -> list[Dataset]:
-    """The pandas tables that lie in this file, in the natural order of their frames."""
-    found = []
-    for name in sorted(file.names(), key=_frame_number):
-        table = file.open_dataset(f"{name}/table") if file.is_group(name) else None
-        if table is not None and table.is_table:
-            found.append(table)
-    return found
-
-
-def _frame_number(name: str) -> list[tuple[int, str]]:
-    """Key that sorts Frame_9 before Frame_10, without integers of any length."""
-    digits = [text.lstrip("0") for text in _DIGITS.findall(name)]
-    return [(len(text), text) for text in digits]
-
-
 def _read_hdf5(path: Path) -> TextTable:
-    try:
-        with open_hdf5(path, MAX_BYTES) as file:
-            parts = [_columns(table) for table in _tables(file)]
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path} cannot be read as HDF5: {error}") from None
-    except (ValueError, LookupError, ArithmeticError):  # of the list of columns
-        raise DataFileError(f"{path} cannot be read as HDF5: copy or make it again") from None
-    parts = [part for part in parts if part]
-    if not parts:
+    stored = read_file("tracks", path)
+    if not stored:
         raise DataFileError(f"{path} holds no tables of pandas: write it with PandasHDFStore")
-    names = list(parts[0])
-    if any(set(part) != set(names) for part in parts):
-        raise DataFileError(f"{path} must have the same columns in every frame: write it again")
-    named = [column(name) for name in names]
+    named = [column(name) for name in stored]
     places, stated = chosen(path, named, NAMES, ("x", "y"))
-    columns = {
-        role: np.concatenate([part[names[i]] for part in parts]) for role, i in places.items()
-    }
-    return TextTable(columns, stated, tuple(named))
-
-
-def _columns(table: Dataset) -> dict[str, Float64]:
-    """Columns of a pandas table: single ones, and blocks whose names an attribute lists."""
-    rows = table.read()
-    found: dict[str, Float64] = {}
-    for field in rows.dtype.names or ():
-        block = rows[field]
-        if field == "index" or block.dtype.kind not in "fiu":
-            continue
-        if block.ndim == 1 and not field.startswith("values_block"):
-            found[field] = block.astype(np.float64)
-            continue
-        names = _listed(table.attributes.content(f"{field}_kind") or b"")
-        columns = block.reshape(len(rows), -1).T
-        if len(names) != len(columns):
-            raise UnsafeFileError(
-                f"{field} must have a name for each of its {len(columns)} columns, got "
-                f"{len(names)}: write it again"
-            )
-        if len(set(names)) < len(names) or found.keys() & set(names):
-            raise UnsafeFileError(f"{field} must name every column once: write it again")
-        found |= dict(zip(names, columns.astype(np.float64), strict=True))
-    return found
-
-
-def _listed(content: bytes) -> list[str]:
-    """The strings of a pickled list of strings, read as data: nothing is unpickled."""
-    operations = pickletools.genops(content)
-    return [str(arg) for code, arg, _ in operations if code.name in _TEXT_OPCODES]
+    values = [*stored.values()]
+    return TextTable({role: values[i] for role, i in places.items()}, stated, tuple(named))

@@ -152,18 +152,21 @@ ARCHIVES: dict[str, tuple[Callable[[Path], Path], str]] = {
     ),
     "declares more than it has": (
         lambda p: npz_with(p, "u", SHAPE.format("<f8", "1000000000000,"), b"\0" * 8),
-        "declares 8000000000000 bytes and has 8",
+        "its arrays need more than",
     ),
     "int8 that grows": (
         lambda p: npz_with(p, "u", SHAPE.format("|i1", "2000000000,"), b""),
-        "declares 2000000000 bytes and has 0",
+        "its arrays need more than",
     ),
     "negative": (lambda p: npz_with(p, "u", SHAPE.format("<f8", "-1,"), b""), "cannot be read"),
-    "objects": (lambda p: npz_with(p, "u", SHAPE.format("|O", "1,"), b"\0" * 8), "of type object"),
-    "deep header": (lambda p: npz_with(p, "u", "(" * 60_000, b""), "cannot be read as .npz"),
-    "minus signs": (lambda p: npz_with(p, "u", "-" * 4000 + "1", b""), "cannot be read as .npz"),
+    "objects": (
+        lambda p: npz_with(p, "u", SHAPE.format("|O", "1,"), b"\0" * 8),
+        "Object arrays cannot be loaded",
+    ),
+    "deep header": (lambda p: npz_with(p, "u", "(" * 60_000, b""), "cannot be read by numpy"),
+    "minus signs": (lambda p: npz_with(p, "u", "-" * 4000 + "1", b""), "cannot be read by numpy"),
     "text": (lambda p: npz(p, u=np.full((1, 2), "a")), "u must hold numbers"),
-    "complex": (lambda p: npz(p, u=1j * np.ones((3, 7, 9))), "cannot be read|u must hold numbers"),
+    "complex": (lambda p: npz(p, u=1j * np.ones((3, 7, 9))), "must hold plain numbers"),
     "long unit": (lambda p: npz(p, length_unit="m" * 60_000), "cannot be read|must be a unit such"),
     "formula": (lambda p: npz(p, length_unit="$\\frac{"), "must be a unit such as mm"),
 }
@@ -179,7 +182,7 @@ def test_hostile_npz_is_one_sentence(
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
 
 
-def test_a_zip_bomb_is_refused_by_its_sizes(tmp_path: Path) -> None:
+def test_a_zip_bomb_is_refused(tmp_path: Path) -> None:
     """5 MB that unpack to 1.2 GB of int8, which would be 9.6 GB of float64."""
     path = tmp_path / "a.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -193,7 +196,7 @@ def test_a_zip_bomb_is_refused_by_its_sizes(tmp_path: Path) -> None:
                 stream.write(header.getvalue())
                 for _ in range(600):
                     stream.write(bytes(1_000_000))
-    with pytest.raises(DataFileError, match="at most 8 GiB of numbers, got 1200000000 numbers"):
+    with pytest.raises(DataFileError, match="its arrays need more than"):
         read_vectors(path)
 
 
@@ -227,7 +230,7 @@ def test_two_arrays_of_one_name_are_refused(tmp_path: Path) -> None:
     path = npz(tmp_path / "a.npz")
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("u", archive.read("v.npy"))
-    with pytest.raises(DataFileError, match="it holds two arrays of one name"):
+    with pytest.raises(DataFileError, match="at most 64 arrays of different names"):
         read_vectors(path)
 
 

@@ -186,5 +186,5 @@ def test_damaged_hdf5_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataFileError, match="holds no tables of pandas"):
         read_vectors(path, format="tracks")
     path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(DataFileError, match="cannot be read as HDF5"):
+    with pytest.raises(DataFileError, match="the file is damaged or was cut off"):
         read_vectors(path, format="tracks")
