@@ -1,6 +1,6 @@
 """The command `python -m granpinn.convert`: makes a flow file of the files of a PIV or PTV program.
 
-Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
+Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file cannot be written.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
 from granpinn.inspection.slips import warn_of_slips
 from granpinn.output import objection_to_file, shell_word
+from granpinn.results.slip import IMPOSSIBLE
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -62,8 +63,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
-            write_flow(flow, out)
             slips = warn_of_slips(with_layer(flow))
+            if not settings.force and any(slip.severity == IMPOSSIBLE for slip in slips):
+                raise DataFileError(
+                    "the vectors are impossible, as the warnings say, and no flow file was written:"
+                    " correct the units, scale, rate or axes, or give --force to write it all the"
+                    " same"
+                )
+            write_flow(flow, out)
         print(f"flow file: {out}")
         step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")

@@ -18,10 +18,12 @@ from granpinn.importers.displacement import warn_of_displacement
 from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
+from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
 from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
+from granpinn.importers.statements import settled
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
 
 
@@ -50,7 +52,10 @@ def convert(
     numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
     require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
     tell(_described(fields))
+    if said := fields.facts.get(IMAGES_SAID):
+        tell(said)
     warn_of_zeros(fields)
+    whole = fields
     fields = selected_frames(without_interpolated(fields, settings), settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
@@ -58,7 +63,7 @@ def convert(
     material = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
-    frame = frame_of(fields, settings)
+    frame = settled(whole, settings, frame_of(fields, settings))
     constants = {
         "gravity": frame.gravity,
         "density": material.density,

@@ -18,6 +18,8 @@ from granpinn.importers.settings import Settings
 from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
+# The fact: frames between the two images of a pair, by the names of the images.
+PAIR_FRAMES = "pair_frames"
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -190,7 +192,8 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         if settings.scale is not None:
             pixel = units.scale(settings.scale)
         if settings.frame_rate is not None:
-            frame = delay = units.frame_time(settings.frame_rate, "--frame-rate")
+            frame = units.frame_time(settings.frame_rate, "--frame-rate")
+            delay = frame * float(fields.facts.get(PAIR_FRAMES, 1))
         if settings.pulse_delay is not None:
             delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
         names = _units(fields, settings)

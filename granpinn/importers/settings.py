@@ -29,6 +29,12 @@ class Settings:
     keep_interpolated: bool = _setting(
         False, "files", "use interpolated vectors as if they were measured"
     )
+    force: bool = _setting(
+        False,
+        "files",
+        "write the flow file although a check calls it impossible; and where a flag contradicts a "
+        "file, the flag holds",
+    )
     track_window: int = _setting(
         5, "files", "frames of the local polynomial that gives the velocity of a track; odd"
     )
@@ -40,7 +46,9 @@ class Settings:
         None, "calibration", "velocity fields per second, '500 Hz', or the time between two, '2 ms'"
     )
     pulse_delay: str | None = _setting(
-        None, "calibration", "time between the two images of a pair; default 1 / frame rate"
+        None,
+        "calibration",
+        "time between the two images of a pair, of double frames; default 1 / frame rate",
     )
     start: str | None = _setting(
         None,
