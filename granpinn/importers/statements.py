@@ -24,7 +24,6 @@ from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
 TOLERANCE = 0.02  # relative
 NEVER_SET = 1.0  # s between two images, the default of programs
-PULSES = "the time between the two images of a pair"
 # Facts of a calibration: meters per pixel, m/s of one pixel per pair, time of a pair.
 CALXY, CALUV, CALU, PULSE_DELAY = "calxy", "caluv", "calu", "pulse_delay_us"
 _UNITS = {CALXY: "m/px", CALUV: "m/s per px/frame", CALU: "m/s per px/frame", PULSE_DELAY: "us"}
@@ -153,21 +152,21 @@ def _delay(fields: VectorFields, settings: Settings, frame: Frame, delay: float 
     names = None
     if PAIR_FRAMES in fields.facts and frame.interval is not None:
         between = float(fields.facts[PAIR_FRAMES]) * frame.interval
-        names = Statement(between, units.shown(between, "s"), "the names of the images")
+        names = Statement(between, units.shown(between, "s"), "the numbering of the images")
     # The two pulses of double frames have nothing to do with the frame rate.
     double = PULSE_DELAY in fields.facts and settings.pulse_delay is None
     flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
     user = None
     if frame.delay is not None and not double:
         user = Statement(frame.delay, units.shown(frame.delay, "s"), f"{flag} (you)")
-    settle = (
-        f'give --pulse-delay "{units.shown(delay or 0.0, "s")}" for double frames if the header '
-        "is right; --velocity-unit m/frame if the header's time was never set; or --force with the "
-        "right --frame-rate or --pulse-delay if the header is wrong"
-        if header
-        else "leave --pulse-delay out, or give --force if the names are wrong"
-    )
-    require_agreement(PULSES, settle, header or names, user)
+    settle = "leave --pulse-delay out, or give --force if the names are wrong"
+    if header is not None:
+        settle = f'give --pulse-delay "{header.text.partition(" (")[0]}" for double frames if the '
+        settle += "header is right; "
+        if delay == NEVER_SET:
+            settle += "--velocity-unit m/frame if its time was never set; "
+        settle += f"or --force with the right {flag} if the header is wrong"
+    require_agreement("the time between the two images of a pair", settle, header or names, user)
 
 
 def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
@@ -177,7 +176,7 @@ def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
         return
     steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames
     step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - frame.interval))
-    source = "--times" if settings.times else "the time of the files"
+    source = "--times" if settings.times else "the file"
     require_agreement(
         "the time between two frames",
         "leave --frame-rate out if these times are right; else give --time-unit frame to count "
@@ -197,7 +196,7 @@ def _units(fields: VectorFields, settings: Settings) -> None:
             require_agreement(
                 f"the {name.replace('_', ' ')}",
                 f"leave {flag} out (the flow file has SI units, whatever the files have), or give "
-                "--force if the files are wrong",
-                Statement(1.0, stated, "the files"),
+                "--force if the file is wrong",
+                Statement(1.0, stated, "the file"),
                 Statement(units.ratio(given, stated, flag), given, flag),
             )
