@@ -46,18 +46,19 @@ def _frames(flow: Flow) -> Iterator[Floats]:
             yield np.concatenate([flow.u[[k]][valid], flow.v[[k]][valid]])
 
 
-def _step(values: Floats) -> float | None:
+def _step(found: Floats) -> float | None:
     """The step of one frame, 0 without; None for too few vectors that move."""
-    values = np.sort(np.abs(values[np.isfinite(values) & (values != 0)]).astype(np.float64))
+    moving = found[np.isfinite(found) & (found != 0)]
+    values: Float64 = np.sort(np.abs(moving.astype(np.float64)))
     if values.size < FEWEST_VALUES:
         return None
-    values = values[values <= np.quantile(values, FASTEST)]
+    values = np.asarray(values[values <= np.quantile(values, FASTEST)])
     gaps = np.diff(values, prepend=0.0)
     for least in GAPS:
         between = gaps[gaps > least * values[-1]]
         step = float(np.median(between)) if between.size >= FEWEST_LEVELS else 0.0
-        if step > 0 and (found := _fitted(values, step)) > 0:
-            return found
+        if step > 0 and (fitted := _fitted(values, step)) > 0:
+            return fitted
     return 0.0
 
 

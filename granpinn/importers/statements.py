@@ -129,12 +129,17 @@ def _scale(fields: VectorFields, settings: Settings, frame: Frame, pixel: float 
         )
         require_agreement("the size of a pixel", settle, header, flag)
         return
-    used = (settings.length_unit or fields.length_unit, settings.velocity_unit)
-    used += (fields.velocity_unit, (settings.sigma or "").partition(" ")[2])
+    length = settings.length_unit or fields.length_unit
+    used = (
+        length,
+        settings.velocity_unit,
+        fields.velocity_unit,
+        (settings.sigma or "").partition(" ")[2],
+    )
     tables = settings.walls or settings.surface not in ("auto", "mask", "fraction", "none")
     if not tables and not any(units.has(unit, "px") for unit in used):
         warnings.warn(
-            f"--scale {settings.scale} changes nothing, as the files are in {used[0]}: if they are "
+            f"--scale {settings.scale} changes nothing, as the files are in {length}: if they are "
             "in pixels, give --length-unit px and --velocity-unit px/frame",
             FlowFileWarning,
             stacklevel=4,
@@ -172,17 +177,18 @@ def _delay(fields: VectorFields, settings: Settings, frame: Frame, delay: float 
 def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
     unit = settings.time_unit or fields.time_unit
     times = np.unique(fields.t)
-    if frame.interval is None or frame.counts or times.size < 2:
+    interval = frame.interval
+    if interval is None or frame.counts or times.size < 2:
         return
     steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames
-    step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - frame.interval))
+    step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
     source = "--times" if settings.times else "the file"
     require_agreement(
         "the time between two frames",
         "leave --frame-rate out if these times are right; else give --time-unit frame to count "
         f"the frames, or another --time-unit if their unit is not {unit}",
         Statement(step, units.shown(step, "s"), source),
-        Statement(frame.interval, units.shown(frame.interval, "s"), "--frame-rate"),
+        Statement(interval, units.shown(interval, "s"), "--frame-rate"),
     )
 
 

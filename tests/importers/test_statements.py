@@ -153,9 +153,7 @@ def test_pairs_of_several_lengths_have_no_common_factor(tmp_path: Path) -> None:
 
 def test_names_of_images_contradict_a_delay(tmp_path: Path) -> None:
     files = pivlab(tmp_path, PAIRS["2 apart"])
-    with pytest.raises(
-        DataFileError, match="numbering of the images says 4 ms, --pulse-delay .* 2 ms"
-    ):
+    with pytest.raises(DataFileError, match="numbering of the images says 4 ms, --pulse"):
         flow_of(files, scale="0.1 mm/px", frame_rate="500 Hz", pulse_delay="2 ms")
 
 
