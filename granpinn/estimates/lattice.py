@@ -22,6 +22,8 @@ MAX_SCATTER = 0.05  # rms distance of the values from the lattice over its step;
 GAPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 FASTEST = 0.995  # quantile
 REACH = (4, 16, 64, math.inf)  # levels: a first guess counts the far ones wrong
+# Variance of third differences, as of white noise, over the squared step: 1/12 of a rounding.
+ORDER, LEAST_ROUGHNESS = 3, 0.01
 FRAMES = 8  # at most, spread over the flow
 FEWEST_LEVELS, FEWEST_VALUES = 3, 50  # of a frame
 
@@ -33,17 +35,20 @@ def lattice_step(flow: Flow) -> float:
 
 
 def _frames(flow: Flow) -> Iterator[Floats]:
-    """u and v [n] of some frames; one frame shows that vectors, not times, are rounded."""
+    """u and v of some frames, [2, n] or [2, Y, X] with NaN where there is no vector.
+
+    One frame shows that vectors are rounded, and not that they change in even steps of time.
+    """
     particles = flow.particles
     times = flow.t if particles is None else np.unique(particles.t)
     chosen = np.unique(np.linspace(0, times.size - 1, FRAMES).round().astype(int))
     for k in chosen:
         if particles is not None:
             now = particles.t == times[k]
-            yield np.concatenate([particles.u[now], particles.v[now]])
+            yield np.stack([particles.u[now], particles.v[now]])
         else:
-            valid = flow.valid_in(np.array([k]))
-            yield np.concatenate([flow.u[[k]][valid], flow.v[[k]][valid]])
+            valid = flow.valid_in(np.array([k]))[0]
+            yield np.where(valid, np.stack([flow.u[k], flow.v[k]]), np.nan)
 
 
 def _step(found: Floats) -> float | None:
@@ -57,9 +62,19 @@ def _step(found: Floats) -> float | None:
     for least in GAPS:
         between = gaps[gaps > least * values[-1]]
         step = float(np.median(between)) if between.size >= FEWEST_LEVELS else 0.0
-        if step > 0 and (fitted := _fitted(values, step)) > 0:
+        if step > 0 and (fitted := _fitted(values, step)) > 0 and _rough(found, fitted):
             return fitted
     return 0.0
+
+
+def _rough(frame: Floats, step: float) -> bool:
+    """Whether vectors on a grid jump as rounded ones do; those of an even shear do not."""
+    if frame.ndim < 3:
+        return True
+    jumps = [np.diff(frame / step, ORDER, axis=axis) for axis in (1, 2)]
+    known = [jump[np.isfinite(jump)] for jump in jumps]
+    sizes = [float(np.mean(np.square(jump))) for jump in known if jump.size]
+    return max(sizes, default=0.0) > math.comb(2 * ORDER, ORDER) * LEAST_ROUGHNESS
 
 
 def _fitted(values: Float64, step: float) -> float:

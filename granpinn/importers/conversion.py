@@ -22,7 +22,7 @@ from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import Settings
-from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
+from granpinn.importers.source import Source, measured, selected_frames, vectors_of
 from granpinn.importers.statements import settled
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
 
@@ -54,9 +54,9 @@ def convert(
     tell(_described(fields))
     if said := fields.facts.get(IMAGES_SAID):
         tell(said)
+    whole, fields = fields, measured(fields, settings)
     warn_of_zeros(fields)
-    whole = fields
-    fields = selected_frames(without_interpolated(fields, settings), settings)
+    fields = selected_frames(fields, settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")

@@ -31,8 +31,9 @@ _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
 _NUMBER = re.compile(r"\d++")
 _NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
+FIRST_WORDS = ("PIVlab", "FRAME:")
 _HEADER_LINES = 100
-_NO_COLUMNS = ("PIVlab", "FRAME:", "TITLE", "VARIABLES", "ZONE")
+_NO_COLUMNS = (*FIRST_WORDS, "TITLE", "VARIABLES", "ZONE")
 ROLES = {
     **{name: (name,) for name in "xyuv"},
     "type": ("vector type",),
@@ -53,7 +54,7 @@ def sniff(path: Path, head: bytes) -> bool:
     first = text.splitlines()[0] if text.strip() else ""
     named = {column.name: column.unit for column in header(first)}
     own = {*"xyuv"} <= named.keys() and named["x"] in ("px", "m")
-    return text.startswith(("PIVlab", "FRAME:")) or own
+    return text.startswith(FIRST_WORDS) or own
 
 
 def read(path: Path) -> VectorFields:

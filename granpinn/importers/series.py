@@ -165,7 +165,8 @@ def _times(parts: list[VectorFields]) -> list[Any]:
     """Times of the parts; if every file counts its frames from 0, the count continues."""
     times = [part.t for part in parts]
     ascending = all(a.max() < b.min() for a, b in itertools.pairwise(times))
-    if ascending or parts[0].scattered:
+    counted = all(part.time_unit == "frame" and not part.t.any() for part in parts)
+    if ascending or (parts[0].scattered and not counted):
         return times
     if parts[0].time_unit != "frame":
         raise DataFileError(

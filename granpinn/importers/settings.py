@@ -23,6 +23,18 @@ class Settings:
     fields: str | None = _setting(
         None, "files", "names of fields in simulation files, such as u=U,c=alpha.grains,p=p"
     )
+    columns: str | None = _setting(
+        None,
+        "files",
+        "names of columns in a table of tracks that granpinn does not know, such as "
+        "x=abscissa,y=height,t=time",
+    )
+    zeros: str = _setting(
+        "measured", "files", "vectors that are exactly (0, 0): measured, or missing"
+    )
+    drop_duplicates: bool = _setting(
+        False, "files", "keep the first of several rows of one particle in one frame"
+    )
     frames: str | None = _setting(
         None, "files", "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)"
     )
@@ -177,6 +189,8 @@ class Settings:
         require_fields(self, DataFileError)
         if self.flip_y not in ("auto", "yes", "no"):
             raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
+        if self.zeros not in ("measured", "missing"):
+            raise DataFileError(f"--zeros must be measured or missing, got {self.zeros!r}")
         if self.solid_fraction is not None and not 0 < self.solid_fraction <= 1:
             raise DataFileError(
                 f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"

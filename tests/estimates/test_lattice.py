@@ -50,7 +50,14 @@ def test_the_step_of_particles_is_found() -> None:
     assert lattice_step(flow) == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("flow", [make_flow(), falling(), falling(noise=0.01)])
+def sheared() -> Flow:
+    """A flow whose vectors change by one step from row to row."""
+    flow = make_flow()
+    u = np.broadcast_to(np.arange(1.0, flow.y.size + 1)[:, None], flow.u.shape).astype(np.float32)
+    return replace(flow, u=0.01 * u, v=-0.02 * u)
+
+
+@pytest.mark.parametrize("flow", [make_flow(), falling(), falling(noise=0.01), sheared()])
 def test_no_lattice_in_sound_data(flow: Flow) -> None:
-    """Nor in a body that falls, whose frames have one velocity each."""
+    """Nor in a body that falls, whose frames have one velocity each, nor in an even shear."""
     assert lattice_step(flow) == 0
