@@ -15,7 +15,7 @@ from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.displacement import warn_of_displacement
-from granpinn.importers.frame import Frame, frame_of, missing_units
+from granpinn.importers.frame import Frame, frame_of, missing_units, upwards
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
 from granpinn.importers.image_pairs import SAID as IMAGES_SAID
@@ -63,6 +63,8 @@ def convert(
     material = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
+    if said := upwards(fields, settings)[1]:
+        tell(said)
     frame = settled(whole, settings, frame_of(fields, settings))
     constants = {
         "gravity": frame.gravity,
