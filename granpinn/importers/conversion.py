@@ -21,7 +21,7 @@ from granpinn.importers.grains import with_mask
 from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
-from granpinn.importers.settings import Settings
+from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
 from granpinn.importers.statements import settled
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
@@ -99,7 +99,7 @@ def _given_line(
     """The free surface in memory, or of --surface FILE."""
     if line is not None:
         return surfaces.from_arrays(line, frame)
-    if settings.surface in ("auto", "mask", "fraction", "none"):
+    if settings.surface in SURFACES:
         return None
     return surfaces.from_table(Path(settings.surface), frame)
 

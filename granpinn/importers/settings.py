@@ -10,6 +10,8 @@ from granpinn.config.fields import flag_of
 from granpinn.declared import require_fields
 from granpinn.importers.vectors import DataFileError
 
+SURFACES = ("auto", "mask", "fraction", "none")  # other values of --surface name a file
+
 
 def _setting(default: Any, group: str, text: str) -> Any:
     return field(default=default, metadata={"group": group, "help": text})

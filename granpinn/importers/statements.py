@@ -19,7 +19,7 @@ from granpinn.data.flow import FlowFileWarning
 from granpinn.importers import units
 from granpinn.importers.frame import PAIR_FRAMES, Frame
 from granpinn.importers.numerals import number
-from granpinn.importers.settings import Settings
+from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
 TOLERANCE = 0.02  # relative
@@ -136,7 +136,7 @@ def _scale(fields: VectorFields, settings: Settings, frame: Frame, pixel: float 
         fields.velocity_unit,
         (settings.sigma or "").partition(" ")[2],
     )
-    tables = settings.walls or settings.surface not in ("auto", "mask", "fraction", "none")
+    tables = settings.walls or settings.surface not in SURFACES
     if not tables and not any(units.has(unit, "px") for unit in used):
         warnings.warn(
             f"--scale {settings.scale} changes nothing, as the files are in {length}: if they are "

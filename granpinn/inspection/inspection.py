@@ -33,7 +33,7 @@ from granpinn.inspection.size_slips import not_dense
 from granpinn.inspection.slips import slips
 from granpinn.physics.scales import Scales
 from granpinn.results.baseline import Baseline
-from granpinn.results.slip import Slip
+from granpinn.results.slip import UNUSUAL, Slip
 
 # With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING = 0.01
@@ -173,8 +173,12 @@ def inspect(
     precision, reason = _precision(found, numbers, scales.pressure, noise, law)
     walls = walls_of(with_partial_cells(flow))
     inertia = numbers.summary(law)
-    likely = slips(filmed) or ([] if inertia is None else not_dense(inertia.q50))
+    likely = slips(filmed)
+    if all(slip.severity == UNUSUAL for slip in likely):  # others would explain it
+        likely = [*not_dense(flow, inertia), *likely]
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
+    if any(slip.severity != UNUSUAL for slip in likely):
+        precision, reason = None, "the data are improbable"
     if refused is not None:
         precision, reason = None, refused
     return Inspection(

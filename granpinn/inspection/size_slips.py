@@ -21,6 +21,7 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.scaling import initial_height
+from granpinn.inspection.inertia import Inertia
 from granpinn.inspection.wording import about, digits
 from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Slip
 
@@ -107,18 +108,26 @@ def against_fall(flow: Flow, speeds: Float64, height: float, closed: bool) -> li
     ]
 
 
-def not_dense(median: float) -> list[Slip]:
-    """A flow whose inertial numbers are those of a gas.
+def not_dense(flow: Flow, inertia: Inertia | None) -> list[Slip]:
+    """A flow whose inertial numbers are those of a gas, or of far too large grains.
 
     Args:
-        median: of the inertial numbers of the flowing vectors.
+        inertia: of the flowing vectors, None if there are none.
     """
-    if not median > GAS:
+    if inertia is None:
         return []
-    return [
-        Slip(
-            IMPROBABLE,
-            f"the inertial number is {median:.2g} (median), and dense flows have less than "
-            f"{GAS:g}: check the grain diameter, the scale and the frame rate",
+    check = "check the grain diameter, the scale and the frame rate"
+    count = initial_height(flow) / flow.grain_diameter
+    if not flow.periodic and count < FEW_GRAINS and inertia.q99 > GAS:
+        text = (
+            f"the grains are {digits(count)} diameters high, and the inertial number reaches "
+            f"{inertia.q99:.2g}, where grains collide as in a gas: {check}"
         )
-    ]
+        return [Slip(IMPROBABLE, text)]
+    if not inertia.q50 > GAS:
+        return []
+    text = (
+        f"the inertial number is {inertia.q50:.2g} (median), and dense flows have less than "
+        f"{GAS:g}: {check}"
+    )
+    return [Slip(IMPROBABLE, text)]

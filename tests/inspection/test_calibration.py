@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Surface
+from granpinn.data.scaling import initial_height
 from granpinn.inspection.body import body_of
 from granpinn.inspection.fall import energy_of, fall_of, slender
 from granpinn.inspection.frame_slips import missing, repeated
 from granpinn.inspection.gravity_slips import gravity_slips
+from granpinn.inspection.inertia import Inertia
 from granpinn.inspection.size_slips import against_fall, not_dense, size_slips
 from granpinn.inspection.slips import slips
 from granpinn.inspection.surface_slips import line_of, surface_slips
@@ -225,8 +227,14 @@ def test_speeds_and_inertial_numbers() -> None:
         assert [slip.severity for slip in found] == ([] if severity is None else [severity])
     assert against_fall(flow, np.full(9, 6.0 * fall), 1.0, closed=False) == []
     assert against_fall(flow, np.array([]), 1.0, closed=True) == []
-    assert not_dense(0.5) == []
-    assert "the inertial number is 3 (median)" in not_dense(3.0)[0].text
+    flow = make_flow()
+    dense, gas = (Inertia(0.01, q50, 2.0, 3.0, None, None) for q50 in (0.5, 3.0))
+    assert not_dense(flow, None) == not_dense(flow, dense) == []
+    assert "the inertial number is 3 (median)" in not_dense(flow, gas)[0].text
+    few = replace(flow, grain_diameter=initial_height(flow) / 6)
+    (slip,) = not_dense(few, dense)
+    assert slip.severity == "improbable"
+    assert "6 diameters high, and the inertial number reaches 3" in slip.text
 
 
 def test_factors_in_words() -> None:
