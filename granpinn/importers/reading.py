@@ -63,8 +63,8 @@ def flow(
     Args:
         data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read; u and v may
             also be given as xarray.DataArray.
-        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays; or
-            the setting, such as "none".
+        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays;
+            or the setting, such as "none".
         given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
             where there is no vector; optional ones as in granpinn.importers.arrays (c, mask,
             sigma_u, ...); and settings, as of `granpinn convert` with _ for -, numbers with units

@@ -31,6 +31,7 @@ SURE = 3.0  # standard errors
 FAST, TOO_FAST = 1.2, 1.8  # inward acceleration over the pull of gravity
 ASIDE = 0.5  # of |g|: an inward acceleration that only gravity gives
 FREE, TILT = 0.9, 3.0  # least acceleration of a free fall over |g|; degrees
+FASTER = 1.05  # size of a free fall over |g|, above which a scale is wrong
 SLENDER, SLOW = 4.0, 0.7
 GAINS, GAINS_TOO_MUCH, GAINS_LITTLE = 1.1, 1.5, 0.15
 COLUMN, SPREADS = 1.0, 0.8  # height over width at first; height at last over that at first
@@ -143,12 +144,19 @@ def _tilt(flow: Flow, fall: Fall | None) -> Slip | None:
     tilt = fall.tilt(flow.gravity)
     if abs(tilt) - SURE * math.degrees(fall.error / fall.size) < TILT:
         return None
-    return Slip(
-        IMPROBABLE,
+    text = (
         f"the freely falling {fall.side} of the grains accelerates {abs(tilt):.1f} degrees "
-        f"{'counter-' if tilt > 0 else ''}clockwise of gravity: check the direction of gravity "
-        "(convert: --tilt)",
+        f"{'counter-' if tilt > 0 else ''}clockwise of gravity"
     )
+    turn = "check the direction of gravity (convert: --tilt)"
+    if fall.size - SURE * fall.error > FASTER:  # no direction of gravity makes it larger
+        text += (
+            f" and with {digits(fall.size)} times its size: either {_remedy(fall.size, 'about')}, "
+            f"which explains the size; or, which explains the direction, {turn}"
+        )
+    else:
+        text += f": {turn}"
+    return Slip(IMPROBABLE, text)
 
 
 def _remedy(factor: float, bound: str) -> str:

@@ -220,6 +220,14 @@ def test_sizes_of_flows_of_few_grains() -> None:
     assert size_slips(make_flow(length_unit="1", gravity=(0.0, -1e4))) == []
 
 
+def test_a_wrong_scale_is_named_before_a_tilt() -> None:
+    """A scale that is 17 % too large makes the fall faster; a tilt does not."""
+    (both,) = words(falling(1.17, 4.0))
+    assert both.index("the scale is about 1.17 times too large") < both.index("--tilt")
+    (turned,) = words(falling(1.0, 4.0))
+    assert "scale" not in turned
+
+
 def test_speeds_and_inertial_numbers() -> None:
     flow, fall = make_flow(), math.sqrt(2 * G)
     for factor, severity in ((1.4, None), (1.6, "improbable"), (6.0, "impossible")):
