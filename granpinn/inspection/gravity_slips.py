@@ -150,9 +150,10 @@ def _tilt(flow: Flow, fall: Fall | None) -> Slip | None:
     )
     turn = "check the direction of gravity (convert: --tilt)"
     if fall.size - SURE * fall.error > FASTER:  # no direction of gravity makes it larger
+        more = fall.size - 1
         text += (
-            f" and with {digits(fall.size)} times its size: either {_remedy(fall.size, 'about')}, "
-            f"which explains the size; or, which explains the direction, {turn}"
+            f" and {more:.0%} faster than gravity: the scale is about {more:.0%} too large, or the "
+            f"frame rate {more / 2:.0%} too high, which no tilt explains; then {turn}"
         )
     else:
         text += f": {turn}"
