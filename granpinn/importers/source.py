@@ -13,17 +13,16 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.importers import units
 from granpinn.importers.arrays import from_arrays
-from granpinn.importers.columns import NAMES, header, read_table, require_finite
+from granpinn.importers.columns import HEADER_LINES, NAMES, layout_of, read_table, require_finite
 from granpinn.importers.numerals import number, whole
 from granpinn.importers.series import expand, read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.textfile import TextFile, separator_of
+from granpinn.importers.textfile import TextFile, is_number
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
 FIELDS = ("u", "v", "c", "p")
 _NUMBER = re.compile(r"\d++(?:\.\d++)?(?:[eE][-+]?\d++)?")
-_TITLE = re.compile(r"\s*+[A-Za-z#%\"]")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
@@ -123,8 +122,9 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
     A single column needs no name. Of several one is t; a column frame sets their order.
     """
     text = TextFile(path)
-    line = text.head(1)[0]
-    if _TITLE.match(line) is None:
+    roles = {name: NAMES[name] for name in ("t", "frame")}
+    layout = layout_of(text.head(HEADER_LINES), roles, ("t",))
+    if not layout.named or is_number(layout.named[0].name):
         rows = text.numbers()
         if rows.shape[1] > 1:
             raise DataFileError(
@@ -132,11 +132,9 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
                 "line that names the column of the times t"
             )
         return rows[:, 0], None
-    named, separator = header(line), separator_of(line)
-    roles = {name: NAMES[name] for name in ("t", "frame")}
-    if len(named) == 1:
-        roles = {"t": (named[0].name,)}
-    table = read_table(text, roles, named, ("t",), separator=separator)
+    if len(layout.named) == 1:
+        roles = {"t": (layout.named[0].name,)}
+    table = read_table(text, roles, layout.named, ("t",), layout.skip, layout.separator)
     require_finite(path, table.columns)
     order = np.argsort(table.columns.get("frame", np.zeros(0)), kind="stable")
     t = table.columns["t"]

@@ -256,7 +256,7 @@ class _Rows:
                 row.append(math.nan if text.lower() in _MISSING else parse(text))
             except ValueError:
                 column = 1 + (k if self._kept is None else self._kept[k])
-                comma = "," in cell and "separate columns with ';' or tabs, or use points"
+                comma = {",", " "} & {*text} and "separate columns with ';' or tabs, or use points"
                 raise DataFileError(
                     f"{self._path}, line {number}: expected numbers, got {cell[:MAX_CHARACTERS]!r} "
                     f"in column {column}: "
