@@ -175,10 +175,11 @@ def inspect(
     inertia = numbers.summary(law)
     likely = slips(filmed)
     if all(slip.severity == UNUSUAL for slip in likely):  # others would explain it
-        likely = [*not_dense(flow, inertia), *likely]
+        gas = not_dense(flow, inertia)
+        likely = [*gas, *likely]
+        if gas:
+            precision, reason = None, "its inertial numbers are not those of a dense flow"
     refused = undetermined(flow, "V0" if flow.surface is None else "V1")
-    if any(slip.severity != UNUSUAL for slip in likely):
-        precision, reason = None, "the data are improbable"
     if refused is not None:
         precision, reason = None, refused
     return Inspection(
