@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.ndimage import binary_fill_holes, gaussian_filter, label
 
-from granpinn.arrays import Float64, Index
+from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
 from granpinn.importers.surface import from_fraction
 
@@ -26,6 +26,7 @@ SPARSE, MOST = 4.0, 2.0
 HALF = 0.5
 MARGIN = 4.0  # above the grains, in h
 BULK = 0.75  # quantile of the density at the grains
+MAX_AXIS = 2000  # h
 MAX_CELLS = 10_000_000  # over all frames
 LEVEL_OF_VIEW = 0.25  # scatter of the line in h, below which it is the edge of the picture
 SD = 0.5  # of the offset, in h
@@ -40,14 +41,24 @@ def surface_of_grains(
         t, x, y: of every grain in every frame [n], y up.
 
     Returns:
-        None if the grains reach the edge of the picture everywhere, or no edge faces up.
+        None if the grains reach the edge of the picture everywhere, if no edge faces up, or if
+        one grain is far from all others.
     """
-    times, frame = np.unique(t, return_inverse=True)
+    order = np.argsort(t, kind="stable")
+    x, y = x[order], y[order]
+    times, first = np.unique(t[order], return_index=True)
+    ends = np.append(first, t.size)
     width, height = float(np.ptp(x)), float(np.ptp(y))
     h = max(diameter, math.sqrt(width * height * times.size / t.size))
-    distance = _distance(frame, x, y, times.size, h)
+    if max(width, height) > MAX_AXIS * h:  # a grain far from all others
+        return None
+    fullest = int(np.argmax(np.diff(ends)))
+    now = slice(ends[fullest], ends[fullest + 1])
+    distance = _distance(x[now], y[now], h)
     h = min(diameter + SPARSE * max(distance - diameter, 0.0), MOST * distance)
     h = max(h, diameter)
+    if max(width, height) > MAX_AXIS * h:
+        return None
     kept = np.arange(times.size)
     cell = CELL * h
     up = np.array([-gravity[0], -gravity[1]]) / math.hypot(*gravity)
@@ -64,7 +75,7 @@ def surface_of_grains(
         kept = np.unique(np.linspace(0, times.size - 1, most).round().astype(int))
     c = np.zeros((kept.size, rows, columns))
     for place, k in zip(c, kept, strict=True):
-        now = frame == k
+        now = slice(ends[k], ends[k + 1])
         counts, *_ = np.histogram2d(y[now], x[now], bins=(edges[1], edges[0]))
         density = gaussian_filter(counts, h / cell, mode="reflect")
         inside = density[counts > 0]
@@ -94,15 +105,13 @@ def _without_holes(c: Float64, up: Float64) -> Float64:
     )
 
 
-def _distance(frame: Index, x: Float64, y: Float64, n_frames: int, guess: float) -> float:
-    """Usual distance of grains: the side of the square around each, from the fullest cells."""
+def _distance(x: Float64, y: Float64, guess: float) -> float:
+    """Usual distance of the grains of a frame, from the fuller ones of large cells."""
     cells = 4 * guess
-    k = int(np.argmax(np.bincount(frame, minlength=n_frames)))
-    now = frame == k
-    bins = [np.arange(a.min(), a.max() + cells, cells) for a in (y[now], x[now])]
+    bins = [np.arange(a.min(), a.max() + cells, cells) for a in (y, x)]
     if min(b.size for b in bins) < 2:
         return guess
-    counts, *_ = np.histogram2d(y[now], x[now], bins=bins)
+    counts, *_ = np.histogram2d(y, x, bins=bins)
     return cells / math.sqrt(float(np.quantile(counts[counts > 0], BULK)))
 
 

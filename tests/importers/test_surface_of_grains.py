@@ -56,6 +56,12 @@ def test_the_edge_of_a_picture_is_no_surface() -> None:
     assert surface_of_grains(t[inside], x[inside], y[inside], D, DOWN) is None
 
 
+def test_one_grain_far_away_takes_no_memory() -> None:
+    t, x, y = grains()
+    x[3] = 1e30
+    assert surface_of_grains(t, x, y, D, DOWN) is None
+
+
 MATERIAL = {"grain_diameter": "10 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 
 
