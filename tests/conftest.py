@@ -6,7 +6,6 @@ import os
 import random
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -20,7 +19,7 @@ import pytest
 import torch
 
 from granpinn.data import Flow, write_flow
-from granpinn.results.baseline import Baseline
+from granpinn.inspection.momentum_balance import Baseline
 from tests.flows import make_flow
 
 
@@ -62,8 +61,6 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
     from tests.command.pageless import stand_ins  # it loads the command
 
-    run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
     for owner, name, value in stand_ins():
         monkeypatch.setattr(owner, name, value)
 
@@ -71,17 +68,14 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def no_balance(monkeypatch: pytest.MonkeyPatch) -> None:
     """Inspections without the momentum balance: it has its own tests and takes most of the time."""
-    inspection = importlib.import_module("granpinn.inspection.inspection")
-    monkeypatch.setattr(inspection, "baseline", lambda *args: Baseline("left out"))
+    balance = importlib.import_module("granpinn.inspection.momentum_balance")
+    monkeypatch.setattr(balance, "baseline", lambda *args: Baseline("left out"))
 
 
 @pytest.fixture
 def figures(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """`figures(*names)`: the page with these figures and those of checks; each takes a second."""
     album = importlib.import_module("granpinn.figures.album")
-    run = importlib.import_module("granpinn.command.training_run")
-    # Processes of their own would draw other figures than those of the tests.
-    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
 
     def only(*names: str) -> None:
         monkeypatch.setattr(album, "FIGURES", {name: album.FIGURES[name] for name in names})

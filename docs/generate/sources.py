@@ -15,8 +15,8 @@ from functools import partial
 
 from docs.generate import coverage
 from docs.generate.raw import ROOT, STUDIES, rows, text
-from granpinn import checks
 from granpinn.config import Config, flatten
+from granpinn.results.record import FIT, every
 
 Law = tuple[float, float, float]  # mu_s, mu_2, I0
 LAWS = ("mu_s", "mu_2", "true_s", "true_2", "I0", "I_low", "I_high", "true_low")
@@ -220,7 +220,7 @@ def checks_table() -> Iterator[str]:
     """The checks of a fit, in the order in which they are made."""
     yield "| check | name | made | seconds, roughly |"
     yield "|---|---|---|---|"
-    for check in checks.every():
+    for check in every(FIT):
         made = ["by default"] if check.quick else []
         made += [f"`--{check.flag.replace('_', '-')}`"] if check.flag else []
         title, seconds = check.record.title, f"{check.seconds:,.0f}"

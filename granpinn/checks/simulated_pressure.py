@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.checks import Check
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
@@ -25,7 +24,7 @@ from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
 from granpinn.fit.context import Context
 from granpinn.results import Fields, append_variable
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion.simulated_pressure import Velocity, at_frames
 
 AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report

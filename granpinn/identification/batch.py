@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from granpinn import results
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
@@ -24,6 +24,7 @@ from granpinn.identification.start import folder_of, histories, prepare, start
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress

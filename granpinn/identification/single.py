@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable
 
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config
 from granpinn.data import Flow
@@ -21,6 +21,7 @@ from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import Law
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.parallel import processes

@@ -10,10 +10,10 @@ from pathlib import Path
 from granpinn.checks.simulated_pressure import kept_after_training
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
+from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case, choose_device
 from granpinn.identification.answer import parts_of
-from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective

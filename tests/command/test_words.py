@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import collect, convert, identify, identify_many, inspect, train
+from granpinn import collect, convert, identify, identify_many, train
 from granpinn.command import cli
 from granpinn.config import Config, ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import Flow, write_flow
+from granpinn.inspect import __main__ as inspect
 from granpinn.report import __main__ as report
 from granpinn.results import write_results
 from granpinn.results.results_csv import write_csv

@@ -12,7 +12,7 @@ from granpinn.data import Flow, Particles, particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.lattice import ROUNDING, lattice_step
-from granpinn.inspection.slips import slips
+from granpinn.inspection import quick
 from tests.flows import make_flow
 from tests.inspection.falling import falling
 
@@ -36,7 +36,7 @@ def test_the_step_is_found(step: float, scatter: float) -> None:
     noise = Facts(flow, scales_of(flow)).noise.sigma
     assert noise is not None
     assert noise >= least * 0.99
-    assert any("peak locking" in slip.text for slip in slips(flow))
+    assert any("peak locking" in slip.sentence for slip in quick(flow).slips)
 
 
 def test_the_step_of_particles_is_found() -> None:

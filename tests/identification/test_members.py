@@ -17,7 +17,7 @@ from granpinn.fit import case as case_module
 from granpinn.fit.case import member_seed, members, pose
 from granpinn.fit.ensemble import measured_noise
 from granpinn.identification import batch
-from granpinn.results.slip import Slip
+from granpinn.inspection import Inspection
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_bars
@@ -55,9 +55,9 @@ def test_a_repeated_flow_of_a_batch_is_checked_once(
 ) -> None:
     checked: list[Flow] = []
 
-    def check(flow: Flow) -> list[Slip]:
+    def check(flow: Flow) -> Inspection:
         checked.append(flow)
-        return []
+        return Inspection(flow)
 
     monkeypatch.setattr(case_module, "refuse_slips", check)
     configs = [tiny(noise=noise, seed=seed, I0=0.3 - seed / 20, device="cpu") for seed in (0, 1)]

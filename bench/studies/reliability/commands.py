@@ -11,16 +11,15 @@ from unittest import mock
 import granpinn.convert
 import granpinn.figures.album
 import granpinn.figures.animation
-import granpinn.figures.inspection
 import granpinn.figures.simulation
-import granpinn.inspect
+import granpinn.inspect.__main__
 import granpinn.train
 from granpinn.report.__main__ import main as report
 from granpinn.simulate import main as simulate
 from granpinn.tables.__main__ import main as tables
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
-    "inspect": granpinn.inspect.main,
+    "inspect": granpinn.inspect.__main__.main,
     "convert": granpinn.convert.main,
     "train": granpinn.train.main,
     "report": report,
