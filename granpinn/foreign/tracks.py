@@ -1,4 +1,7 @@
-"""Tables that pandas wrote into HDF5, by h5py: pandas would unpickle the names of their columns."""
+"""Tables that pandas wrote into HDF5, by h5py: pandas would unpickle the names of their columns.
+
+Tables of TracTrac, too: Frame [n], x [n, 2] and u [n, 2].
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from granpinn.foreign.program import Answer
 from granpinn.regular import UnsafeFileError
 
 LIBRARY = "h5py"
+TRACTRAC = ("Frame", "x", "u")
 _DIGITS = re.compile(r"\d++")
 _TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "STRING")
 
@@ -23,6 +27,10 @@ _TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "ST
 def read(path: Path, answer: Answer, columns: bool = True) -> Any:
     """Columns of all tables by name, those of one frame after another; or the number of tables."""
     with hdf5.opened(path) as file:
+        datasets = {name: hdf5.dataset_of(file, name) for name in TRACTRAC if name in file}
+        tractrac = {name: dataset for name, dataset in datasets.items() if dataset is not None}
+        if len(tractrac) == len(TRACTRAC):
+            return _tractrac(tractrac, answer) if columns else 1
         tables = _tables(file)
         if not columns:
             return len(tables)
@@ -32,6 +40,19 @@ def read(path: Path, answer: Answer, columns: bool = True) -> Any:
         raise UnsafeFileError("it must have the same columns in every frame: write it again")
     names = parts[0] if parts else ()
     return {n: answer.keep(np.concatenate([part[n] for part in parts], dtype=float)) for n in names}
+
+
+def _tractrac(datasets: dict[str, h5py.Dataset], answer: Answer) -> Any:
+    frame, x, u = datasets.values()
+    if len(frame.shape) != 1 or not x.shape == u.shape == (*frame.shape, 2):
+        raise UnsafeFileError(
+            f"Frame [n], x and u [n, 2] must fit together, got {list(frame.shape)}, "
+            f"{list(x.shape)} and {list(u.shape)}: write them again"
+        )
+    answer.require(5 * 8 * frame.size)
+    (n, x, u) = (hdf5.values(name, dataset) for name, dataset in datasets.items())
+    columns = {"frame": n, "x": x[:, 0], "y": x[:, 1], "u": u[:, 0], "v": u[:, 1]}
+    return {name: answer.keep(np.asarray(values, float)) for name, values in columns.items()}
 
 
 def _tables(file: h5py.File) -> list[h5py.Dataset]:

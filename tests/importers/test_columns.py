@@ -70,7 +70,7 @@ def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
 
 
 NO_TIMES = {
-    "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "separate columns"),
+    "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "a comma both"),
     "several columns": (["frame;temps [s]", "1;0,5", "2;0,6", "3;0,7"], "must have the columns t"),
     "no header": (["1,0.5", "2,0.6", "3,0.7"], "must hold one number in every row, got 2"),
     "two times": (["t [s],time [ms]", "1,2", "2,3", "3,4"], "one column for t, got t, time"),

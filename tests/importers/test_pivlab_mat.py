@@ -108,7 +108,7 @@ def session(**options: Any) -> dict[str, Any]:
         table[6, k], table[7, k] = m["u"][k], m["v"][k]
         if "typevector" in m:
             table[4, k] = table[8, k] = m["typevector"][k]
-    return {"resultslist": table, "calxy": 1e-4, "calu": 0.05, "calv": 0.05}
+    return {"resultslist": table, "calxy": 0.5e-3, "calu": 0.25, "calv": 0.25}
 
 
 WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
