@@ -159,7 +159,7 @@ def test_fields_of_a_simulation_are_chosen_by_one_name(tmp_path: Path) -> None:
         read_vectors(path)
     named = read_vectors(path, options={"names": {"c": "f"}})
     assert named.c is not None
-    with pytest.raises(DataFileError, match="fields must be like u=U"):
+    with pytest.raises(DataFileError, match="fields must name some of u, v, c, p"):
         read(path, fields="c=f,c=c", **GRAINS)
     with pytest.raises(DataFileError, match="must have the columns phi, got"):
         read_vectors(path, options={"names": {"c": "phi"}})

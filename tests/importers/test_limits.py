@@ -250,7 +250,7 @@ def test_hostile_settings_are_one_sentence(tmp_path: Path, setting: str, value: 
     if setting == "note":
         read(files, **given)
         return
-    with pytest.raises(DataFileError, match="--") as caught:
+    with pytest.raises(DataFileError, match=setting) as caught:
         read(files, **given)
     assert len(str(caught.value)) <= 600
 

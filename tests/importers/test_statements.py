@@ -56,23 +56,23 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "1 s and 500 Hz": (
         {"xy": 1e-4, "uv": 1e-4},
         {"frame_rate": "500 Hz"},
-        r"header says 1 s \(exactly 1, so probably never set\), --frame-rate \(you\) says 2 ms: "
-        'give --pulse-delay "1 s" for double frames',
+        r"header says 1 s \(exactly 1, so probably never set\), frame_rate \(you\) says 2 ms: "
+        'give pulse_delay "1 s" for double frames',
     ),
     "2 ms and 50 Hz": (
         {"xy": 1e-4, "uv": 0.05},
         {"frame_rate": "50 Hz"},
-        r"header says 2 ms, --frame-rate \(you\) says 20 ms",
+        r"header says 2 ms, frame_rate \(you\) says 20 ms",
     ),
     "two delays": (
         {"xy": 1e-4, "uv": 0.05},
         {"frame_rate": "500 Hz", "pulse_delay": "1 ms"},
-        r"header says 2 ms, --pulse-delay \(you\) says 1 ms",
+        r"header says 2 ms, pulse_delay \(you\) says 1 ms",
     ),
     "two scales": (
         {"xy": 1e-4, "uv": 0.05},
         {"frame_rate": "500 Hz", "scale": "0.12 mm/px"},
-        "the header says 100 µm/pixel, --scale says 0.12 mm/px: leave --scale out",
+        "the header says 100 µm/pixel, scale says 0.12 mm/px: leave scale out",
     ),
     "factors change": (
         {"xy": 1e-4, "uv": [0.05, 0.05, 0.06, 0.05]},
@@ -82,7 +82,7 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "two units": (
         {"xy": 1e-4, "uv": 0.05},
         {"frame_rate": "500 Hz", "length_unit": "mm"},
-        "the length unit is stated twice: the file says m, --length-unit says mm",
+        "the length unit is stated twice: the file says m, length_unit says mm",
     ),
 }
 
@@ -154,7 +154,7 @@ def test_pairs_of_several_lengths_have_no_common_factor(tmp_path: Path) -> None:
 
 def test_names_of_images_contradict_a_delay(tmp_path: Path) -> None:
     files = pivlab(tmp_path, PAIRS["2 apart"])
-    with pytest.raises(DataFileError, match="numbering of the images says 4 ms, --pulse"):
+    with pytest.raises(DataFileError, match="numbering of the images says 4 ms, pulse"):
         flow_of(files, scale="0.1 mm/px", frame_rate="500 Hz", pulse_delay="2 ms")
 
 
@@ -166,7 +166,7 @@ def arrays(**units: Any) -> dict[str, Any]:
 
 
 def test_other_formats_follow_the_same_rule() -> None:
-    with pytest.raises(DataFileError, match="the file says 10 ms, --frame-rate says 2 ms"):
+    with pytest.raises(DataFileError, match="the file says 10 ms, frame_rate says 2 ms"):
         flow_of(arrays(), frame_rate="500 Hz")
     flow_of(arrays(), frame_rate="100 Hz")
     with pytest.raises(DataFileError, match="velocity unit is stated twice"):
