@@ -185,8 +185,9 @@ def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
     source = "--times" if settings.times else "the file"
     require_agreement(
         "the time between two frames",
-        "leave --frame-rate out if these times are right; else give --time-unit frame to count "
-        f"the frames, or another --time-unit if their unit is not {unit}",
+        "leave --frame-rate out if these times are right, or give --pulse-delay "
+        f"'{units.shown(interval, 's')}' in its place if the images of a pair are so far apart; "
+        f"else give --time-unit frame to count the frames, or another one if it is not {unit}",
         Statement(step, units.shown(step, "s"), source),
         Statement(interval, units.shown(interval, "s"), "--frame-rate"),
     )

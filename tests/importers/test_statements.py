@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import convert
+from granpinn.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, read
 from tests.importers import scene
@@ -187,6 +187,6 @@ def test_the_command_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixtur
         "0.6",
     ]
     given = [*map(str, files), "--out", str(out), "--frame-rate", "500 Hz", *flags]
-    assert convert.main(given) == 2
+    assert main(given) == 2
     assert "is stated twice: the header says 1 s" in capsys.readouterr().err
     assert not out.exists()
