@@ -27,10 +27,8 @@ _TEXT_OPCODES = ("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "ST
 def read(path: Path, answer: Answer, columns: bool = True) -> Any:
     """Columns of all tables by name, those of one frame after another; or the number of tables."""
     with hdf5.opened(path) as file:
-        datasets = {name: hdf5.dataset_of(file, name) for name in TRACTRAC if name in file}
-        tractrac = {name: dataset for name, dataset in datasets.items() if dataset is not None}
-        if len(tractrac) == len(TRACTRAC):
-            return _tractrac(tractrac, answer) if columns else 1
+        if all(file.id.links.exists(name.encode()) for name in TRACTRAC):  # follows no link
+            return _tractrac(file, answer) if columns else 1
         tables = _tables(file)
         if not columns:
             return len(tables)
@@ -42,15 +40,16 @@ def read(path: Path, answer: Answer, columns: bool = True) -> Any:
     return {n: answer.keep(np.concatenate([part[n] for part in parts], dtype=float)) for n in names}
 
 
-def _tractrac(datasets: dict[str, h5py.Dataset], answer: Answer) -> Any:
-    frame, x, u = datasets.values()
+def _tractrac(file: h5py.File, answer: Answer) -> Any:
+    parts: list[Any] = [hdf5.dataset_of(file, name) for name in TRACTRAC]
+    frame, x, u = parts
     if len(frame.shape) != 1 or not x.shape == u.shape == (*frame.shape, 2):
         raise UnsafeFileError(
             f"Frame [n], x and u [n, 2] must fit together, got {list(frame.shape)}, "
             f"{list(x.shape)} and {list(u.shape)}: write them again"
         )
     answer.require(5 * 8 * frame.size)
-    (n, x, u) = (hdf5.values(name, dataset) for name, dataset in datasets.items())
+    n, x, u = (hdf5.values(part.name, part) for part in parts)
     columns = {"frame": n, "x": x[:, 0], "y": x[:, 1], "u": u[:, 0], "v": u[:, 1]}
     return {name: answer.keep(np.asarray(values, float)) for name, values in columns.items()}
 

@@ -214,3 +214,13 @@ def test_opyf_on_a_grid_with_depths(tmp_path: Path) -> None:
     assert read_depths(tmp_path / "depths.hdf5").columns["t"].size == depth.size
     with pytest.raises(DataFileError, match="must hold velocities, got depths"):
         read_vectors(tmp_path / "depths.hdf5")
+
+
+def test_a_link_in_place_of_a_table_is_not_followed(tmp_path: Path) -> None:
+    """Nor is it looked whether there is something behind it."""
+    path = tmp_path / "a.hdf5"
+    with h5py.File(path, "w") as file:
+        file["Frame"] = h5py.ExternalLink("nothing.h5", "Frame")
+        file["x"] = file["u"] = np.zeros((3, 2))
+    with pytest.raises(DataFileError, match="Frame must be stored in the file itself, got a link"):
+        read_vectors(path, format="tracks")
