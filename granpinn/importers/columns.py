@@ -103,7 +103,7 @@ def column(text: str) -> Column:
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """Where the rows of a table begin, what its columns are called, and its separator.
 
     Attributes:
@@ -118,7 +118,7 @@ class Layout:
 
 def layout_of(
     lines: Sequence[str], roles: Mapping[str, Iterable[str]], required: Iterable[str]
-) -> Layout:
+) -> TextLayout:
     """The layout of a table of any program, from its first lines.
 
     The names are in the first line above the numbers that has the required columns, else in the
@@ -140,7 +140,7 @@ def layout_of(
             named = [Column(c.name, c.unit or u) for c, u in zip(named, units, strict=False)]
     if separator != "," and len(_cells(row.rstrip(separator), separator)) == len(named) + 1:
         named = [Column(""), *named]  # a column of row names has no name
-    return Layout(named, skip, separator, "\n".join(lines[:place]))
+    return TextLayout(named, skip, separator, "\n".join(lines[:place]))
 
 
 def _cells(line: str, separator: str) -> list[str]:
