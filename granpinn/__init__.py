@@ -3,7 +3,8 @@
     import granpinn
 
     flow = granpinn.read_flow("collapse.h5")
-    result = granpinn.identify(flow, granpinn.Config())
+    result = granpinn.identify(flow, steps=6000)
+    print(result)
 
 Names are loaded when they are first used, so that `python -m granpinn.doctor` also runs where
 torch or the compiled kernels cannot be imported.
@@ -13,12 +14,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from granpinn import laws
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
-    from granpinn.importers import flow
+    from granpinn.importers import convert, flow, read
+    from granpinn.inspection import inspect
     from granpinn.kernels.swish_network import SwishNetwork
     from granpinn.results import Result
     from granpinn.simulation import simulate
@@ -30,10 +33,14 @@ __all__ = [
     "Result",
     "SwishNetwork",
     "__version__",
+    "convert",
     "flow",
     "identify",
     "identify_many",
+    "inspect",
+    "laws",
     "load",
+    "read",
     "read_flow",
     "simulate",
     "write_flow",
@@ -44,10 +51,13 @@ _HOMES = {
     "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
     "SwishNetwork": "granpinn.kernels.swish_network",
+    "convert": "granpinn.importers",
     "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
+    "inspect": "granpinn.inspection",
     "load": "granpinn.identification.identified",
+    "read": "granpinn.importers",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",
@@ -55,6 +65,8 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "laws":
+        return import_module("granpinn.laws")
     if name not in _HOMES:
         raise AttributeError(f"module 'granpinn' has no attribute {name!r}; it has {__all__}")
     return getattr(import_module(_HOMES[name]), name)

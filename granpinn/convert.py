@@ -1,6 +1,9 @@
 """The command `python -m granpinn.convert`: makes a flow file of the files of a PIV or PTV program.
 
-Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
+Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file cannot be written.
+
+In Python, `granpinn.read(files, ...)` gives the flow, and `granpinn.convert(files, settings)` takes
+the settings as a record.
 """
 
 from __future__ import annotations
@@ -13,21 +16,23 @@ if __name__ == "__main__":
 import argparse
 import dataclasses
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from granpinn.command import flow_warnings
+from granpinn.command.callable_module import call_like
 from granpinn.command.next_step import training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config.fields import flag_of
 from granpinn.config.values import number, whole
-from granpinn.data import write_flow
-from granpinn.data.symmetry import with_layer
+from granpinn.data import FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
-from granpinn.inspection.slips import warn_of_slips
+from granpinn.inspection import quick
 from granpinn.output import objection_to_file, shell_word
+from granpinn.results.record import IMPOSSIBLE
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -62,8 +67,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
+            slips = quick(flow).slips
+            for slip in slips:
+                warnings.warn(str(slip), FlowFileWarning, stacklevel=2)
+            if not settings.force and any(slip.grade == IMPOSSIBLE for slip in slips):
+                raise DataFileError(
+                    "the vectors are impossible, as the warnings say, and no flow file was written:"
+                    " correct the units, scale, rate or axes, or give --force to write it all the"
+                    " same"
+                )
             write_flow(flow, out)
-            slips = warn_of_slips(with_layer(flow))
         print(f"flow file: {out}")
         step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")
@@ -122,6 +135,8 @@ def _joined(argv: Sequence[str]) -> list[str]:
 def _formats() -> str:
     return "\n".join(f"  {name:<12}{found.title}" for name, found in FORMATS.items())
 
+
+call_like(convert, __name__)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -6,8 +6,7 @@ SIGINT, SIGTERM, with the frames so far in the flow file if there are two.
 The first word is the scene: `collapse`, which is also the scene without a word, `chute` or
 `silo`.
 
-In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`. This module
-replaces that attribute of the package when it is imported, so it can be called like the function.
+In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ if __name__ == "__main__":
 import argparse
 import dataclasses
 import sys
-import types
 import typing
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from granpinn.command.callable_module import call_like
 from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError
 from granpinn.config.fields import flag_of
@@ -58,13 +57,6 @@ EXAMPLES = """examples:
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
 OWN = ("scene", "out", "paper_cases", "figures", "animation")
 SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
-
-
-class _CallableModule(types.ModuleType):
-    """A module that can be called like the function `simulate`."""
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Flow:
-        return simulate(*args, **kwargs)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -195,7 +187,7 @@ def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None
     print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
 
 
-sys.modules[__name__].__class__ = _CallableModule
+call_like(simulate, __name__)
 
 if __name__ == "__main__":
     sys.exit(main())

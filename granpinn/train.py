@@ -24,20 +24,24 @@ if __name__ == "__main__":
     exit_codes.guard_process("train")
 
 import sys
+import time
 from collections.abc import Sequence
 
 from granpinn.command.arguments import parse
+
+BEGIN = time.monotonic()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit code."""
 
     def run() -> int:
-        config = parse(sys.argv[1:] if argv is None else argv)
+        begin = BEGIN if argv is None else time.monotonic()
+        config, verbose = parse(sys.argv[1:] if argv is None else argv)
         from granpinn.command import training_run
 
         exit_codes.keep_what_is_loaded()
-        return training_run.run(config)
+        return training_run.run(config, verbose, begin)
 
     return exit_codes.exit_code("train", run)
 

@@ -54,4 +54,4 @@ def make_trainer(config: Config, flow: Flow) -> Trainer:
 def make_run(config: Config, flow: Flow, folder: Path | None = None) -> TrainingLoop:
     if folder is not None:
         folder.mkdir(exist_ok=True)
-    return TrainingLoop(make_objective(config, flow), config, folder, Silent(), None)
+    return TrainingLoop(make_objective(config, flow), config, folder, Silent())

@@ -116,7 +116,8 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
     surface = Surface(FLOW.surface.t, FLOW.surface.x, FLOW.surface.y) if FLOW.surface else None
     assert surface is not None
     mu = ("mu_s", 0.3)
-    parts = {"progress": begun, "run_dir": None, "law": None, "shown": None}
+    parts = {"progress": begun, "run_dir": None, "law": None}
+    parts |= {"on_step": None, "on_values": None, "level": "V1", "checks": "none"}
     return {
         "flow": (granpinn.flow, ARRAYS | UNITS | MATERIAL),
         "flow, all settings": (granpinn.flow, settings | ARRAYS | UNITS | MATERIAL),

@@ -2,15 +2,26 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import granpinn
 
 
-@pytest.mark.parametrize("name", [n for n in granpinn.__all__ if n != "__version__"])
+@pytest.mark.parametrize("name", sorted({*granpinn.__all__} - {"__version__", "laws"}))
 def test_public_names_load(name: str) -> None:
     assert callable(getattr(granpinn, name))
+
+
+def test_commands_leave_the_functions_of_their_names() -> None:
+    code = (
+        "import granpinn; import granpinn.inspect.__main__, granpinn.convert, granpinn.simulate; "
+        "print(callable(granpinn.inspect), callable(granpinn.convert), callable(granpinn.simulate),"
+        "granpinn.laws.__name__)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["True", "True", "True", "granpinn.laws"]
 
 
 def test_dir_lists_the_public_names() -> None:
@@ -30,7 +41,7 @@ def test_import_loads_neither_torch_nor_the_kernels() -> None:
 
 def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
     code = (
-        "import granpinn.command.training_run, granpinn.inspect, sys; "
+        "import granpinn.command.training_run, granpinn.inspect.__main__, sys; "
         "print('scipy.signal' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -50,3 +61,11 @@ def test_version_is_that_of_the_installed_distribution() -> None:
     from importlib.metadata import version
 
     assert granpinn.__version__ == version("granpinn")
+
+
+def test_code_that_runs_in_the_package_finds_the_standard_library() -> None:
+    folder = Path(granpinn.__file__).parent
+    code = "import dataclasses, inspect; print(hasattr(inspect, 'signature'))"
+    command = [sys.executable, "-c", code]
+    out = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["True"]

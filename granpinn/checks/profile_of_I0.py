@@ -34,13 +34,12 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.checks import Check
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.record import Record, Table
+from granpinn.results.record import Check, Record, Table
 from granpinn.results.summary import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
@@ -174,7 +173,7 @@ def settings_of(config: Config, steps: int | None = None) -> Config:
 def profile_I0(
     flow: Flow | str | os.PathLike[str],
     config: Config,
-    identify_many: Callable[..., list[Result]],
+    identify_many: Callable[..., Sequence[Result]],
     *,
     steps: int | None = None,
     run_dir: str | os.PathLike[str] | None = None,
@@ -367,5 +366,12 @@ def _answer(
 
 
 CHECK = Check(
-    "profile_of_I0", Profile, make, seconds=600.0, flag="free_I0", quick=False, trains=True
+    "profile_of_I0",
+    Profile,
+    make,
+    seconds=600.0,
+    flag="free_I0",
+    quick=False,
+    trains=True,
+    refuse=require_mu_of_i,
 )

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.checks import Check
 from granpinn.data import Flow
 from granpinn.data.norms import rms
 from granpinn.data.steady import steady_mean
@@ -21,12 +20,11 @@ from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import Law
 from granpinn.results import plain
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.comparison import Comparison, compare
 from granpinn.second_opinion.scenes import GrainColumn, scene_of
-from granpinn.simulation import progress
-from granpinn.simulation.progress import SilentSimulation
+from granpinn.simulation.progress import SilentSimulation, SimulationLines
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import record
 
@@ -186,7 +184,7 @@ def make(context: Context) -> Resimulation:
         result.friction_law,
         result.theta,
         config.resimulation.cells,
-        progress.automatic(),
+        SimulationLines(context.run.progress.message),
         config.side_walls.friction,
     )
 

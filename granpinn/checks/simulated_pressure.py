@@ -6,7 +6,6 @@ The simulation starts from the predicted velocity (second_opinion/simulated_pres
 from __future__ import annotations
 
 import dataclasses
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -16,8 +15,6 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.checks import Check
-from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.data.symmetry import axes_of
@@ -25,24 +22,11 @@ from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
 from granpinn.fit.context import Context
 from granpinn.results import Fields, append_variable
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion.simulated_pressure import Velocity, at_frames
 
-AFTER_TRAINING = 30.0  # seconds of a time limit that are kept for fields, figures and report
-EACH_FRAME = 2.0  # additional seconds for every simulated frame, divided by the number of cores
-AFTER_TRAINING_PART = 0.25  # largest part of a time limit that is kept
-SIMULATION_PART = 0.5  # part of the kept time in which frames may begin
+EACH_FRAME = 0.5  # seconds of a frame on one idle core; none begins later before a time limit
 SAY_EVERY = 10.0  # seconds
-
-
-def kept_after_training(config: Config, members: int) -> float:
-    """Seconds that a training of `members` networks keeps of its time limit; 0 without a limit.
-
-    One of `config.members` networks is shown, and only this one has a simulated pressure.
-    """
-    frames = config.simulated_pressure.frames * max(1, members // config.members)
-    wanted = AFTER_TRAINING + EACH_FRAME * frames / len(os.sched_getaffinity(0))
-    return min(wanted, AFTER_TRAINING_PART * (config.max_time or 0.0))
 
 
 @dataclass(frozen=True)
@@ -144,11 +128,8 @@ def make(context: Context) -> SimulatedPressure | None:
 
 def _deadline(context: Context) -> float | None:
     """The time after which no frame is begun."""
-    run = context.run
-    if run.deadline is None:
-        return None
-    kept = kept_after_training(context.case.config, len(run.trainer.params))
-    return run.deadline + run.later + SIMULATION_PART * kept
+    limit = context.run.limit
+    return None if limit is None else limit.until - EACH_FRAME
 
 
 def _progress(context: Context) -> Callable[[int, int], None]:
@@ -201,4 +182,4 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     return flowing, stagnant
 
 
-CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=10.0)
+CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=5.0)

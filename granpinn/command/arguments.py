@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import argparse
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from granpinn.command.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
@@ -19,17 +19,17 @@ from granpinn.config.toml import read_saved, read_toml
 from granpinn.config.values import NONE, convert
 from granpinn.physics.laws import LAWS
 
-# `python -m granpinn.train` without arguments: the collapse that comes with the package, in fewer
-# steps than by default.
-DEMONSTRATION = ("--out", "granpinn-demo", "--steps", "6000")
+# Without a flow file: the collapse that comes with the package, in fewer steps than by default.
+DEMONSTRATION = {"out": "granpinn-demo", "steps": 6000}
 # The settings in --help, which has --config and --help-all too; --help-all has the others.
 USUAL = (
     *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),
-    *("compare_laws", "resimulate", "resume"),
+    *("checks", "compare_laws", "resimulate", "resume"),
 )
 EXAMPLES = """examples:
   python -m granpinn.train
-      a demonstration: the collapse that comes with granpinn, to the folder granpinn-demo
+      a demonstration: the collapse that comes with granpinn, to the folder granpinn-demo; it
+      takes every setting, such as --max-time 60
   python -m granpinn.train collapse.h5 --out run
       identify the friction law from velocities and the line of the free surface (level V1)
   python -m granpinn.train collapse.h5 --out run --members 8
@@ -44,19 +44,22 @@ EXAMPLES = """examples:
 Ctrl-C saves a checkpoint and stops; a second Ctrl-C stops at once."""
 
 
-def parse(argv: Sequence[str]) -> Config:
-    """The settings of a command line; the message of ConfigError is one sentence.
+class Arguments(NamedTuple):
+    """What a command line gives: settings, and whether to print all that is known."""
 
-    Without arguments: the settings of the demonstration.
+    config: Config
+    verbose: bool
+
+
+def parse(argv: Sequence[str]) -> Arguments:
+    """The arguments of a command line; the message of ConfigError is one sentence.
+
+    Without a flow file: the settings of the demonstration, changed by those that are given.
     """
-    if not argv:
-        from granpinn.simulation import demo_path
-
-        argv = [str(demo_path()), *DEMONSTRATION]
     argv = switches(argv)
     parser = Parser(
         prog=program("train"),
-        usage="%(prog)s FLOW.h5 --out DIR [settings]",
+        usage="%(prog)s [FLOW.h5 --out DIR] [settings]",
         description="Identify the friction law and the pressure of a granular flow.",
         epilog=EXAMPLES.replace("python -m granpinn.train", program("train")),
         formatter_class=_Help,
@@ -66,9 +69,15 @@ def parse(argv: Sequence[str]) -> Config:
     parser.add_argument("flow", nargs="?", metavar="FLOW", help="the flow file (HDF5)")
     parser.add_argument("--config", metavar="FILE.toml", help="settings from a file; flags win")
     parser.add_argument("--help-all", action="help", help="show every setting")
+    parser.add_argument(
+        "--verbose",
+        action="store_true",
+        default=False,
+        help="print tables, errors of the fields and every check too, as soon as they are known",
+    )
     _add_settings(parser, everything="--help-all" in argv)
     given = vars(parser.parse_args(argv))
-    file = given.pop("config", None)
+    file, verbose = given.pop("config", None), given.pop("verbose")
     known = settings_of(Config)
     flags = {key: convert(text, known[key].kind, flag_of(key)) for key, text in given.items()}
     values = read_toml(Path(file)) if file else {}
@@ -77,16 +86,30 @@ def parse(argv: Sequence[str]) -> Config:
             f"--recipe {flags['recipe']} contradicts {file}, which has the recipe "
             f"{values['recipe']}: leave one of them out"
         )
+    if "flow" not in (flags | values):
+        values.setdefault("out", DEMONSTRATION["out"])
     saved = Path(flags.get("out") or values.get("out") or "") / "config.toml"
     if flags.get("resume", values.get("resume")) and saved.exists():
         values = read_saved(saved) | values
-    config = Config(**(values | flags))
+    values |= flags
+    if values.get("flow") is None and not values.get("resume"):
+        values = _demonstration(values)
+    config = Config(**values)
     if "I0" in flags and "I0" not in LAWS[config.law].names:
         raise ConfigError(f"the friction law {config.law} has no I0: leave --I0 out")
     for name, text in (("flow", "FLOW, the flow file,"), ("out", "--out, the folder of the run,")):
         if getattr(config, name) is None:
             raise ConfigError(f"{text} is missing: {program('train')} FLOW.h5 --out DIR")
-    return config
+    return Arguments(config, verbose)
+
+
+def _demonstration(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of the demonstration, changed by those that are given."""
+    from granpinn.simulation import demo_path
+
+    ends = {name for name in ("steps", "epochs", "max_time") if name in values}
+    usual = {name: v for name, v in DEMONSTRATION.items() if name != "steps" or not ends}
+    return usual | dict(values) | {"flow": str(demo_path())}
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):

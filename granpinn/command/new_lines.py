@@ -22,7 +22,7 @@ class NewLines:
     def show(self, result: Result) -> None:
         """Print the lines of a result that are new."""
         made = {name: why for name, why in result.not_done.items() if why != PENDING}
-        heading, *lines, _ = str(dataclasses.replace(result, not_done=made)).splitlines()
+        heading, *lines, _ = dataclasses.replace(result, not_done=made).summary().splitlines()
         table = set(takewhile(lambda line: len(line) == len(heading), lines))
         new = [line for line in lines if line not in self._printed]
         if table.intersection(new):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
 
 from granpinn import report, results
 from granpinn.checks import wanted
-from granpinn.checks.profile_of_I0 import require_mu_of_i
 from granpinn.command import flow_warnings
 from granpinn.command.new_lines import NewLines
 from granpinn.command.next_step import require_flow_file
@@ -23,10 +24,17 @@ from granpinn.terminal import say
 from granpinn.training import parallel, progress
 
 REPORT = "report"
+FIGURES = progress.Stage("figures", seconds=3.0)
 
 
-def run(config: Config) -> int:
-    """Identify, write the results and the report; the exit code."""
+def run(config: Config, verbose: bool = False, begin: float | None = None) -> int:
+    """Identify, write the results and the report; the exit code.
+
+    Args:
+        verbose: print all that is known, as soon as it is; else the answer in a few lines.
+        begin: time.monotonic() at which the command began, for its time limit.
+    """
+    begin = time.monotonic() if begin is None else begin
     assert config.flow is not None
     assert config.out is not None
     require_flow_file(Path(config.flow))
@@ -37,7 +45,7 @@ def run(config: Config) -> int:
         owned(None if rank else config.out),
         flow_warnings.in_one_line(),
     ):
-        result = _identified(config, rank)
+        result = _identified(config, rank, verbose, begin)
     if rank > 0:  # the first process has the result
         return 0
     asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]
@@ -48,30 +56,40 @@ def run(config: Config) -> int:
     return 1 if missing else 0
 
 
-def _identified(config: Config, rank: int) -> Result:
+def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Result:
     """The result with its checks; the first process writes the report."""
     assert config.flow is not None
     assert config.out is not None
     folder, lines = Path(config.out), NewLines()
-    if config.free_I0:
-        require_mu_of_i(config)
-    listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
+    listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
     if rank == 0:  # matplotlib takes a second to load; the training leaves the interpreter idle
         Thread(target=import_module, args=("granpinn.report.page",)).start()
-    result: Result = identify(
-        config.flow, config, run_dir=folder, progress=listener, shown=lines.show
-    )
-    if rank > 0:
-        return result
-    page = attempt(lambda: report.build(folder))
+    with ExitStack() as at_end:
+        at_end.callback(listener.stop)
+        result: Result = identify(
+            config.flow,
+            config,
+            run_dir=folder,
+            progress=listener,
+            on_values=lines.show if verbose else None,
+            reserve=time.monotonic() - begin + FIGURES.seconds,
+        )
+        if rank > 0:
+            return result
+        listener.stage(FIGURES.name)
+        page = attempt(lambda: report.build(folder))
     if isinstance(page, NotDone):
         result = result.without(REPORT, page.why)
         results.write_results(result, folder / "results.json")
+    if verbose:
         lines.show(result)
-    else:
+    print(result)
+    for check in [] if verbose else wanted(config):
+        if check.asked(config) and check.name in result.checks:
+            print(result.checks[check.name])
+    if not isinstance(page, NotDone):
         print(f"report: {page}")
-    print(f"assessment: {result.assessment}")
     require_kept(folder)
     return result

@@ -7,7 +7,7 @@ the `config.toml` that a run leaves.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import InitVar, dataclass
+from dataclasses import InitVar, dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -282,6 +282,23 @@ def _check_fixed(name: str, values: Mapping[str, float]) -> None:
             raise ConfigError(
                 f"--rheology.fix: {parameter} must be in [{least:g}, {LARGEST:g}], got {value:g}"
             )
+
+
+def config_of(config: Config | Mapping[str, Any] | None, changes: Mapping[str, Any]) -> Config:
+    """The settings of a call in Python: a Config, or a dict of settings, with changes.
+
+    Raises:
+        ConfigError: a name is unknown, or a value is impossible.
+    """
+    given = [*(config if isinstance(config, Mapping) else ()), *changes]
+    if wrong := {"flow", "out"}.intersection(map(str, given)):
+        raise ConfigError(
+            f"{wrong.pop()} is no setting in Python: give the flow as the first argument, and the "
+            "folder of the run as run_dir"
+        )
+    if isinstance(config, Config):
+        return replace(config, **changes) if changes else config
+    return Config(**{**(config or {}), **changes})
 
 
 def identity(config: Config) -> dict[str, Any]:

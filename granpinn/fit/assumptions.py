@@ -76,11 +76,14 @@ def assumptions_of(case: Case) -> tuple[Assumption, ...]:
     return tuple(found for entry in TABLE if (found := entry(case)) is not None)
 
 
-def seconds(cases: Sequence[Case], limit: float) -> float:
-    """Seconds of a time limit that are kept for the trainings of assumptions."""
+def share(cases: Sequence[Case]) -> float:
+    """What the trainings of assumptions take at most under a time limit, relative to that before.
+
+    Without a limit they take about as long for one assumption.
+    """
     different = {id(case.flow): case for case in cases}.values()
     uncertain = any(entry(case) is not None for case in different for entry in TABLE)
-    return limit * TIME_SHARE / (1 + TIME_SHARE) if uncertain else 0.0
+    return TIME_SHARE if uncertain else 0.0
 
 
 def trained(
@@ -90,4 +93,4 @@ def trained(
     every = [assumption for uncertain in asked.values() for assumption in uncertain]
     names = " and ".join(dict.fromkeys(a.name for a in every))
     run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
-    return effects(run.trainer, asked, TIME_SHARE if run.deadline is not None else None)
+    return effects(run.trainer, asked, TIME_SHARE if run.limit is not None else None)

@@ -6,24 +6,35 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import wait
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from granpinn import results
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
+from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.fit.context import Context
 from granpinn.identification import answer
-from granpinn.identification.start import folder_of, histories, prepare, start
+from granpinn.identification.identified import Identification, InFolder
+from granpinn.identification.start import (
+    CHECKS,
+    ERROR_BARS,
+    folder_of,
+    histories,
+    prepare,
+    start,
+)
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress
@@ -38,7 +49,7 @@ SIDE_BY_SIDE = 4
 @checked
 def identify_many(
     flows: Sequence[FlowLike],
-    config: Config | None = None,
+    config: Config | Mapping[str, Any] | None = None,
     seeds: Sequence[int] | None = None,
     *,
     I0: Sequence[float] | None = None,
@@ -47,7 +58,8 @@ def identify_many(
     run_dir: str | os.PathLike[str] | None = None,
     keep_fields: bool = True,
     progress: Progress | None = None,
-) -> list[Result]:
+    **settings: Any,
+) -> list[Identification]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
     Checks that train more networks (--free-I0, --calibrate) are left out.
@@ -60,7 +72,8 @@ def identify_many(
 
     Args:
         flows: a flow or the path of a flow file for every member.
-        config: settings of all, by default the default recipe.
+        config: settings of all as a `Config` or a dict, by default the default recipe.
+        settings: single ones, which win, such as `steps=6000`.
         seeds, I0, laws, noise: one value for every member, by default the value in the settings.
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
@@ -69,15 +82,14 @@ def identify_many(
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue. Each is an `Identification`; without a folder its fields are predicted when they
-        are asked for, without the simulated pressure. In a group of processes each is a plain
-        `Result`.
+        continue. Without a folder, fields are predicted when they are asked for, without the
+        simulated pressure; in a group of processes there are then no fields and no networks.
 
     Raises:
         As `identify`, except NonFiniteError.
     """
     begin = time.monotonic()
-    config = config or Config()
+    config = config_of(config, settings)
     root, checks = folder_of(run_dir), [check for check in wanted(config) if not check.trains]
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
@@ -92,7 +104,7 @@ def identify_many(
         )
     ]
     group = processes(choose_device(config.device))
-    with owned(None if group.rank else root):
+    with owned(None if group.rank else root), ExitStack() as at_end:
         if root is not None and group.rank == 0:
             prepare(root, config)
         group.barrier()
@@ -107,7 +119,7 @@ def identify_many(
                 prepare(root / f"{e:03d}", case.config, config.members)
                 for e, case in zip(own, cases, strict=True)
             ]
-        found: list[Result] = []
+        found: list[Identification] = []
         if cases:
             K = config.members
             every = [member for case in cases for member in members(case)]
@@ -116,7 +128,8 @@ def identify_many(
             every += [other for own in others for other in own]
             places += [None] * (len(every) - len(places))
             listener = progress if group.rank == 0 else None
-            run = start(every, config, folder, listener, begin, places)
+            run = start(every, config, folder, listener, begin, places, None, checks, len(cases))
+            at_end.callback(run.progress.stop)
             with threads(1) as beside:
                 ahead = []
                 if run.trainer.params.is_cuda:  # the cores of the CPU are idle
@@ -125,6 +138,7 @@ def identify_many(
                 for later in ahead:  # what has not begun is made by all cores, in its place
                     later.cancel()
             behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
+            run.progress.stage(ERROR_BARS)
 
             def valued(e: int) -> Context:
                 ensemble, first = every[e * K : (e + 1) * K], e * K
@@ -137,24 +151,31 @@ def identify_many(
 
             contexts = _side_by_side(valued, range(len(cases)), config.device)
             answer.with_intervals(contexts, run)
+            run.progress.stage(CHECKS)
             # One pool for all members: every core simulates as long as frames are left.
             with threads(max(1, _cores() // group.size)) as pool:
 
-                def finished(context: Context) -> Result:
+                def finished(context: Context) -> Identification:
                     answer.with_curve(context)
                     context.pool = pool
                     make(context, checks)
                     return answer.kept(context)
 
                 found = _side_by_side(finished, contexts, config.device)
-        return found if group.size == 1 else _in_order(found, len(flows))
+        return found if group.size == 1 else _in_order(found, len(flows), root)
 
 
-def _in_order(found: Sequence[Result], count: int) -> list[Result]:
-    """The results of all processes, in the order of the flows."""
+def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Identification]:
+    """The results of all processes, in the order of the flows; the rest is in their folders."""
     texts = gather_texts(json.dumps([result.to_dict() for result in found]))
     shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
-    return [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+    every = [shares[e % len(shares)][e // len(shares)] for e in range(count)]
+    return [
+        Identification.of(
+            result, None if root is None else InFolder(root / f"{e:03d}", result.friction_law)
+        )
+        for e, result in enumerate(every)
+    ]
 
 
 S = TypeVar("S")

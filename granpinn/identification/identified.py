@@ -13,16 +13,26 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from granpinn import report
 from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.fit import prediction
-from granpinn.fit.network import FILE, TrainedNetwork, read_network
+from granpinn.fit.network import FILE, TrainedNetwork, read_network, write_network
+from granpinn.output import make_folder
 from granpinn.physics.laws import Law
-from granpinn.results import Fields, Result, read_fields, read_results
+from granpinn.results import (
+    Fields,
+    Result,
+    read_fields,
+    read_results,
+    write_csv,
+    write_fields,
+    write_results,
+)
 from granpinn.results.dataset import fields_dataset, members_tree
-from granpinn.training.history import Row, columns, read_history
+from granpinn.training.history import History, Row, columns, read_history
 
 if TYPE_CHECKING:
     from granpinn.figures.plots import Plots
@@ -90,14 +100,14 @@ class Identification(Result):
         result.fields.p.sel(t=1.0, method="nearest")
         result.plot.law()
 
-    A part that a run folder lacks is told when it is asked for.
+    A part that a run folder lacks raises BadInput, which names it, when it is asked for.
     """
 
     _parts: Parts | None = None  # none of a copy by dataclasses.replace
 
     @classmethod
-    def of(cls, result: Result, parts: Parts) -> Identification:
-        """A result with its parts."""
+    def of(cls, result: Result, parts: Parts | None) -> Identification:
+        """A result with its parts; None: there are none."""
         made = cls(**{f.name: getattr(result, f.name) for f in dataclasses.fields(Result)})
         object.__setattr__(made, "_parts", parts)
         return made
@@ -134,9 +144,90 @@ class Identification(Result):
         """The columns of history.csv by name: loss, its terms and the identified values."""
         return self._held().history()
 
-    def predict(self, x: npt.ArrayLike, y: npt.ArrayLike, t: npt.ArrayLike) -> dict[str, Float32]:
-        """The fields at any points; `TrainedNetwork.predict` explains the arguments."""
-        return self.network.predict(x, y, t)
+    def predict(
+        self, x: npt.ArrayLike, y: npt.ArrayLike, t: npt.ArrayLike, *, extrapolate: bool = False
+    ) -> dict[str, Float32]:
+        """The predicted fields at points, in the units and axes of the flow.
+
+        Args:
+            x, y, t: positions and times of shapes that broadcast.
+            extrapolate: whether to give what the network says where there are no grains, beyond the
+                grid and after the last frame too; it was not trained there.
+
+        Returns:
+            The variables of `fields` by name, without references, each in the common shape; NaN
+            outside the grains.
+
+        Raises:
+            BadInput: x, y and t are no numbers of shapes that broadcast.
+        """
+        found = self.network.predict(x, y, t)
+        if extrapolate:
+            return found
+        inside = self.grid.inside(np.asarray(x), np.asarray(y), np.asarray(t))
+        return {
+            name: np.where(inside, values, np.float32(np.nan)) for name, values in found.items()
+        }
+
+    def to_dataframe(self) -> Any:
+        """The parameters as a pandas.DataFrame, one in a row.
+
+        Columns: value, std, low_90, high_90, fixed, determined, true, error_percent; NaN where
+        there is no number.
+        """
+        import pandas
+
+        rows = {}
+        for name, p in self.parameters.items():
+            low, high = p.interval_90 or (None, None)
+            ends = {"low_90": low, "high_90": high, "fixed": p.fixed, "determined": p.determined}
+            known = {"true": getattr(self.truth, name, None)}
+            known["error_percent"] = self.error_percent.get(name)
+            rows[name] = {"value": p.value, "std": p.std} | ends | known
+        table = pandas.DataFrame.from_dict(rows, orient="index")
+        numbers = {name: float for name in table if name not in ("fixed", "determined")}
+        return table.astype(numbers)
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write results, network, fields and history to a new folder, which `load` takes; its path.
+
+        Raises:
+            BadInput: the folder holds a run, or this result lacks a part.
+            OutputError: the folder cannot be made or written to.
+        """
+        path = Path(folder)
+        if (path / "results.json").exists():
+            raise BadInput(f"{path} already holds a run (results.json): choose another folder")
+        network, fields, history = self.network, self.grid, self.history
+        make_folder(path)
+        write_network(network, path / FILE)
+        write_fields(fields, path / "fields.h5")
+        table = History(path / "history.csv", self.friction_law)
+        table.open()
+        for values in zip(*history.values(), strict=True):
+            table.append(Row.of(self.friction_law, values))
+        table.flush()
+        table.close()
+        write_csv(self, path / "results.csv")
+        write_results(self, path / "results.json")
+        return path
+
+    def report(self, folder: str | os.PathLike[str] | None = None) -> Path:
+        """Draw the figures and write report.html; its path.
+
+        Args:
+            folder: where `save` writes the result first; by default its run folder.
+
+        Raises:
+            BadInput: there is no run folder, and no folder was given.
+            OutputError: the folder cannot be written to.
+        """
+        parts = self._held()
+        if folder is not None:
+            return report.build(self.save(folder))
+        if isinstance(parts, InFolder):
+            return report.build(parts.folder)
+        raise BadInput("this result is in memory: name a folder for the report, report('run')")
 
     def to_arviz(self) -> Any:
         """The parameters of all networks of an ensemble, as an xarray.DataTree for ArviZ.
@@ -169,11 +260,13 @@ def load(run_dir: str | os.PathLike[str]) -> Identification:
     Only results.json must be there. The other files are read when they are asked for.
 
     Args:
-        run_dir: folder of `identify(..., run_dir=...)` or `granpinn train ... --out`.
+        run_dir: folder of `identify(..., run_dir=...)`, `result.save(...)` or `granpinn train ...
+            --out`; or its results.json.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
+    folder = folder.parent if folder.name == "results.json" and folder.is_file() else folder
     result = read_results(folder / "results.json")
     return Identification.of(result, InFolder(folder, result.friction_law))

@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from typing import Any
 
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config
+from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import choose_device, members, pose
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
-from granpinn.identification.start import folder_of, histories, prepare, start
+from granpinn.identification.start import (
+    CHECKS,
+    ERROR_BARS,
+    folder_of,
+    histories,
+    prepare,
+    start,
+)
 from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import Law
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
+from granpinn.training.history import Row
 from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 
@@ -30,12 +41,15 @@ from granpinn.training.progress import Progress
 @checked
 def identify(
     flow: Flow | str | os.PathLike[str],
-    config: Config | None = None,
+    config: Config | Mapping[str, Any] | None = None,
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
-    law: Law | None = None,
-    shown: Callable[[Result], None] | None = None,
+    law: Law | str | None = None,
+    on_step: Callable[[Row], Any] | None = None,
+    on_values: Callable[[Result], Any] | None = None,
+    reserve: float = 0.0,
+    **settings: Any,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields, and check it.
 
@@ -43,13 +57,19 @@ def identify(
 
     Args:
         flow: a flow, or the path of a flow file.
-        config: settings, by default the default recipe; its `flow` and `out` are not used.
+        config: settings as a `Config` or a dict, by default the default recipe.
+        settings: single ones, which win, such as `steps=6000`, `level="V0"`, `checks="quick"`.
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener; by default a bar in a notebook, and none elsewhere.
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
-        law: a law of your own (granpinn/laws.py); by default the one in the settings.
-        shown: called with the result once its values and intervals are known, and after each check.
+        law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
+            settings.
+        on_step: called with every row of the history, `log_every` steps apart. If it returns True,
+            the training ends there and the result is that of a short training.
+        on_values: called with the result once its values and intervals are known, and after each
+            check.
+        reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
 
     Returns:
         The result, with the network, its fields, the history and figures.
@@ -60,15 +80,19 @@ def identify(
         OutputError: the folder cannot be written to, or another process or thread uses it.
         Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
-    begin, folder = time.monotonic(), folder_of(run_dir)
-    config = config or Config()
-    if law is not None:
+    begin, folder = time.monotonic() - reserve, folder_of(run_dir)
+    if isinstance(law, Law):
         register(law)
-        config = dataclasses.replace(config, law=law.name)
+    named = {} if law is None else {"law": law.name if isinstance(law, Law) else law}
+    config = config_of(config, settings | named)
     checks = wanted(config)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))
-    with owned(None if together.rank else folder), threads(len(os.sched_getaffinity(0))) as pool:
+    with (
+        owned(None if together.rank else folder),
+        threads(len(os.sched_getaffinity(0))) as pool,
+        ExitStack() as at_end,
+    ):
         if together.rank > 0:
             progress = None
         elif folder is not None:
@@ -78,7 +102,9 @@ def identify(
         others = companions(cases[0])
         if others:
             parts = [*(parts or [folder]), *[None] * len(others)]
-        run = start([*cases, *others], config, folder, progress, begin, parts, together)
+        run = start([*cases, *others], config, folder, progress, begin, parts, together, checks)
+        run.on_step = on_step
+        at_end.callback(run.progress.stop)
         if run.trainer.params.is_cuda and together.rank == 0:
             pool.submit(momentum_balance.prepare, cases[0])  # the cores of the CPU are idle
         run.train()
@@ -89,9 +115,11 @@ def identify(
             checks = [check for check in checks if check.trains]
         else:
             context = answer.valued(flow, cases, run, 0, checks, folder)
+            run.progress.stage(ERROR_BARS)
             answer.with_fields(context)
             answer.with_intervals([context], run)
-            answer.with_curve(context, shown)
+            answer.with_curve(context, on_values)
         context.pool, context.identify_many, context.runs = pool, identify_many, folder_of(run_dir)
+        run.progress.stage(CHECKS)
         make(context, checks)
         return answer.kept(context)

@@ -7,19 +7,25 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.checks.simulated_pressure import kept_after_training
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
+from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case, choose_device
 from granpinn.identification.answer import parts_of
-from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
-from granpinn.training.progress import Progress, by_default
+from granpinn.training.progress import Progress, Stage, by_default
 from granpinn.training.room import require_room
+from granpinn.training.time_limit import Limit
+
+ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
+LAST_LAYER = 500  # steps that take as long as last layer and fields
+FIELDS = 100  # the same without steps in the last layer
+LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
 
 def histories(folder: Path | None, count: int) -> list[Path | None]:
@@ -35,21 +41,34 @@ def start(
     begin: float,
     members: Sequence[Path | None] | None = None,
     together: Processes | None = None,
+    checks: Sequence[Check] = (),
+    shown: int = 1,
 ) -> TrainingLoop:
-    """The run that trains the cases side by side; it counts its time limit from `begin`."""
+    """The run that trains the cases side by side; it counts its time limit from `begin`.
+
+    Args:
+        checks: that follow; the time limit keeps time for the quick ones.
+        shown: number of results that are checked.
+    """
     device = choose_device(config.device)
     together = together or Processes()
-    share = (together.rank, together.size)
     everyone = [case.member for case in cases]
     require_room(everyone, config, device)
-    objective = Objective(everyone, config.batch, device, share, config.precision)
-    deadline, later = None, 0.0
+    ranks = (together.rank, together.size)
+    objective = Objective(everyone, config.batch, device, ranks, config.precision)
+    quick = shown * sum(check.seconds for check in checks if check.seconds < LONG)
+    steps = LAST_LAYER if config.optimizer.last_layer else FIELDS
+    share = 0.0 if config.checks == NONE else assumptions.share(cases)
+    limit = None
     if config.max_time is not None:
-        limit = config.max_time - kept_after_training(config, len(cases))
-        later = assumptions.seconds(cases, limit)
-        deadline = begin + limit - later
+        later = config.max_time * share / (1 + share)
+        limit = Limit(begin + config.max_time, config.max_time, later, steps, quick, len(cases))
     progress = progress or by_default()
-    run = TrainingLoop(objective, config, folder, progress, deadline, members, together, later)
+    everything = shown * sum(check.seconds for check in checks)
+    stages = [Stage(ERROR_BARS, steps=steps, share=share), Stage(CHECKS, everything)]
+    until = limit.until if limit and everything == quick else None
+    progress.plan(stages, until, len(cases))
+    run = TrainingLoop(objective, config, folder, progress, limit, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
@@ -97,10 +116,10 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
     if taken and not config.resume:
         raise ConfigError(
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
-            f"another --out"
+            f"another folder"
         )
     if objection := objection_to_folder(folder):
-        raise ConfigError(f"--out {objection}")
+        raise ConfigError(f"run_dir {objection}")
     for part in parts_of(folder, members):
         make_folder(part)
     if not (config.resume and (folder / "config.toml").exists()):

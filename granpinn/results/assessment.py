@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.record import BAD, CARE, GOOD
-from granpinn.results.slip import IMPROBABLE, UNUSUAL
+from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL
 
 if TYPE_CHECKING:
     from granpinn.results.result import Result
@@ -54,12 +53,31 @@ class Assessment:
 def assess(result: Result) -> Assessment:
     """The assessment of a result: every condition that holds for it, and what its checks say."""
     checks = [reason for record in result.checks.values() for reason in record.reasons(result)]
-    found = [(grade, said) for grade, said in checks if grade == BAD]  # what they exclude is first
+    found = [(r.grade, r.sentence) for r in checks if r.grade == BAD]  # what they exclude is first
     found += [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
-    found += [(grade, said) for grade, said in checks if grade != BAD]
+    found += [(r.grade, r.sentence) for r in checks if r.grade != BAD]
     found.sort(key=lambda pair: GRADES.index(pair[0]))
     grade = found[0][0] if found else CARE
     return Assessment(grade, HEADLINES[grade], tuple(said for _, said in found))
+
+
+def evidence(r: Result) -> str:
+    """Why a result has its grade, in one line without the numbers of its law.
+
+    For "good" what was tested, up to the colon of each reason; else the first reason.
+    """
+    assessment = assess(r)
+    if assessment.grade != GOOD:
+        return assessment.reasons[0].removesuffix(".") if assessment.reasons else "nothing is known"
+    checks = [reason for record in r.checks.values() for reason in record.reasons(r)]
+    tested = [
+        balanced(r),
+        *(reason.sentence for reason in checks if reason.grade == GOOD),
+        fitted(r),
+    ]
+    claims = [said.partition(":")[0].removesuffix(".") for said in tested if said is not None]
+    claims = claims or [said.removesuffix(".") for said in assessment.reasons[:1]]
+    return "; ".join(claim[0].lower() + claim[1:] for claim in claims)
 
 
 def diverged(r: Result) -> str | None:
@@ -82,9 +100,9 @@ def unusual(r: Result) -> str | None:
     return _slips(r, UNUSUAL)
 
 
-def _slips(r: Result, severity: str) -> str | None:
-    found = [slip.text for slip in r.data.slips if slip.severity == severity]
-    return f"The data are {severity}: {'; '.join(found)}." if found else None
+def _slips(r: Result, grade: str) -> str | None:
+    found = [slip.sentence for slip in r.data.slips if slip.grade == grade]
+    return f"The data are {grade}: {'; '.join(found)}." if found else None
 
 
 def unsettled(r: Result) -> str | None:
@@ -122,7 +140,16 @@ def balanced(r: Result) -> str | None:
     momentum = _momentum(r)
     if momentum is None or momentum > UNBALANCED:
         return None
-    return f"The equations hold as in simulated flows: {_forces(momentum)}."
+    return f"The equations hold: {_forces(momentum)}, as in simulated flows."
+
+
+def fitted(r: Result) -> str | None:
+    """How well the velocity fits; noise of the vectors is no misfit."""
+    if r.residuals is None:
+        return None
+    misfit, noise = r.residuals.velocity, r.residuals.noise or r.data.measured_noise or 0.0
+    words = f"The velocity fits the vectors to {100 * misfit:.2g} %"
+    return f"{words}, with noise of {100 * noise:.2g} %." if noise > misfit / 2 else f"{words}."
 
 
 def _momentum(r: Result) -> float | None:
@@ -199,6 +226,15 @@ def without_errors(r: Result) -> str | None:
     return f"The errors are not known: {r.law.reason or 'none were estimated'}."
 
 
+def stopped_early(r: Result) -> str | None:
+    if r.stopped != "on_step":
+        return None
+    return (
+        f"The training was stopped at step {r.timing.steps}, before its learning rates had fallen: "
+        "the error bars are not tested for this."
+    )
+
+
 def untested(r: Result) -> str | None:
     if r.error_bars is None or not r.error_bars.outside:
         return None
@@ -207,12 +243,18 @@ def untested(r: Result) -> str | None:
 
 def extrapolated(r: Result) -> str | None:
     """mu_2 beyond the I of the data: no fault of mu(I)."""
+    if (reach := reach_of(r)) is None:
+        return None
+    words = r.parameters["mu_2"].words
+    return f"mu_2, {words}, is extrapolated: the flow reaches {reach:.2g} I0."
+
+
+def reach_of(r: Result) -> float | None:
+    """The largest I of the data over I0, where mu_2 is extrapolated; else None."""
     if r.law.name != mu_of_i.LAW.name or r.law.I_range is None:
         return None
     mu_2, reach = r.parameters["mu_2"], r.law.I_range[1] / r.parameters["I0"].value
-    if mu_2.fixed or not mu_2.determined or reach >= 1:
-        return None
-    return f"mu_2, {mu_2.words}, is extrapolated: the flow reaches {reach:.2g} I0."
+    return None if mu_2.fixed or not mu_2.determined or reach >= 1 else reach
 
 
 class Condition(NamedTuple):
@@ -232,9 +274,11 @@ CONDITIONS = (
     Condition(CARE, wide),
     Condition(CARE, without_errors),
     Condition(CARE, unbalanced),
+    Condition(CARE, stopped_early),
     Condition(CARE, untested),
     Condition(CARE, unusual),
     Condition(GOOD, known),
     Condition(GOOD, extrapolated),
     Condition(GOOD, balanced),
+    Condition(GOOD, fitted),
 )

@@ -1,4 +1,4 @@
-"""Fields and members as xarray data sets, for notebooks; xarray is needed only here."""
+"""Fields and members as xarray data sets, for notebooks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from granpinn.results.result import Result
 
 def fields_dataset(fields: Fields) -> Any:
     """The fields as an xarray.Dataset over (t, y, x): NaN outside the grains, units in `attrs`."""
-    xarray = _xarray("fields")
+    import xarray  # slow to import
+
     units = fields.units
     axes = {
         name: (name, getattr(fields, name), _attributes(units.of(kind), long_name))
@@ -43,7 +44,8 @@ def members_tree(result: Result) -> Any:
     Raises:
         ValueError: the result has no members.
     """
-    xarray = _xarray("to_arviz")
+    import xarray
+
     if result.members is None:
         raise ValueError("this result states no members: identify with Config(members=8)")
     found = {
@@ -60,13 +62,3 @@ def members_tree(result: Result) -> Any:
 
 def _attributes(unit: str | None, long_name: str) -> dict[str, str]:
     return {"long_name": long_name} | ({} if unit is None else {"units": unit})
-
-
-def _xarray(name: str) -> Any:
-    try:
-        import xarray
-    except ImportError:
-        raise ImportError(
-            f"{name} needs the package xarray: pip install 'granpinn[notebook]'"
-        ) from None
-    return xarray

@@ -17,6 +17,7 @@ from granpinn.data import Truth
 from granpinn.output import html
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.terms import FORMS
+from granpinn.results import brief
 from granpinn.results.assessment import Assessment, assess
 from granpinn.results.assumed import Assumed
 from granpinn.results.decoding import encode
@@ -146,7 +147,11 @@ class Result:
         return f"{type(self).__name__}({self.input.name}, level {self.level}: {found})"
 
     def __str__(self) -> str:
-        """The lines that a terminal shows at the end of a run, with the assessment as the last."""
+        """The answer in a few lines, as a terminal shows it at the end of a run (brief.py)."""
+        return "\n".join([*brief.lines(self), *self._missing()])
+
+    def summary(self) -> str:
+        """All that is known as text: tables, every check, and the assessment at the end."""
         lines = [
             f"{name:6s}{value:>9s}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}"
             if value != NOT_DETERMINED

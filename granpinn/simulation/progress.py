@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import TextIO
+from collections.abc import Callable
 
 from granpinn.simulation.engine import StepReport
+from granpinn.terminal import say
 
 REFRESH = 0.2  # seconds between updates of the bar
 LINE_EVERY = 10.0  # seconds between plain lines
@@ -36,10 +37,14 @@ class SilentSimulation:
 
 
 class SimulationLines(SilentSimulation):
-    """One line every ten seconds, for log files."""
+    """One line every ten seconds, for log files.
 
-    def __init__(self, stream: TextIO | None = None, every: float = LINE_EVERY) -> None:
-        self.stream = stream or sys.stderr
+    Args:
+        say: takes a line; by default it goes to stderr.
+    """
+
+    def __init__(self, say: Callable[[str], None] = say, every: float = LINE_EVERY) -> None:
+        self.say = say
         self.every = every
 
     def show(self, report: StepReport) -> None:
@@ -48,8 +53,7 @@ class SimulationLines(SilentSimulation):
             return
         passed = time.monotonic() - self.begin
         left = passed / report.time * (self.t_end - report.time)
-        text = f"t {report.time:.3g}/{self.t_end:.3g}  {describe(report)}  {left:.0f} s left"
-        print(text, file=self.stream, flush=True)
+        self.say(f"t {report.time:.3g}/{self.t_end:.3g}  {describe(report)}  {left:.0f} s left")
 
 
 class SimulationBar(SilentSimulation):

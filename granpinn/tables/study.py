@@ -32,7 +32,7 @@ class Study:
     config: Config
     seeds: int
     rows: list[TableRow]
-    results: list[list[Result]]
+    results: list[Sequence[Result]]
     training_s: dict[str, float]
     total_s: float
 
@@ -76,7 +76,7 @@ def run(
     """
     begin = time.monotonic()
     many = len({case.level for case in cases}) > 1
-    groups: list[list[Result]] = []
+    groups: list[Sequence[Result]] = []
     training_s = {}
     for level, these in itertools.groupby(cases, lambda case: case.level):
         own = dataclasses.replace(config, level=level)
@@ -101,7 +101,7 @@ def _train(
     I0: float | None,
     folder: Path,
     progress: Progress | None,
-) -> list[Result]:
+) -> Sequence[Result]:
     """Train one batch: every case with all its seeds."""
     many = [case for case in cases for _ in range(seeds)]
     return identify_many(

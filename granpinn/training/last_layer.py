@@ -19,6 +19,9 @@ bench/studies/last_layer has the measurements. Everything is dimensionless and f
 
 from __future__ import annotations
 
+import math
+import time
+
 import torch
 from torch import Tensor
 
@@ -34,12 +37,17 @@ ITERATIONS = 8  # at most
 SETTLED = 0.01  # relative change of a free parameter below which the law has settled
 
 
-def iterate(sums: Sums, at: Unknowns) -> Unknowns:
+def iterate(sums: Sums, at: Unknowns, until: float = math.inf) -> Unknowns:
     """The unknowns after Gauss-Newton steps from `at`, until the law has settled.
 
-    Every step has the weights of the law at its start. A curve takes one step.
+    Every step has the weights of the law at its start. A curve takes one step. A further step is
+    made only if it ends before time.monotonic() is `until`.
     """
-    for _ in range(1 if sums.law.curve else ITERATIONS):
+    begin = time.monotonic()
+    for k in range(1 if sums.law.curve else ITERATIONS):
+        now = time.monotonic()
+        if k > 0 and now + (now - begin) / k > until:
+            break
         sums.weigh_anew()
         before, at = at, improve(sums, at)
         if relative_change(sums.law, before.theta, at.theta) <= SETTLED:
@@ -73,16 +81,19 @@ def improve(sums: Sums, at: Unknowns) -> Unknowns:
     return at
 
 
-def last_layer(member: Member, params: Tensor, theta: Tensor, step: int) -> tuple[Tensor, Tensor]:
+def last_layer(
+    member: Member, params: Tensor, theta: Tensor, step: int, until: float = math.inf
+) -> tuple[Tensor, Tensor]:
     """params [P] and theta [N] of a trained network of the mixed form after the steps, if any.
 
     Args:
         member: with the term weights of the end of the training, and data on the device of
             `params`; its seed and `step` choose the points.
+        until: time.monotonic() after which no further step is made.
     """
     spec = member.problem.spec
     features = Features(spec, params)
     points = choose(member.data, features, member.seed, step)
     sums = Sums(features, member.problem, member.law, points)
-    found = iterate(sums, Unknowns(coefficients(spec, params), theta.double()))
+    found = iterate(sums, Unknowns(coefficients(spec, params), theta.double()), until)
     return with_coefficients(spec, params, found.C), found.theta.to(theta)

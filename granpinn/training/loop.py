@@ -6,9 +6,10 @@ stops at signals, rolls back members that diverge, and keeps a time limit.
 
 from __future__ import annotations
 
+import math
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from granpinn.errors import Interrupted
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.guard import NonFiniteError, require_finite
-from granpinn.training.history import History, median
+from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
@@ -38,12 +39,13 @@ class TrainingLoop:
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
         processes: the processes that share the run; the first one writes.
-        later: seconds of a time limit for more training after `deadline` (continuation.py).
+        limit: when the run has to end; None without a time limit.
 
     Attributes:
-        deadline: value of time.monotonic() when training has to end, None without a time limit.
+        limit: None also where a checkpoint brought its schedule.
         wall_s: time spent in training, over all resumptions.
-        stopped: the setting that limited the steps, "steps" or "max_time".
+        stopped: what limited the steps, "steps", "max_time" or "on_step".
+        on_step: called with every row of the history; the training ends where it returns True.
     """
 
     def __init__(
@@ -52,19 +54,18 @@ class TrainingLoop:
         config: Config,
         folder: Path | None,
         progress: Progress,
-        deadline: float | None,
+        limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
         processes: Processes | None = None,
-        later: float = 0.0,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
         self.processes = processes or Processes()
         self.single = members is None
         self.progress = progress
-        self.deadline = deadline
-        self.later = later
+        self.limit = limit
         self.stopped = "steps"
+        self.on_step: Callable[[Row], Any] | None = None
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
         writes = self.processes.rank == 0
@@ -101,8 +102,8 @@ class TrainingLoop:
                 history.close()
 
     def _begin(self) -> None:
-        if self.deadline is not None:
-            schedule = time_limit.schedule_until(self.deadline, self.trainer, self.at_most)
+        if self.limit is not None:
+            schedule = time_limit.schedule_within(self.limit, self.trainer, self.at_most)
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
         for history in self.histories:
@@ -113,7 +114,7 @@ class TrainingLoop:
     def _resume(self) -> bool:
         """Restore the newest checkpoint; False without one."""
         if self.checkpoints is None:
-            raise ConfigError("resume needs a run folder: give run_dir, or --out")
+            raise ConfigError("resume needs a run folder: give run_dir (--out of the command)")
         found = checkpoint.newest(self.checkpoints)
         if found is None:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
@@ -122,7 +123,7 @@ class TrainingLoop:
         checkpoint.restore(found, self.trainer.tensors())
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
-        self.deadline = None  # the schedule of the checkpoint stays
+        self.limit = None  # the schedule of the checkpoint stays
         self._open(found.state)
         self._mark()
         return True
@@ -136,7 +137,7 @@ class TrainingLoop:
             except (ValueError, FileNotFoundError) as error:
                 raise checkpoint.CheckpointError(
                     f"{history.path} is not the file of this checkpoint ({error}): put the file "
-                    f"back, or start again with another --out"
+                    f"back, or start again with another folder"
                 ) from error
 
     def _mark(self) -> None:
@@ -171,7 +172,11 @@ class TrainingLoop:
             # None: another process received one
             raise Interrupted(signals.received or signal.SIGTERM, message)
         signals.stop_at_once(message)
-        trainer.solve_last_layer()
+        until = math.inf
+        if self.limit is not None:
+            pace = (time.monotonic() - self.started) / max(1, trainer.step)
+            until = self.limit._replace(steps=0.0).deadline(pace)
+        trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
 
     def _stopping(self, signals: Signals) -> bool:
@@ -185,19 +190,31 @@ class TrainingLoop:
         for history, row in zip(self.histories, rows, strict=True):
             history.append(row)
         trainer.remember()
-        self.progress.show(median([row for e, row in enumerate(rows) if e not in trainer.diverged]))
-        if self.deadline is not None and not trainer.finished:
-            self._correct_schedule(now, self.deadline)
+        row = median([row for e, row in enumerate(rows) if e not in trainer.diverged])
+        self.progress.show(row)
+        ends = self.on_step is not None and bool(self.on_step(row))
+        if self.processes.broadcast([ends])[0] and not trainer.finished:
+            self._end_here()
+        if self.limit is not None and not trainer.finished:
+            self._correct_schedule(now, self.limit)
 
-    def _correct_schedule(self, now: float, deadline: float) -> None:
+    def _end_here(self) -> None:
+        """Let the schedule end at the present step."""
+        trainer = self.trainer
+        trainer.schedule = trainer.schedule.ending_at(trainer.step, trainer.step)
+        trainer.remember()
+        self.stopped = "on_step"
+        self.progress.total(trainer.step)
+
+    def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer
         if trainer.schedule.in_prefit(trainer.step):
             self.corrected, self.corrected_step = now, trainer.step
             return
         schedule = trainer.schedule
-        if now - self.corrected > CORRECT_EVERY * (deadline - self.started):
+        if now - self.corrected > CORRECT_EVERY * (limit.until - self.started):
             since = (self.corrected_step, self.corrected)
-            schedule = time_limit.corrected(trainer, since, deadline, self.at_most)
+            schedule = time_limit.corrected(trainer, since, limit, self.at_most)
             self.corrected, self.corrected_step = now, trainer.step
         total, step, progress = self.processes.broadcast(
             [schedule.total, schedule.from_step, schedule.from_progress]

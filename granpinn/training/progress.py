@@ -1,7 +1,8 @@
 """The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere, events for
 TensorBoard.
 
-A run calls its listener: `start`, then `show` for every row of the history, then `stop`.
+A run calls its listener: `plan`, `start`, then `show` for every row of the history, `stop`; then
+`stage` for everything that follows, and `stop` again.
 """
 
 from __future__ import annotations
@@ -9,152 +10,258 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from granpinn.config import ConfigError
 from granpinn.output import naming
 from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
 from granpinn.training.history import Row
+from granpinn.training.time_limit import slowness
 
-LINE_EVERY = 10.0  # seconds between plain lines
-UPDATE_EVERY = 0.5  # seconds between updates in a notebook
+# Seconds between updates: of plain lines, in a terminal, in a notebook.
+LINE_EVERY, BAR_EVERY, UPDATE_EVERY = 10.0, 0.2, 0.5
+
+
+class Stage(NamedTuple):
+    """What follows a training, and the time that it is expected to take.
+
+    Attributes:
+        seconds: on two idle cores; a busy machine takes longer (time_limit.py).
+        steps: in addition, in steps of the training.
+        share: in addition, of the time of the training.
+    """
+
+    name: str
+    seconds: float = 0.0
+    steps: float = 0.0
+    share: float = 0.0
+
+    def expected(self, pace: float, training: float, members: int) -> float:
+        """The expected time after a training of `training` seconds, `pace` seconds a step."""
+        busy = slowness(pace / members)
+        return self.seconds * busy + self.steps * pace + self.share * training
 
 
 class Progress:
     """A listener of a run; subclass it and override what is of interest."""
 
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        """These stages follow the training of `members`; time.monotonic() is `until` at their end.
+
+        None: there is no time limit.
+        """
+
     def start(self, total: int, done: int) -> None:
-        """A run of `total` steps begins; `done` of them are in a checkpoint."""
+        """A training of `total` steps begins; `done` of them are in a checkpoint."""
 
     def total(self, steps: int) -> None:
-        """The schedule changed: the run has this many steps."""
+        """The schedule changed: the training has this many steps."""
 
     def show(self, row: Row) -> None:
         """A row was added to the history."""
+
+    def stage(self, name: str) -> None:
+        """A later stage begins."""
 
     def message(self, text: str) -> None:
         """Show a sentence about an event of the run."""
 
     def stop(self) -> None:
-        """The run ended, with or without an error."""
+        """The training, or the last stage, ended, with or without an error."""
 
 
 class Silent(Progress):
     """Shows nothing."""
 
 
-class Lines(Silent):
-    """One line every ten seconds, for log files."""
+class Shown(Silent):
+    """Knows the stage and the time left of the whole run; a subclass shows them in `update`.
 
-    def __init__(self, stream: TextIO | None = None, every: float = LINE_EVERY) -> None:
-        self.stream = stream or sys.stderr
-        self.every = every
-        self.last = -math.inf
+    Args:
+        every: seconds between updates.
+        last: stages that follow those of `plan`, such as the figures of a command.
+    """
+
+    def __init__(self, every: float, last: Sequence[Stage] = ()) -> None:
+        self.every, self.updated = every, -math.inf
+        self.later = [*last]
+        self.until: float | None = None
+        self.stages: list[tuple[Stage, float]] = []  # the present one, with its first moment
+        self.name, self.text = "fit", ""
+        self.times: list[tuple[int, float]] = []  # steps and their moments, while it trains
+        self.first: float | None = None
+        self.fit = self.pace = 0.0  # seconds of the training, and of a step
+        self.members = 1
+
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        last = sum(stage.seconds for stage in self.later)
+        self.until = None if until is None else until + last
+        self.later, self.members = [*stages, *self.later], members
 
     def start(self, total: int, done: int) -> None:
-        self.steps, self.done = total, done
-        self.begin = time.monotonic()
+        now = time.monotonic()
+        self.first = now if self.first is None else self.first
+        self.steps, self.times = total, [(done, now)]
+        self.name = self.name if self.stages else "fit"
+        self.update()
 
     def total(self, steps: int) -> None:
         self.steps = steps
 
     def show(self, row: Row) -> None:
         now = time.monotonic()
-        if now - self.last < self.every and row.step < self.steps:
-            return
-        self.last = now
-        left = (now - self.begin) / max(1, row.step - self.done) * (self.steps - row.step)
-        self.message(f"step {row.step}/{self.steps}  {describe(row)}  {duration(left)} left")
+        self.times.append((row.step, now))
+        self.text = describe(row)
+        self._due(now, row.step >= self.steps)
+
+    def stage(self, name: str) -> None:
+        now = time.monotonic()
+        self.first = now if self.first is None else self.first
+        place = next((k for k, stage in enumerate(self.later) if stage.name == name), None)
+        self.stages = []
+        if place is not None:
+            self.stages, self.later = [(self.later[place], now)], self.later[place + 1 :]
+        self.name, self.times = name, []
+        self.update()
+
+    def stop(self) -> None:
+        if len(self.times) > 1:
+            self.fit = self.times[-1][1] - self.times[0][1]
+        self.times = []
+        if not self.later:
+            self.name, self.stages = "done", []
+
+    def update(self) -> None:
+        """Show `line`, `done` and `left`."""
+
+    def _due(self, now: float, must: bool) -> None:
+        if must or now - self.updated >= self.every:
+            self.updated = now
+            self.update()
+
+    @property
+    def where(self) -> str:
+        """The stage, with the step of a training."""
+        return f"{self.name} {self.times[-1][0]}/{self.steps}" if self.times else self.name
+
+    @property
+    def line(self) -> str:
+        """Everything in one line."""
+        return "  ".join(part for part in (self.where, self.text, self.words) if part)
+
+    @property
+    def words(self) -> str:
+        """The time left, where a step shows it."""
+        left = self.left  # finds the pace too
+        return f"{duration(left)} left" if self.pace and self.name != "done" else ""
+
+    @property
+    def done(self) -> float:
+        """The part of the time of the whole run that has passed."""
+        left = self.left
+        if self.first is None or not self.pace:
+            return 0.0
+        passed = time.monotonic() - self.first
+        return passed / max(passed + left, 1e-9)
+
+    @property
+    def left(self) -> float:
+        """The expected seconds to the end of the last stage."""
+        now, training = time.monotonic(), 0.0
+        if len(self.times) > 1:
+            step, moment = self.times[-1]
+            # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
+            middle = (self.times[0][0] + step) // 2
+            since = max(t for t in self.times[:-1] if t[0] <= middle)
+            self.pace = (moment - since[1]) / max(1, step - since[0])
+            training = max(0.0, self.pace * (self.steps - step) - (now - moment))
+            self.fit = moment - self.times[0][1] + training
+        known = (self.pace, self.fit, self.members)
+        left = training + sum(stage.expected(*known) for stage in self.later)
+        for stage, begun in () if self.times else self.stages:
+            left += max(0.0, stage.expected(*known) - (now - begun))
+        return left if self.until is None else min(left, max(0.0, self.until - now))
+
+
+class Lines(Shown):
+    """One line every ten seconds, for log files."""
+
+    def __init__(
+        self, stream: TextIO | None = None, every: float = LINE_EVERY, last: Sequence[Stage] = ()
+    ) -> None:
+        super().__init__(every, last)
+        self.stream = stream or sys.stderr
+
+    def update(self) -> None:
+        if self.times[1:] or not self.times:
+            self.message(self.line)
 
     def message(self, text: str) -> None:
         print(visible(text), file=self.stream, flush=True)
 
 
-class Bar(Silent):
-    """A bar with the time left; below it the identified values and the loss terms. By rich."""
+class Bar(Shown):
+    """A bar with the stage and the time left; below it values and loss terms. By rich."""
 
-    def __init__(self) -> None:
+    def __init__(self, last: Sequence[Stage] = ()) -> None:
+        super().__init__(BAR_EVERY, last)
         from rich import progress
         from rich.console import Console
         from rich.live import Live
 
-        columns = (
-            progress.TextColumn("step"),
-            progress.MofNCompleteColumn(),
-            progress.BarColumn(),
-            progress.TimeRemainingColumn(),
-            progress.TextColumn("left"),
-        )
+        columns = ("{task.description}", progress.BarColumn(), "{task.fields[left]}")
         self.bar = progress.Progress(*columns)
-        self.live = Live(self.bar, console=Console(stderr=True))
+        self.task = self.bar.add_task("", total=1.0, left="")
+        self.live = Live(self.bar, console=Console(stderr=True), transient=True)
 
-    def start(self, total: int, done: int) -> None:
-        self.task = self.bar.add_task("", total=total, completed=done)
-        self.live.start()
-
-    def total(self, steps: int) -> None:
-        self.bar.update(self.task, total=steps)
-
-    def show(self, row: Row) -> None:
+    def update(self) -> None:
         from rich.console import Group
         from rich.text import Text
 
-        self.bar.update(self.task, completed=row.step)
-        self.live.update(Group(self.bar, Text(describe(row))))
+        self.live.start()  # a stage may follow `stop`
+        words, done = self.words, self.done
+        self.bar.update(self.task, description=self.where, completed=done, left=words)
+        self.live.update(Group(self.bar, Text(self.text)))
 
     def message(self, text: str) -> None:
         self.live.console.print(visible(text), markup=False, highlight=False)
 
     def stop(self) -> None:
+        super().stop()
         self.live.stop()
 
 
-class Notebook(Silent):
+class Notebook(Shown):
     """One line with a bar in the output of a notebook cell, updated in place. By IPython."""
 
     def __init__(self, every: float = UPDATE_EVERY) -> None:
+        super().__init__(every)
         from IPython import display
 
         self.display: Any = display.display
-        self.every = every
-        self.last = -math.inf
         self.handle: Any = None
-        self.text = ""
 
-    def start(self, total: int, done: int) -> None:
-        self.steps, self.step, self.done = total, done, done
-        self.begin = time.monotonic()
-        self.handle = self.display(self._content(), raw=True, display_id=True)
-
-    def total(self, steps: int) -> None:
-        self.steps = steps
-
-    def show(self, row: Row) -> None:
-        now = time.monotonic()
-        left = (now - self.begin) / max(1, row.step - self.done) * (self.steps - row.step)
-        self.step = row.step
-        self.text = f"  {describe(row)}  {duration(left)} left"
-        if now - self.last >= self.every:
-            self.last = now
-            self._update()
+    def update(self) -> None:
+        if self.handle is None:
+            self.handle = self.display(self._content(), raw=True, display_id=True)
+        else:
+            self.handle.update(self._content(), raw=True)
 
     def message(self, text: str) -> None:
         print(text, flush=True)
 
     def stop(self) -> None:
+        super().stop()
         if self.handle is not None:
-            self.text = self.text.rpartition("  ")[0] if self.step >= self.steps else self.text
-            self._update()
-
-    def _update(self) -> None:
-        self.handle.update(self._content(), raw=True)
+            self.update()
 
     def _content(self) -> dict[str, str]:
-        line = f"step {self.step}/{self.steps}{self.text}"
-        bar = f'<progress value="{self.step}" max="{self.steps}"></progress>'
+        line = self.line
+        bar = f'<progress value="{self.done:.3f}" max="1"></progress>'
         return {"text/plain": line, "text/html": f"{bar} {escape(line)}"}
 
 
@@ -188,6 +295,12 @@ class TensorBoard(Silent):
                     self.writer.add_scalar(name, value, row.step)
         self.inner.show(row)
 
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        self.inner.plan(stages, until, members)
+
+    def stage(self, name: str) -> None:
+        self.inner.stage(name)
+
     def message(self, text: str) -> None:
         self.inner.message(text)
 
@@ -198,9 +311,9 @@ class TensorBoard(Silent):
         self.inner.stop()
 
 
-def automatic() -> Progress:
-    """A bar in a terminal, lines otherwise."""
-    return Bar() if sys.stderr.isatty() else Lines()
+def automatic(last: Sequence[Stage] = ()) -> Progress:
+    """A bar in a terminal, lines otherwise; `last`: stages that follow the identification."""
+    return Bar(last) if sys.stderr.isatty() else Lines(last=last)
 
 
 def by_default() -> Progress:

@@ -82,8 +82,8 @@ class RunState:
         for length in self.history_bytes:
             _within("history_bytes", length, 0, MOST_STEPS)
         _within("wall_s", self.wall_s, 0, float("inf"))
-        if self.stopped not in ("steps", "max_time"):
-            raise ValueError(f"stopped must be steps or max_time, got {self.stopped!r}")
+        if self.stopped not in ("steps", "max_time", "on_step"):
+            raise ValueError(f"stopped must be steps, max_time or on_step, got {self.stopped!r}")
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:

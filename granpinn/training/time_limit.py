@@ -11,6 +11,7 @@ import dataclasses
 import math
 import statistics
 import time
+from typing import NamedTuple
 
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
@@ -19,10 +20,44 @@ PROBE_SECONDS = 0.7  # time to measure each kind of step
 WARM_UP = 2  # first steps, which are slower and do not count
 MARGIN = 1.02  # expected time over measured time
 WORTHWHILE = 0.02  # smallest relative change of the steps left that changes the schedule
+# Seconds of a step of the default recipe on two idle cores. Where a step takes longer, the machine
+# is busy or slow, or the network large, and what follows the training takes longer too.
+PACE = 0.008
+MOST_KEPT = 0.6  # largest part of a run that is kept for what follows the training
 
 
-def schedule_until(deadline: float, trainer: Trainer, at_most: int) -> Schedule:
-    """The schedule of a new run that ends at time.monotonic() == `deadline`."""
+class Limit(NamedTuple):
+    """When a run has to end, and what of its time is kept for what follows the training.
+
+    Attributes:
+        until: value of time.monotonic() at the end of the run.
+        seconds: of the whole run.
+        later: seconds for more training (continuation.py).
+        steps: so many steps take as long as the steps in the last layer, which come next.
+        after: seconds for everything else, at a pace of `members` * `PACE`.
+        members: trained side by side.
+    """
+
+    until: float
+    seconds: float
+    later: float = 0.0
+    steps: float = 0.0
+    after: float = 0.0
+    members: int = 1
+
+    def deadline(self, pace: float = 0.0) -> float:
+        """The end of the training, if a step takes `pace` seconds."""
+        kept = self.steps * pace + self.after * slowness(pace / self.members)
+        return self.until - self.later - min(kept, MOST_KEPT * self.seconds)
+
+
+def slowness(pace: float) -> float:
+    """How much longer than on two idle cores everything takes, at this pace; at least 1."""
+    return max(1.0, pace / PACE)
+
+
+def schedule_within(limit: Limit, trainer: Trainer, at_most: int) -> Schedule:
+    """The schedule of a new run that ends within a limit."""
     schedule = trainer.schedule
     prefit = schedule.settings.prefit
     pace = sum(
@@ -30,24 +65,22 @@ def schedule_until(deadline: float, trainer: Trainer, at_most: int) -> Schedule:
         for in_prefit, part in ((True, prefit), (False, 1 - prefit))
         if part > 0
     )
-    (total,) = trainer.processes.broadcast([_steps(deadline, pace, at_most)])
+    (total,) = trainer.processes.broadcast([_steps(limit, pace, at_most)])
     return Schedule(int(total), schedule.settings)
 
 
-def corrected(
-    trainer: Trainer, since: tuple[int, float], deadline: float, at_most: int
-) -> Schedule:
-    """The schedule that ends at `deadline`, from the pace since (step, clock) `since`."""
+def corrected(trainer: Trainer, since: tuple[int, float], limit: Limit, at_most: int) -> Schedule:
+    """The schedule that ends within a limit, from the pace since (step, clock) `since`."""
     schedule, step = trainer.schedule, trainer.step
     pace = (time.monotonic() - since[1]) / (step - since[0])
-    total = step + _steps(deadline, pace, at_most - step)
+    total = step + _steps(limit, pace, at_most - step)
     if abs(total - schedule.total) < WORTHWHILE * (schedule.total - step):
         return schedule
     return schedule.ending_at(total, step)
 
 
-def _steps(deadline: float, pace: float, at_most: int) -> int:
-    seconds = deadline - time.monotonic()
+def _steps(limit: Limit, pace: float, at_most: int) -> int:
+    seconds = limit.deadline(pace) - time.monotonic()
     return max(1, min(at_most, math.floor(seconds / (MARGIN * pace))))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 
 import torch
@@ -231,14 +232,20 @@ class Trainer:
             for e in members:
                 tensor[e].copy_(self._good[name][e])
 
-    def solve_last_layer(self) -> None:
-        """End the training of the members that are left (granpinn/training/last_layer.py)."""
+    def solve_last_layer(self, until: float = math.inf) -> None:
+        """End the training of the members that are left (granpinn/training/last_layer.py).
+
+        Args:
+            until: time.monotonic() at which it should end; every member makes one step at least.
+        """
         if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
             return
-        for e in range(len(self.objective.members)):
-            if e not in self.diverged:
-                self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
-                self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step)
+        left = [e for e in range(len(self.objective.members)) if e not in self.diverged]
+        for k, e in enumerate(left):
+            now = time.monotonic()
+            until_e = now + (until - now) / (len(left) - k)
+            self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
+            self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step, until_e)
 
     def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
         """The arguments of `last_layer` for what follows that step; None without it."""

@@ -45,7 +45,7 @@ def test_a_run_says_which_laws_explain_the_data(flow: Flow, tmp_path: Path) -> N
     assert content["chosen"] == result.checks[NAME].chosen
     assert set(content["laws"][0]) == {"law", "parameters", "score", "not_told_apart_from"}
     assert results.read_results(tmp_path / "results.json").checks == result.checks
-    lines = str(result).splitlines()
+    lines = result.summary().splitlines()
     assert any(line.split()[:2] == ["law", "score"] for line in lines)
     assert any("explain" in line for line in lines)
 
@@ -109,7 +109,7 @@ def test_a_free_curve_that_is_not_known_has_no_band(
 
 
 def test_settings_of_one_law_are_refused(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match=r"--rheology.start has the parameters of one law"):
+    with pytest.raises(ConfigError, match=r"rheology.start has the parameters of one law"):
         identify(flow, tiny(rheology__start=(0.3, 0.5), **SETTINGS))
 
 

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import reference, results, train
+from granpinn import identify, reference, results, train
+from granpinn.checks import wanted
 from granpinn.checks.profile_of_I0 import Profile, grid_of, profile_from
+from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.fit.final_loss import final_loss
@@ -172,3 +174,11 @@ def test_the_command_says_it_and_writes_it(
     # Again, from what is there: nothing is trained anew.
     assert train.main(["--out", str(out), "--resume"]) == 0
     assert results.read_results(out / "results.json").checks["profile_of_I0"] == profile
+
+
+def test_another_law_is_refused_before_anything_is_written(flow: Flow, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"for mu\(I\) alone, got law cohesive"):
+        identify(flow, tiny(law="cohesive", free_I0=True), run_dir=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+    every = [check.name for check in wanted(tiny(law="cohesive", checks="all"))]
+    assert "profile_of_I0" in every

@@ -64,7 +64,7 @@ def test_the_simulated_pressure_fails_alone(
 
 def test_the_answer_comes_before_the_checks(flow_file: Path, tmp_path: Path) -> None:
     told: list[results.Result] = []
-    last = identify(flow_file, tiny(steps=3), run_dir=tmp_path, shown=told.append)
+    last = identify(flow_file, tiny(steps=3), run_dir=tmp_path, on_values=told.append)
     answer, *grown = told
     assert answer.checks == {}
     assert set(answer.not_done) == {check.name for check in checks.wanted(tiny())}

@@ -27,7 +27,7 @@ def test_a_config_survives_toml_exactly(recipe: str, tmp_path: Path) -> None:
     path = tmp_path / "config.toml"
     path.write_text(to_toml(config), encoding="utf-8")
     assert Config(**read_toml(path)) == config
-    assert parse(["--config", str(path)]) == config
+    assert parse(["--config", str(path)]).config == config
 
 
 @settings(
@@ -56,7 +56,7 @@ def test_any_number_survives_toml_and_flags(
     text = ",".join(map(str, widths))
     flags = [f"--weights.sigma_momentum={sigma!r}", f"--seed={seed}", f"--network.widths={text}"]
     flags.append(f"--rheology.start={mu_s!r},{2 * mu_s!r}")
-    assert parse(["f", "--out", "o", *flags]) == config
+    assert parse(["f", "--out", "o", *flags]).config == config
 
 
 def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,7 +75,7 @@ def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[s
 def test_flags_win_over_the_file_and_the_file_over_the_recipe(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text('recipe = "paper"\nsteps = 7\nseed = 5\n[network]\nwidths = [3]\n')
-    config = parse([*REQUIRED, "--config", str(path), "--seed", "6", "--max-time", "60"])
+    config = parse([*REQUIRED, "--config", str(path), "--seed", "6", "--max-time", "60"]).config
     assert (config.steps, config.seed, config.network.widths) == (7, 6, (3,))
     assert config.form == "strong"
     assert config.max_time == 60
@@ -84,7 +84,7 @@ def test_flags_win_over_the_file_and_the_file_over_the_recipe(tmp_path: Path) ->
 def test_a_resumed_run_takes_its_settings_from_its_folder(tmp_path: Path) -> None:
     config = Config(recipe="paper", flow="flow.h5", out=str(tmp_path), seed=3)
     (tmp_path / "config.toml").write_text(to_toml(config))
-    resumed = parse(["--out", str(tmp_path), "--resume"])
+    resumed = parse(["--out", str(tmp_path), "--resume"]).config
     assert resumed == dataclasses.replace(config, resume=True)
 
 
@@ -101,7 +101,7 @@ def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_pa
         parse(["--out", str(tmp_path), "--resume"])
     assert str(error.value) == (
         f"{tmp_path} holds a run of another version of granpinn (its config.toml has {what}): "
-        "resume it with that version, or begin anew with another --out"
+        "resume it with that version, or begin anew with another folder"
     )
     (tmp_path / "config.toml").write_text("steps = ")
     with pytest.raises(ConfigError, match="could not be read as TOML"):
@@ -109,26 +109,26 @@ def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_pa
 
 
 def test_none_is_a_value_of_optional_settings() -> None:
-    config = parse([*REQUIRED, "--steps", "none", "--max-time", "60"])
+    config = parse([*REQUIRED, "--steps", "none", "--max-time", "60"]).config
     assert config.steps is None
 
 
 def test_given_start_values_replace_the_random_ones_of_a_recipe() -> None:
-    config = parse([*REQUIRED, "--recipe", "paper", "--rheology.start", "0.3,0.6"])
+    config = parse([*REQUIRED, "--recipe", "paper", "--rheology.start", "0.3,0.6"]).config
     assert config.rheology.start == (0.3, 0.6)
 
 
 def test_I0_is_a_flag_of_the_laws_that_have_it() -> None:
-    assert parse([*REQUIRED, "--I0", "0.2"]).I0 == 0.2
-    assert parse([*REQUIRED, "--law", "coulomb"]).law == "coulomb"
-    with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave --I0 out"):
+    assert parse([*REQUIRED, "--I0", "0.2"]).config.I0 == 0.2
+    assert parse([*REQUIRED, "--law", "coulomb"]).config.law == "coulomb"
+    with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave I0 out"):
         parse([*REQUIRED, "--law", "coulomb", "--I0", "0.2"])
-    with pytest.raises(ConfigError, match="--free-I0 needs a friction law with I0"):
+    with pytest.raises(ConfigError, match="free_I0 needs a friction law with I0"):
         parse([*REQUIRED, "--law", "coulomb", "--free-I0"])
 
 
 BAD = {
-    "no flow": (["--out", "run"], "FLOW"),
+    "no flow to resume": (["--out", "run", "--resume"], "FLOW"),
     "no out": (["flow.h5"], "--out"),
     "unknown flag": ([*REQUIRED, "--stepz", "3"], "--stepz"),
     "no abbreviations": ([*REQUIRED, "--step", "3"], "--step"),
@@ -168,9 +168,10 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
     argv, expected = BAD[case]
-    with pytest.raises(BadInput, match=re.escape(expected)) as error:
+    with pytest.raises(BadInput) as error:
         parse(argv)
-    assert "\n" not in str(error.value)
+    assert expected in error.value.for_commands
+    assert "\n" not in error.value.for_commands
 
 
 @pytest.mark.parametrize(

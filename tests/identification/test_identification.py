@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import time
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from granpinn.fit.case import choose_device, pose
 from granpinn.identification.single import identify
 from granpinn.output import OutputError
 from granpinn.training.loop import TrainingLoop
+from granpinn.training.time_limit import Limit
 from tests.runs import make_trainer, tiny
 
 
@@ -88,14 +88,14 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
     difference = simulated[np.isfinite(simulated)] - reference
     error = 100 * np.linalg.norm(difference) / np.linalg.norm(reference)
     assert result.error_percent.pressure_simulated == pytest.approx(error, rel=1e-6)
-    assert "simulated pressure at 3 times" in str(result)
+    assert "simulated pressure at 3 times" in result.summary()
 
 
 def test_the_pressure_is_not_simulated_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
     result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
     assert "simulated_pressure" not in result.checks
     assert result.error_percent.pressure_simulated is None
-    assert "simulated" not in str(result)
+    assert "simulated" not in result.summary()
     assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
 
 
@@ -112,7 +112,7 @@ def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: F
 def test_a_time_limit_is_one_of_the_simulation_too(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulated_pressure, "SIMULATION_PART", -1000.0)
+    monkeypatch.setattr(simulated_pressure, "EACH_FRAME", 1000.0)
     result = identify(flow, tiny(max_time=20.0, steps=3, simulated_pressure__frames=12))
     assert "simulated_pressure" in result.checks
     assert (
@@ -194,7 +194,7 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
 
 def test_two_runs_never_mix(flow: Flow, tmp_path: Path) -> None:
     identify(flow, tiny(), run_dir=tmp_path)
-    with pytest.raises(ConfigError, match=r"already holds a run \(results.json\): add --resume"):
+    with pytest.raises(ConfigError, match=r"already holds a run \(results.json\): add resume"):
         identify(flow, tiny(), run_dir=tmp_path)
     before = (tmp_path / "config.toml").read_text()
     identify(flow, tiny(resume=True), run_dir=tmp_path)
@@ -234,14 +234,14 @@ def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     kernels(False)
     gpu(True)
     assert choose_device("auto").type == choose_device("cpu").type == "cpu"
-    with pytest.raises(ConfigError, match="--device cuda needs the CUDA kernels"):
+    with pytest.raises(ConfigError, match="device cuda needs the CUDA kernels"):
         choose_device("cuda")
     kernels(True)
     assert choose_device("auto").type == choose_device("cuda").type == "cuda"
     assert choose_device("cpu").type == "cpu"
     gpu(False)
     assert choose_device("auto").type == "cpu"
-    with pytest.raises(ConfigError, match="--device cuda needs a GPU"):
+    with pytest.raises(ConfigError, match="device cuda needs a GPU"):
         choose_device("cuda")
 
 
@@ -257,22 +257,27 @@ def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
     torch.testing.assert_close(theta, trainer.law_variables.theta_of(expected[1])[0])
 
 
-def test_a_time_limit_leaves_time_for_the_report(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("checks", "members", "kept"), [("quick", 1, 6.0), ("none", 1, 0.0), ("all", 2, 8.0)]
+)
+def test_a_time_limit_keeps_time_for_the_checks_that_are_made(
+    checks: str, members: int, kept: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    deadlines: list[float] = []
-    real = TrainingLoop.train
+    limits: list[Limit | None] = []
+
+    class Stopped(Exception):
+        pass
 
     def train(run: TrainingLoop) -> None:
-        assert run.deadline is not None
-        deadlines.append(run.deadline - time.monotonic())
-        run.deadline = None
-        real(run)
+        limits.append(run.limit)
+        raise Stopped
 
     monkeypatch.setattr(TrainingLoop, "train", train)
     flow = dataclasses.replace(flow, attributes={"surface_sd": 0.0})  # no time for another line
-    for max_time in (40.0, 600.0):
-        identify(flow, tiny(max_time=max_time, simulated_pressure__frames=25))
-    identify(flow, tiny(max_time=600.0, simulated_pressure__frames=0))
-    closing = simulated_pressure.EACH_FRAME * 25 / len(os.sched_getaffinity(0))
-    assert deadlines == pytest.approx([30, 570 - closing, 570], abs=5)
+    begin = time.monotonic()
+    with pytest.raises(Stopped):
+        identify(flow, tiny(max_time=600.0, checks=checks, members=members), reserve=7.0)
+    (limit,) = limits
+    assert limit is not None
+    assert limit.until == pytest.approx(begin + 593, abs=5)
+    assert (limit.seconds, limit.later, limit.after) == (600, 0, kept)

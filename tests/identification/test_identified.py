@@ -85,6 +85,35 @@ def test_a_prediction_at_a_grid_point_is_the_field_there(run: Run) -> None:
     assert run.result.predict(0.1, 0.2, [0.3, 0.4, 0.5])["p"].shape == (3,)
 
 
+def test_there_is_no_prediction_outside_of_the_grains(run: Run) -> None:
+    fields = run.result.fields
+    axes = [fields[axis].values for axis in "tyx"]
+    t, y, x = np.meshgrid(*axes, indexing="ij")
+    found, everywhere = (run.result.predict(x, y, t, extrapolate=far) for far in (False, True))
+    filled = fields.c.values >= 0.5
+    assert 0 < filled.sum() < filled.size
+    for name, values in found.items():
+        assert np.isnan(values[~filled]).all()
+        np.testing.assert_array_equal(values[filled], everywhere[name][filled])
+    assert np.isfinite(everywhere["p"]).all()
+    k, j, i = np.argwhere(filled)[0]
+    place = {a: fields[a].values[n] for a, n in zip("tyx", (k, j, i), strict=True)}
+    assert np.isfinite(run.result.predict(**place)["u"])
+    for axis in "tyx":  # half a cell beyond the grid, the last frame, or in no place
+        ends = fields[axis].values[[0, -1]]
+        step = np.diff(fields[axis].values)[0]
+        for beyond in (ends[0] - 0.51 * step, ends[1] + 0.51 * step, np.nan):
+            assert np.isnan(run.result.predict(**place | {axis: beyond})["u"])
+
+
+def test_the_time_of_a_steady_flow_does_not_count(run: Run) -> None:
+    grid = run.result.grid
+    frames = dataclasses.replace(grid, t=grid.t[:1], c=grid.c[:1], steady=True)
+    _, j, i = np.argwhere(grid.c[:1] == 1)[0]
+    x, y = grid.x[i], grid.y[j]
+    assert frames.inside(x, y, np.array([-5.0, grid.t[0], 99.0])).tolist() == [True] * 3
+
+
 @pytest.mark.parametrize("place", [("a", 0, 0), ([1, 2], [1, 2, 3], 0), (None, {}, 0)])
 def test_impossible_points_are_refused(run: Run, place: tuple[object, ...]) -> None:
     with pytest.raises(BadInput, match="x, y and t must be numbers"):
@@ -263,15 +292,6 @@ def test_impossible_figures_are_refused(run: Run) -> None:
 
 
 # ---- packages
-
-
-def test_a_missing_xarray_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    loaded = granpinn.load(run.folder)
-    with pytest.raises(ImportError, match=r"needs the package xarray: pip install") as error:
-        _ = loaded.fields
-    assert "\n" not in str(error.value)
-    assert loaded.predict(0.1, 0.1, 0.5)["p"].shape == ()
 
 
 def test_identifying_loads_neither_matplotlib_nor_xarray() -> None:

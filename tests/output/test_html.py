@@ -50,7 +50,7 @@ def test_a_comparison_of_laws_is_a_table() -> None:
     assert "<th>law</th><th>score</th><th>parameters</th>" in text
     assert '<th scope="row">coulomb</th><td>-7.2</td><td>mu_s 0.45</td>' in text
     assert text.count("mu(I) explains these data; excluded: ") == 1
-    assert "coulomb   -7.2" in str(result)
+    assert "coulomb   -7.2" in result.summary()
 
 
 def test_a_flow_says_what_it_holds(flow: Flow) -> None:

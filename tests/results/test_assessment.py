@@ -12,6 +12,7 @@ import pytest
 from granpinn.checks.bootstrap import Bootstrap, Recovery
 from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
+from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import (
     Parameter,
     Parameters,
@@ -23,10 +24,9 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assessment import CONDITIONS, GRADES
-from granpinn.results.baseline import Baseline
 from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.identified_law import Curve
-from granpinn.results.slip import Slip
+from granpinn.results.record import Reason
 from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()
@@ -65,7 +65,7 @@ SHORT, LONG = (Timing(1.0, steps) for steps in (900, 15_000))
 
 
 def slips(severity: str) -> dict[str, Any]:
-    return {"data": replace(EXAMPLE.data, slips=(Slip(severity, "the scale is wrong"),))}
+    return {"data": replace(EXAMPLE.data, slips=(Reason(severity, "the scale is wrong"),))}
 
 
 def far(percent: float) -> dict[str, Any]:
@@ -132,6 +132,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "only mu_2 is wide": ({"law": law(1.05), "parameters": LARGE_MU_2}, "good", "+- 4.9 %"),
     "no errors": (without_bars(), "care", "The errors are not known: too few steps."),
     "no band": ({"law": law(None)}, "good", "mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43)"),
+    "stopped by a callback": ({"stopped": "on_step"}, "care", "was stopped at step 4000, before"),
     "outside": (outside(), "care", "The error bars are not tested here: mu_2/mu_s = 2.9 (tested"),
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),
@@ -168,7 +169,8 @@ def test_every_condition_is_met_by_a_case() -> None:
 def test_reasons_are_ordered_by_their_grades() -> None:
     result = make_result(**slips("improbable"), **outside(), residuals=residuals(0.06))
     said = {c.said(result): c.grade for c in CONDITIONS}
-    said |= {s: g for record in result.checks.values() for g, s in record.reasons(result)}
+    reasons = [r for record in result.checks.values() for r in record.reasons(result)]
+    said |= {reason.sentence: reason.grade for reason in reasons}
     grades = [said[reason] for reason in result.assessment.reasons]
     assert grades == sorted(grades, key=GRADES.index)
     assert set(grades) == set(GRADES)
@@ -192,7 +194,7 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert stored["assessment"]["grade"] == found.grade
     assert tuple(stored["assessment"]["reasons"]) == found.reasons
     assert read_results(path).assessment == found
-    assert str(result).splitlines()[-1] == f"assessment: {found}"
+    assert result.summary().splitlines()[-1] == f"assessment: {found}"
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()

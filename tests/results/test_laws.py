@@ -73,8 +73,9 @@ def test_a_file_of_an_earlier_version_is_read(law: object, tmp_path: Path) -> No
 
 def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     result = coulomb()
-    assert str(result).splitlines()[1].split() == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
-    assert "I0" not in str(result)
+    row_of_mu_s = result.summary().splitlines()[1].split()
+    assert row_of_mu_s == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
+    assert "I0" not in result.summary()
     row = results_csv.row(result)
     assert (row["law"], row["mu_s"], row["error_mu_s"]) == ("coulomb", 0.33, 10.0)
     assert not {"mu_2", "I0", "error_mu_2"} & set(row)
@@ -118,5 +119,5 @@ def test_values_without_error_bars_and_the_reason() -> None:
 def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
     collapse = collapse_of(make_flow(frames=3), GrainColumn(0.5, 0.5), LAW, (0.33,), 64)
     assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
-    with pytest.raises(ConfigError, match=r"--free-I0 is for mu\(I\) alone, got --law coulomb"):
+    with pytest.raises(ConfigError, match=r"free_I0 is for mu\(I\) alone, got law coulomb"):
         require_mu_of_i(Config(law="coulomb"))

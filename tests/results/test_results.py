@@ -29,7 +29,7 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assumed import Assumed
-from tests.examples import PARAMETERS, SPARSE, make_result
+from tests.examples import LAW, PARAMETERS, SPARSE, make_result, residuals_with
 
 
 def strict(path: Path) -> Any:
@@ -183,8 +183,46 @@ def test_versions_of_what_the_numbers_depend_on(monkeypatch: pytest.MonkeyPatch)
 # ---- the summary ---------------------------------------------------------------------------------
 
 
-def test_the_summary_is_a_table() -> None:
+def test_the_answer_is_a_few_lines() -> None:
     assert str(make_result()).splitlines() == [
+        "mu_s    0.410  (0.390 to 0.430)   true 0.400   90 % intervals",
+        "mu_2    0.610                     true 0.640   extrapolated: the flow reaches 0.67 I0",
+        "I0      0.300                     true 0.300   given",
+        "mu(I)   0.420 +- 0.020 at I = 0.01 to 0.490 +- 0.030 at I = 0.2",
+        "GOOD    the equations hold; the momentum balance without a network agrees; "
+        "the velocity fits the vectors to 0.4 %",
+    ]
+
+
+def test_the_answer_without_what_is_unknown() -> None:
+    assert str(make_result(**SPARSE).without("report", "no room")).splitlines() == [
+        "mu_s    0.410  (0.390 to 0.430)   90 % intervals",
+        "mu_2    0.610",
+        "I0      0.300                     given",
+        "mu(I)   not determined",
+        "GOOD    mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43) (90 %)",
+        "no report: no room",
+    ]
+
+
+def test_the_answer_says_why_it_is_not_good() -> None:
+    assert LAW.curve is not None
+    law = replace(LAW, curve=replace(LAW.curve, low=None, high=None), reason="walls carry")
+    lost = Parameters(PARAMETERS | {"mu_2": Parameter(7.0, fixed=False, determined=False)})
+    changes = {"law": law, "parameters": lost, "residuals": residuals_with(0.1, 0.09, 0.2)}
+    lines = str(make_result(**changes, timing=Timing(1.0, 500))).splitlines()
+    assert lines[1].startswith("mu_2    not determined  ")
+    assert lines[3] == (
+        "mu(I)   0.420 at I = 0.01 to 0.490 at I = 0.2; the error is not known: walls carry"
+    )
+    assert lines[4] == (
+        "DO NOT USE    The training has not settled: the forces of the fit are out of balance by "
+        "0.2 of the weight of the grains. Train longer: about 4,000 steps in place of 500"
+    )
+
+
+def test_the_summary_is_a_table() -> None:
+    assert make_result().summary().splitlines() == [
         "          value       std      90 % interval     true   error %",
         "mu_s     0.4100    0.0120   0.3900 to 0.4300   0.4000      2.50",
         "mu_2     0.6100         -                  -   0.6400      4.69",
@@ -204,7 +242,7 @@ def test_the_summary_is_a_table() -> None:
 
 
 def test_the_summary_has_dashes_for_what_is_unknown() -> None:
-    lines = str(make_result(**SPARSE)).splitlines()
+    lines = make_result(**SPARSE).summary().splitlines()
     assert lines[1] == "mu_s     0.4100    0.0120   0.3900 to 0.4300        -         -"
     assert all(line.endswith(" -") for line in lines[4:-1])
     assert number(None, ".3f") == "-"
@@ -220,7 +258,7 @@ def test_assumptions_are_kept_and_shown(tmp_path: Path) -> None:
     result = make_result(assumptions=(known, lost))
     write_results(result, tmp_path / "results.json")
     assert read_results(tmp_path / "results.json") == result
-    lines = str(result).splitlines()
+    lines = result.summary().splitlines()
     assert (
         "surface line one grain higher: mu_s +0.5 %, mu_2 -1.3 % (surface line known to 0.005 m)"
         in lines

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,9 +14,7 @@ import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from granpinn.checks import simulated_pressure as check
 from granpinn.checks.simulated_pressure import SimulatedPressure
-from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.scoring import strain_rate
@@ -132,17 +129,6 @@ def test_shared_threads_give_the_same_pressure(known: Known) -> None:
         assert list(simulated) == list(alone) == [1, 3]
         for k, p in simulated.items():
             np.testing.assert_array_equal(p, alone[k])
-
-
-def test_a_time_limit_leaves_time_for_every_case() -> None:
-    config = Config(max_time=1e6, members=2, simulated_pressure__frames=10)
-    one, many = (check.kept_after_training(config, members) for members in (2, 60))
-    cores = len(os.sched_getaffinity(0))
-    assert one == pytest.approx(check.AFTER_TRAINING + check.EACH_FRAME * 10 / cores)
-    assert many - one == pytest.approx(check.EACH_FRAME * 29 * 10 / cores)
-    limited = dataclasses.replace(config, max_time=10.0)
-    assert check.kept_after_training(limited, 60) == 2.5
-    assert check.kept_after_training(dataclasses.replace(config, max_time=None), 60) == 0
 
 
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:

@@ -177,4 +177,4 @@ def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> Non
     objective: Any = make_objective(tiny(), flow)
     getattr(objective.pool, name)[1, 0] = math.nan
     with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
-        TrainingLoop(objective, tiny(), None, Silent(), None)
+        TrainingLoop(objective, tiny(), None, Silent())

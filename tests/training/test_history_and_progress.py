@@ -17,7 +17,16 @@ from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import progress
 from granpinn.training.history import History, Row, columns, median
-from granpinn.training.progress import Bar, Lines, Silent, TensorBoard, describe, duration
+from granpinn.training.progress import (
+    Bar,
+    Lines,
+    Silent,
+    Stage,
+    TensorBoard,
+    describe,
+    duration,
+)
+from granpinn.training.time_limit import PACE
 from tests.runs import make_run, tiny
 
 NAN = math.nan
@@ -139,11 +148,42 @@ def test_lines_say_what_a_log_needs() -> None:
     lines.show(row(60, momentum=NAN))
     lines.message("something happened")
     first, second = stream.getvalue().splitlines()
-    assert first.startswith("step 60/200  mu_s 0.4000  mu_2 0.6000  loss 0.1")
+    assert first.startswith("fit 60/200  mu_s 0.4000  mu_2 0.6000  loss 0.1")
     assert "vel 1.0e-01" in first
     assert "mom" not in first
     assert first.endswith("left")
     assert second == "something happened"
+
+
+def test_one_time_left_counts_all_stages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """100 steps of PACE each, then stages of 10 s, 2 s, 5 s; the machine gets busy on the way."""
+    now = 1000.0
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    lines = Lines(io.StringIO(), every=0.0, last=[Stage("figures", seconds=5.0)])
+    lines.plan([Stage("error bars", steps=1250), Stage("checks", seconds=2.0)], None, 1)
+    lines.start(1000, 0)
+    assert lines.words == ""
+    for step in (250, 500):
+        now += 250 * PACE
+        lines.show(row(step))
+    assert lines.left == pytest.approx(500 * PACE + 1250 * PACE + 2 + 5)
+    assert lines.done == pytest.approx(4 / (4 + lines.left))
+    now += 500 * 3 * PACE
+    lines.show(row(1000))
+    assert lines.left == pytest.approx(3 * (1250 * PACE + 2 + 5))
+    lines.stop()
+    lines.stage("error bars")
+    now += 29.0
+    assert lines.left == pytest.approx(1 + 3 * (2 + 5))
+    lines.stage("checks")
+    now += 100.0  # longer than expected
+    assert lines.left == pytest.approx(15.0)
+    lines.until = now + 4.0
+    assert lines.words == "0:04 left"
+    lines.stage("figures")
+    assert lines.where == "figures"
+    lines.stop()
+    assert (lines.line.split()[0], lines.words) == ("done", "")
 
 
 def test_lines_are_few_but_the_last_is_shown() -> None:
@@ -164,8 +204,10 @@ def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]
     bar.message("a [bracket] is no markup")
     bar.show(row(8))
     bar.stop()
+    (task,) = bar.bar.tasks
+    assert (task.description, task.fields["left"]) == ("fit 8/8", "0:00 left")
+    assert bar.text.startswith("mu_s 0.4000")
     text = capsys.readouterr().err
-    assert "8/8" in text
     assert "a [bracket] is no markup" in text
 
 
@@ -205,7 +247,7 @@ def test_tensorboard_gets_every_finite_value(
     names = {name for name, _, _ in board.writer.values}
     assert names == set(COLUMNS) - {"step", "surface"}
     assert board.writer.closed
-    assert "step 5/20" in stream.getvalue()
+    assert "fit 5/20" in stream.getvalue()
 
 
 def test_tensorboard_that_is_missing_says_how_to_get_it(

@@ -21,7 +21,7 @@ from granpinn.training import last_layer as module
 from granpinn.training.elimination import solve
 from granpinn.training.equations import law_weights
 from granpinn.training.features import Features, coefficients, with_coefficients
-from granpinn.training.last_layer import improve, iterate, last_layer
+from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer
 from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
@@ -271,3 +271,24 @@ def test_a_law_with_one_parameter_has_one_unknown(seed: int) -> None:
     torch.testing.assert_close(b, both.T @ by_both, rtol=1e-9, atol=1e-12)
     torch.testing.assert_close(A, both.T @ wide @ both, rtol=1e-9, atol=1e-12)
     assert improve(sums, at).theta.shape == (1,)
+
+
+def test_a_time_limit_leaves_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of 10 s: a further one is made only if it ends in time."""
+    now, made = 100.0, []
+
+    def improve(sums: Sums, at: Unknowns) -> Unknowns:
+        nonlocal now
+        now += 10.0
+        made.append(now)
+        return Unknowns(at.C, at.theta * 1.05)
+
+    monkeypatch.setattr(module.time, "monotonic", lambda: now)
+    monkeypatch.setattr(module, "improve", improve)
+    params = initial_parameters(SPEC, 0)
+    for until, steps in ((-math.inf, 1), (111.0, 1), (125.0, 2), (math.inf, ITERATIONS)):
+        now = 100.0
+        made.clear()
+        start = Unknowns(coefficients(SPEC, params), THETA)
+        iterate(sums_of(problem(), draw(0), params), start, until)
+        assert len(made) == steps

@@ -55,12 +55,14 @@ def test_a_notebook_shows_one_line_without_being_asked(flow: Flow, notebook: Out
     identify(flow, tiny(steps=20, simulated_pressure__frames=0))
     first, last = notebook.contents[0], notebook.contents[-1]
     assert first == {
-        "text/plain": "step 0/20",
-        "text/html": '<progress value="0" max="20"></progress> step 0/20',
+        "text/plain": "fit 0/20",
+        "text/html": '<progress value="0.000" max="1"></progress> fit 0/20',
     }
-    assert re.fullmatch(r"step 20/20  mu_s 0\.\d{4}  mu_2 .*loss .*", last["text/plain"])
+    assert re.fullmatch(r"done  mu_s 0\.\d{4}  mu_2 .*loss .*", last["text/plain"])
     assert "left" not in last["text/plain"]
-    assert '<progress value="20" max="20">' in last["text/html"]
+    assert '<progress value="1.000" max="1">' in last["text/html"]
+    names = [content["text/plain"].split()[0] for content in notebook.contents]
+    assert list(dict.fromkeys(names)) == ["fit", "error", "checks", "done"]
 
 
 @pytest.mark.parametrize("shell", [None, Shell("TerminalIPythonApp")])
@@ -79,7 +81,8 @@ def test_a_notebook_is_not_flooded(notebook: Output) -> None:
     listener.total(900)
     for step in range(1, 901):
         listener.show(Row.of(DEFAULT, [step] + [0.5] * (len(columns(DEFAULT)) - 1)))
-    assert len(notebook.contents) == 2
+    assert len(notebook.contents) == 3  # the first, one row and the last
+    assert notebook.contents[-1]["text/plain"].startswith("fit 900/900  mu_s")
     listener.stop()
-    assert len(notebook.contents) == 3
-    assert notebook.contents[-1]["text/plain"].startswith("step 900/900  mu_s")
+    assert len(notebook.contents) == 4
+    assert notebook.contents[-1]["text/plain"].startswith("done  mu_s")

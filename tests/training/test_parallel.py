@@ -49,7 +49,7 @@ def torchrun(*command: object) -> subprocess.Popen[str]:
 
 def test_two_processes_make_the_steps_of_one(flow_file: Path, tmp_path: Path) -> None:
     one = tmp_path / "one"
-    identify(flow_file, parse([str(flow_file), "--out", str(one), *FLAGS]), run_dir=one)
+    identify(flow_file, parse([str(flow_file), "--out", str(one), *FLAGS]).config, run_dir=one)
     process = torchrun(pageless.__file__, flow_file, "--out", tmp_path / "two", *FLAGS)
     out, err = process.communicate(timeout=100)
     assert process.returncode == 0, err

@@ -89,7 +89,7 @@ def test_a_signal_in_the_last_layer_step_stops_the_run(
 ) -> None:
     run = make_run(tiny(), flow, tmp_path)
 
-    def last_layer() -> None:
+    def last_layer(until: float) -> None:
         signal.raise_signal(signal.SIGTERM)
         pytest.fail("the signal was not noticed")
 

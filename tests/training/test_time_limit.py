@@ -17,6 +17,7 @@ from granpinn.training import loop as loop_module
 from granpinn.training import time_limit
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Silent
+from granpinn.training.time_limit import Limit
 from tests.runs import make_objective, make_trainer, tiny
 
 
@@ -40,6 +41,11 @@ class Clock:
         trainer.advance = advance
 
 
+def until(moment: float) -> Limit:
+    """The limit of a run that begins with the clock of a test."""
+    return Limit(moment, moment - 100.0)
+
+
 @pytest.fixture
 def ticking(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return Clock(monkeypatch)
@@ -54,7 +60,7 @@ def test_the_schedule_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticki
     before = {name: tensor.clone() for name, tensor in trainer.tensors().items()}
     state = trainer.plain_state()
     ticking.attach(trainer)
-    schedule = time_limit.schedule_until(400.0, trainer, at_most=10**9)
+    schedule = time_limit.schedule_within(Limit(400.0, 300.0), trainer, at_most=10**9)
     probing = ticking.now - 100.0
     pace = 0.25 * 0.1 + 0.75 * 0.4
     assert schedule.total == pytest.approx((300 - probing) / pace / time_limit.MARGIN, abs=1)
@@ -65,7 +71,7 @@ def test_the_schedule_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticki
 
 def test_the_last_row_of_the_history_adds_no_step(flow: Flow, ticking: Clock) -> None:
     config = limited(steps=40)
-    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), 130.0)
+    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), until(130.0))
     ticking.attach(run.trainer)
     run.train()
     assert run.trainer.step == 40
@@ -75,15 +81,29 @@ def test_the_last_row_of_the_history_adds_no_step(flow: Flow, ticking: Clock) ->
 def test_the_schedule_has_no_more_steps_than_allowed(flow: Flow, ticking: Clock) -> None:
     trainer = make_trainer(tiny(), flow)
     ticking.attach(trainer)
-    assert time_limit.schedule_until(1e6, trainer, at_most=77).total == 77
-    assert time_limit.schedule_until(-5.0, trainer, at_most=77).total == 1
+    assert time_limit.schedule_within(Limit(1e6, 1e6), trainer, at_most=77).total == 77
+    assert time_limit.schedule_within(Limit(-5.0, 1.0), trainer, at_most=77).total == 1
+
+
+@pytest.mark.parametrize(
+    ("pace", "kept"),
+    [
+        pytest.param(0.0, 30.0, id="quick steps"),
+        pytest.param(0.016, 50 * 0.016 + 30, id="two members on two idle cores"),
+        pytest.param(0.032, 50 * 0.032 + 60, id="a busy machine"),
+        pytest.param(1.0, 120.0, id="at most a part of the limit"),
+    ],
+)
+def test_what_is_kept_for_the_end_grows_with_the_pace(pace: float, kept: float) -> None:
+    limit = Limit(1000.0, 200.0, later=10.0, steps=50, after=30.0, members=2)
+    assert limit.deadline(pace) == pytest.approx(990 - kept)
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.5, 2.0])
 def test_a_run_ends_at_its_limit_though_its_pace_changes(
     factor: float, flow: Flow, ticking: Clock
 ) -> None:
-    run = TrainingLoop(make_objective(limited(), flow), limited(), None, Silent(), 600.0)
+    run = TrainingLoop(make_objective(limited(), flow), limited(), None, Silent(), until(600.0))
     ticking.attach(run.trainer)
     real = run.trainer.advance
 
@@ -106,7 +126,7 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
 
 def test_a_limit_that_does_not_bind_is_not_what_stopped_the_run(flow: Flow, ticking: Clock) -> None:
     config = limited(steps=50)
-    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), 600.0)
+    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), until(600.0))
     ticking.attach(run.trainer)
     run.train()
     assert (run.trainer.step, run.stopped) == (50, "steps")
@@ -114,7 +134,7 @@ def test_a_limit_that_does_not_bind_is_not_what_stopped_the_run(flow: Flow, tick
 
 def test_a_resumed_run_keeps_the_schedule(flow: Flow, ticking: Clock, tmp_path: Path) -> None:
     def make(config: Config) -> TrainingLoop:
-        run = TrainingLoop(make_objective(config, flow), config, tmp_path, Silent(), 160.0)
+        run = TrainingLoop(make_objective(config, flow), config, tmp_path, Silent(), until(160.0))
         ticking.attach(run.trainer)
         return run
 

@@ -8,20 +8,19 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from unittest import mock
 
-import granpinn.convert
 import granpinn.figures.album
 import granpinn.figures.animation
-import granpinn.figures.inspection
 import granpinn.figures.simulation
-import granpinn.inspect
 import granpinn.train
+from granpinn.convert import main as convert
+from granpinn.inspect.__main__ import main as inspect
 from granpinn.report.__main__ import main as report
 from granpinn.simulate import main as simulate
 from granpinn.tables.__main__ import main as tables
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
-    "inspect": granpinn.inspect.main,
-    "convert": granpinn.convert.main,
+    "inspect": inspect,
+    "convert": convert,
     "train": granpinn.train.main,
     "report": report,
     "simulate": simulate,
