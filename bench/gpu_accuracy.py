@@ -21,6 +21,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.utils._pytree import tree_map_only
 
 from bench.steps import HIDDEN, PHYSICS, make_task
 from granpinn import reference
@@ -29,6 +30,7 @@ from granpinn.fit.case import Case, pose
 from granpinn.identification.start import start
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
+from granpinn.physics.terms import LossPoints
 from granpinn.simulation import demo_path
 
 RULE = 1.5
@@ -43,12 +45,12 @@ class Weighed:
     """A network with data to draw batches from; float32 on the CPU.
 
     Attributes:
-        data: points, velocity and weights [N, .], surface points [M, 3], their pressure [M].
+        data: N points and M surface points.
     """
 
     params: Tensor
     theta: Tensor
-    data: tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
+    data: LossPoints
     term_weights: list[float]
     spec: NetworkSpec
     physics: Sequence[float]
@@ -57,13 +59,11 @@ class Weighed:
         """The arguments of residual_loss after the first two, for some draws of points."""
         rng = torch.Generator().manual_seed(0)
         for _ in range(BATCHES):
-            i = torch.randint(len(self.data[0]), (interior,), generator=rng)
-            on_surface = len(self.data[3])
+            i = torch.randint(len(self.data.points), (interior,), generator=rng)
+            on_surface = len(self.data.surface_points)
             j = torch.randint(max(on_surface, 1), (surface * bool(on_surface),), generator=rng)
-            drawn = [part[i] for part in self.data[:3]] + [part[j] for part in self.data[3:]]
             weights = self.params.new_tensor(self.term_weights)
-            spec = (list(self.spec.widths), self.spec.input_shift, self.spec.input_scale)
-            yield (*drawn, weights, *spec, self.physics, self.spec.form)
+            yield self.data.at(i, j), weights, self.spec, self.physics
 
     def copies(self, count: int) -> Iterator[Tensor]:
         """Copies of the parameters with random, small relative changes."""
@@ -76,10 +76,7 @@ class Weighed:
 def random_network(form: str) -> Weighed:
     """The network and points of the step benchmark."""
     task = make_task(form, 4096)
-    none = task.points[:0]
-    data = (task.points, task.velocity, torch.ones_like(task.velocity), none, none[:, 0])
-    spec = NetworkSpec(tuple(task.widths), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), form)
-    return Weighed(task.params, task.theta, data, [1.0] * 5, spec, PHYSICS)
+    return Weighed(task.params, task.theta, task.batch, [1.0] * 5, task.spec, PHYSICS)
 
 
 def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
@@ -93,17 +90,11 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
 
 
 def _weighed(case: Case, params: Tensor, theta: Tensor) -> Weighed:
-    seen, problem = case.member.data, case.member.problem
+    problem = case.member.problem
     return Weighed(
         params=params.detach().float().cpu(),
         theta=theta.detach().float().cpu(),
-        data=(
-            seen.points.float(),
-            seen.velocity.float(),
-            seen.point_weights.float(),
-            seen.surface_points.float(),
-            seen.surface_pressure.float(),
-        ),
+        data=tree_map_only(Tensor, Tensor.float, case.member.data.loss_points),
         term_weights=problem.term_weights,
         spec=problem.spec,
         physics=problem.physics,
@@ -119,7 +110,9 @@ def errors(
         the errors by mode; "float64", the errors of the reference against nested autograd in one
         batch; and the result of `ratios`.
     """
-    batches = [_on(device, batch) for batch in network.batches(interior, surface)]
+    batches = tree_map_only(
+        Tensor, lambda x: x.to(device), list(network.batches(interior, surface))
+    )
     own = _gradient_errors(network, network.params.to(device), batches, eager=True)
     out: dict[str, Any] = {
         name: {quantity: statistics.median(values) for quantity, values in by_name.items()}
@@ -134,16 +127,8 @@ def errors(
     return out | ratios(gradients[0], gradients[1:])
 
 
-def _on(device: torch.device, batch: tuple[Any, ...]) -> list[Any]:
-    return [x.to(device) if isinstance(x, Tensor) else x for x in batch]
-
-
-def _double(batch: list[Any]) -> list[Any]:
-    return [x.double() if isinstance(x, Tensor) else x for x in batch]
-
-
 def _gradient_errors(
-    network: Weighed, params: Tensor, batches: list[list[Any]], eager: bool = False
+    network: Weighed, params: Tensor, batches: list[tuple[Any, ...]], eager: bool = False
 ) -> dict[str, dict[str, list[float]]]:
     """Relative errors against the float64 kernels: by mode and quantity, one of each batch.
 
@@ -153,7 +138,8 @@ def _gradient_errors(
     loss: Any = ops.residual_loss
     theta = network.theta.to(params.device)
     for k, batch in enumerate(batches):
-        arguments, doubles = [params, theta, *batch], _double([params, theta, *batch])
+        arguments = (params, theta, *batch)
+        doubles = tree_map_only(Tensor, Tensor.double, arguments)
         exact = loss(*doubles)
         results = {mode: loss(*arguments, precision=mode) for mode in ("fp32", "fast")}
         if eager:

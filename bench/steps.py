@@ -18,7 +18,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid, silu
 
+from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.laws import DEFAULT
+from granpinn.physics.terms import LossPoints
 from granpinn.reference import friction, inertial_number, viscosity
 
 HIDDEN = [250, 250, 250]
@@ -48,6 +50,17 @@ class Task:
     @property
     def widths(self) -> list[int]:
         return [3, *HIDDEN, 3 if self.form == "strong" else 5]
+
+    @property
+    def spec(self) -> NetworkSpec:
+        return NetworkSpec(tuple(self.widths), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), self.form)
+
+    @property
+    def batch(self) -> LossPoints:
+        """The points with unit weights, and no surface points."""
+        none = self.points.new_empty(0, 3)
+        weights = torch.ones_like(self.velocity)
+        return LossPoints(self.points, self.velocity, weights, none, none[:, 0])
 
     @property
     def flop(self) -> float:
@@ -135,25 +148,11 @@ def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Call
     params, theta = task.params.clone(), task.theta.clone()
     optimizer = OwnAdam(params, theta)
     new = task.points.new_tensor
-    none = new([]).view(0, 3)
-    arguments: tuple[Any, ...] = (
-        task.points,
-        task.velocity,
-        torch.ones_like(task.velocity),
-        none,
-        none[:, 0],
-        task.points.new_ones(5),
-        task.widths,
-        new([0.0, 0.0, 0.0]),
-        new([1.0, 1.0, 1.0]),
-        new(PHYSICS),
-        task.form,
-        DEFAULT.name,
-        precision,
-    )
+    spec = replace(task.spec, input_shift=new([0.0] * 3), input_scale=new([1.0] * 3))
+    arguments = (task.batch, new([1.0] * 5), spec, new(PHYSICS), DEFAULT.name)
 
     def step() -> Tensor:
-        loss, _, *gradients = ops.residual_loss(params, theta, *arguments)
+        loss, _, *gradients = ops.residual_loss(params, theta, *arguments, precision=precision)
         if update:
             optimizer.step(loss, *gradients)
         return loss

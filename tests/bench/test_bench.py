@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import torch
+from torch.utils._pytree import tree_map_only
 
 from bench import (
     device,
@@ -162,8 +163,7 @@ def test_errors_of_a_mode_that_errs_more(monkeypatch: pytest.MonkeyPatch) -> Non
         """The mode "fast" errs three times as much as "fp32" does."""
         out = list(exact(*arguments))
         if precision == "fast":
-            doubles = [x.double() if isinstance(x, torch.Tensor) else x for x in arguments]
-            truth = exact(*doubles)
+            truth = exact(*tree_map_only(torch.Tensor, torch.Tensor.double, arguments))
             out = [3 * a.double() - 2 * b for a, b in zip(out, truth, strict=True)]
         return out
 

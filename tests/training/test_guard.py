@@ -161,7 +161,7 @@ def test_data_that_turn_bad_on_the_way_stop_the_run(name: str, flow: Flow, tmp_p
 
     def advance() -> None:
         if run.trainer.step == 3:
-            getattr(run.trainer.objective, name).fill_(math.nan)
+            getattr(run.trainer.objective.pool, name).fill_(math.nan)
         real()
 
     run.trainer.advance = advance  # type: ignore[method-assign]
@@ -175,6 +175,6 @@ def test_data_that_turn_bad_on_the_way_stop_the_run(name: str, flow: Flow, tmp_p
 @pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])
 def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> None:
     objective: Any = make_objective(tiny(), flow)
-    getattr(objective, name)[1, 0] = math.nan
+    getattr(objective.pool, name)[1, 0] = math.nan
     with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
         TrainingLoop(objective, tiny(), None, Silent())

@@ -160,7 +160,7 @@ def inject(
             if name in STATE:
                 spoil(trainer.tensors()[name])
             elif name in DATA:
-                getattr(objective, name).fill_(value)
+                getattr(objective.pool, name).fill_(value)
         advance()
 
     def evaluated(*args: Any) -> Any:
