@@ -131,7 +131,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "useless, short": (
         {"law": law(2.0), "timing": SHORT} | LOST_MU_2,
         "do not use",
-        "mu_2 is not determined: its 90 % interval spans a factor of 45. Train longer: about 18,000",
+        "mu_2 is not determined: its 90 % interval spans a factor of 45. Train longer: about 18,",
     ),
     "useless, long": (
         {"law": law(1.8), "timing": LONG},
