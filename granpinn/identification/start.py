@@ -23,8 +23,8 @@ from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
-LAST_STEPS = 600  # steps that take as long as the last layer
-FIELDS = 100  # steps that take as long as the fields
+LAST_STEPS = 750  # steps that take as long as the last layer
+FIELDS = 200  # steps that take as long as the fields
 LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
 
