@@ -219,8 +219,8 @@ def announced(*args, **kwargs):
     if reached or before and args[0].step <= before:
         return real(*args, **kwargs)
     reached.append(name)
-    print("reached", flush=True)
     try:
+        print("reached", flush=True)
         end = time.monotonic() + 0.5
         while time.monotonic() < end:
             time.sleep(0.01)

@@ -2,16 +2,18 @@
 
     python -m bench.studies.reliability.planted_mistakes --out FILE
 
-The repository is copied and built once. Each mistake is planted in the copy, which compiles what it
-changes and runs the tests of its area, then all tests; those that fail without a mistake do not
-count. The record has a row for each mistake, with the test that caught it (null for a survivor);
-rows of an earlier record in FILE stay unless they are tried again. Exit code 1: a mistake survived,
-2: the build failed. `--cuda` adds the mistakes that only a GPU can show.
+planted_mistakes.csv has the mistakes. The repository is copied and built once. Each mistake is
+planted in the copy, which compiles what it changes and runs the tests of its area, then all tests;
+those that fail without a mistake do not count. The record has a row for each mistake, with the test
+that caught it (null for a survivor); rows of an earlier record in FILE stay unless they are tried
+again. Exit code 1: a mistake survived, 2: the build failed. `--cuda` adds the mistakes that only a
+GPU can show.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import re
 import sys
@@ -19,13 +21,12 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from bench import copied_tree
-from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
 from bench.studies.reliability.record import Record, command_of, joined, processor, read
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
@@ -36,6 +37,81 @@ IGNORED = [
     "--ignore=tests/test_cuda_compiles.py",
     "--ignore=tests/docs",  # they need the packages that make the pages
 ]
+
+
+# Those that see most come first. The operators' own checks take longer and see little more.
+KERNELS = (
+    *("pointwise", "viscosity", "laws", "law_update", "arguments", "sampling", "network", "step"),
+    *("gradients", "orthogonalize", "determinism", "small_work", "cuda", "accuracy"),
+)
+SOLVER = ("laws", "bagnold", "side_walls", "fraction", "smooth_flows", "balance", "collapse")
+
+# The tests that could notice a mistake first, by area, in a minute or two; the suite follows.
+TESTS = {
+    "kernels": [f"tests/kernels/test_{name}.py" for name in KERNELS],
+    "cuda": [f"tests/kernels/test_{name}.py" for name in KERNELS],
+    "solver": [f"tests/simulation/test_{name}.py" for name in SOLVER],
+    "physics": ["tests/physics", "tests/config", "tests/kernels/test_viscosity.py"],
+    "data": ["tests/physics", "tests/data"],
+    "units": [
+        "tests/importers/test_units.py",
+        "tests/importers/test_physical_units.py",
+        "tests/importers/test_convert.py",
+    ],
+    "training": [
+        "tests/training/test_schedule.py",
+        "tests/training/test_objective.py",
+        "tests/training/test_optimise.py",
+        "tests/training/test_last_layer.py",
+        "tests/training/test_law_variables.py",
+        "tests/training/test_graphs.py",
+        "tests/identification/test_members.py",
+    ],
+    "identification": ["tests/identification", "tests/fit", "tests/results"],
+    "uncertainty": ["tests/uncertainty"],
+    "results": ["tests/results", "tests/identification"],
+    "simulation": ["tests/simulation/test_collapse.py", "tests/simulation/test_command.py"],
+    "inspection": ["tests/inspection"],
+    "side walls": [
+        "tests/training/test_objective.py",
+        "tests/inspection/test_side_walls.py",
+        "tests/identification/test_side_walls.py",
+    ],
+    "walls": ["tests/data/test_walls.py", "tests/data/test_variants.py"],
+    "strip": [
+        "tests/data/test_surface_strip.py",
+        "tests/data/test_variants.py",
+        "tests/checks/test_profile_of_I0.py",
+    ],
+}
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One wrong line: the old text must occur exactly once in its file.
+
+    Attributes:
+        area: a key of TESTS.
+        kind: sign, factor, index, missing term, wrong constant, or unit.
+    """
+
+    area: str
+    kind: str
+    file: str
+    old: str
+    new: str
+
+    @property
+    def compiled(self) -> bool:
+        return self.file.startswith("csrc/")
+
+    @property
+    def needs_gpu(self) -> bool:
+        return self.area == "cuda"
+
+
+with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+    MISTAKES = [Mistake(**row) for row in csv.DictReader(file)]
 
 
 @contextmanager
@@ -51,7 +127,7 @@ def planted(tree: Path, mistake: Mistake) -> Iterator[None]:
     if count != 1:
         raise ValueError(
             f"{mistake.file} must contain {mistake.old!r} once, found {count} times: "
-            "update bench/studies/reliability/planted_table.py"
+            "update bench/studies/reliability/planted_mistakes.csv"
         )
     path.write_text(text.replace(mistake.old, mistake.new))
     try:
