@@ -43,7 +43,7 @@ def remove(tree: Path) -> None:
     shutil.rmtree(tree)
 
 
-def build(tree: Path, folder: Path, options: Sequence[str] = (), jobs: int = 1) -> str:
+def build(tree: Path, folder: Path, options: Sequence[str] = ()) -> str:
     """Builds the modules of a copy in `folder`, again only what changed. The error, or "".
 
     Raises:
@@ -54,7 +54,7 @@ def build(tree: Path, folder: Path, options: Sequence[str] = (), jobs: int = 1) 
         command = ["cmake", "-S", str(tree), "-B", str(folder), "-G", "Ninja"]
         defined = [f"-DPython_EXECUTABLE={sys.executable}", "-DSKBUILD_PROJECT_VERSION=0.0.0"]
         error = _error([*command, *defined, *options])
-    error = error or _error(["ninja", "-C", str(folder), f"-j{jobs}"])
+    error = error or _error(["ninja", "-C", str(folder)])
     if not error:
         for module in folder.glob("*.so"):
             shutil.copy2(module, tree / "granpinn")

@@ -41,7 +41,7 @@ def test_opcheck(operator: str, name: str, checks: tuple[str, ...], ops: ModuleT
     torch.library.opcheck(
         getattr(torch.ops.granpinn, operator).default,
         tuple(leaf(x, device_of(ops)) for x in given),
-        test_utils=[f"test_{check}" for check in checks],
+        test_utils=checks,
     )
 
 
