@@ -69,16 +69,6 @@ class Task:
         channels = 7 if self.form == "strong" else 4
         return 3.0 * channels * 2 * weights * self.count
 
-    @property
-    def resident(self) -> float:
-        """Bytes that stay from step to step: weights, gradient, two moments of Adam, batch."""
-        return 4.0 * (5 * self.count + 4 * (self.params.numel() + self.theta.numel()))
-
-    @property
-    def traffic(self) -> float:
-        """Bytes that any step has to move: the batch once; Adam reads 4 numbers, writes 3."""
-        return 4.0 * (5 * self.count + 7 * self.params.numel())
-
     def to(self, device: torch.device) -> Task:
         tensors = {name: getattr(self, name).to(device) for name in TENSORS}
         return replace(self, **tensors)

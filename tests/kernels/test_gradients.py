@@ -66,9 +66,13 @@ def test_gradient_where_the_pressure_underflows(z: float, precision: str, ops: M
         assert result.isfinite().all()
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("form", [*FORMS, "data"])
-@pytest.mark.parametrize("members", [None, 2])
+# All laws in both forms; of an ensemble two laws, and of the data, which have no law, one.
+LOSSES = [(form, None, law) for form in FORMS for law in LAWS]
+LOSSES += [(form, 2, law) for form in FORMS for law in ("mu_of_i", "cohesive")]
+LOSSES += [("data", members, "mu_of_i") for members in (None, 2)]
+
+
+@pytest.mark.parametrize(("form", "members", "law"), LOSSES)
 def test_gradcheck_of_the_loss(form: str, members: int | None, law: str, ops: ModuleType) -> None:
     case = tiny("strong" if form == "strong" else "mixed", members, law)
 

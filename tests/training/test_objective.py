@@ -81,13 +81,6 @@ def test_batches_are_a_function_of_seed_step_and_stream() -> None:
     assert draw(1, 2, SURFACE, 50, points[:0]).numel() == 0
 
 
-def test_batches_cover_the_points_evenly() -> None:
-    drawn = torch.cat([draw(0, step, INTERIOR, 500, torch.zeros(100, 3)) for step in range(40)])
-    counts = torch.bincount(drawn, minlength=100)
-    chi_square = float(((counts - 200.0) ** 2 / 200).sum())
-    assert 50 < chi_square < 160
-
-
 def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     found = posed(flow, tiny())
     data = training_set(flow, scales_of(flow), "V1")

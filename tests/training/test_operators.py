@@ -65,25 +65,6 @@ def test_a_law_of_a_user_is_the_same_law(equations: bool, twin: laws.Law) -> Non
     torch.testing.assert_close(slow[0], known[0], rtol=1e-9, atol=1e-12)
 
 
-def test_the_gradient_is_that_of_the_loss(twin: laws.Law, seed: int) -> None:
-    """K-2: a central difference along a random direction of all unknowns."""
-    case = problem(small("mixed"))._replace(law="twin")
-    g = torch.Generator().manual_seed(seed)
-    away = [torch.randn(t.shape, generator=g, dtype=t.dtype) for t in (case.params, case.theta)]
-    step = 1e-6
-
-    def loss(sign: float) -> Tensor:
-        moved = [t + sign * step * d for t, d in zip((case.params, case.theta), away, strict=True)]
-        at = case._replace(params=moved[0], theta=moved[1])
-        value: Tensor = IN_TORCH.residual_loss(*at)[0]
-        return value
-
-    _, _, *gradients = IN_TORCH.residual_loss(*case)
-    along = sum((g * d).sum() for g, d in zip(gradients, away, strict=True))
-    numeric = (loss(1) - loss(-1)) / (2 * step)
-    torch.testing.assert_close(along, numeric, rtol=1e-6, atol=1e-8)
-
-
 def test_viscosity_and_momentum_of_the_fields_are_those_of_the_kernels(twin: laws.Law) -> None:
     case = problem(small("mixed"))
     torch.testing.assert_close(
