@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from granpinn.commands import report
 from granpinn.data import read_flow
 from granpinn.physics.laws import LAWS
-from granpinn.report import __main__ as report
 from granpinn.training.history import columns
 
 COMMANDS = ("inspect.__main__", "simulate", "train")

@@ -13,9 +13,10 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import results, train
+from granpinn import results
 from granpinn.command import exit_codes, training_run
-from granpinn.command.arguments import parse
+from granpinn.commands import train
+from granpinn.commands.train import parse
 from granpinn.config import Config
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow, write_flow

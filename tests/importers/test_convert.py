@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from granpinn import Config, identify
+from granpinn.commands.convert import main, parse
 from granpinn.config import Network
-from granpinn.convert import main, parse
 from granpinn.data import read_flow
 from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
 from tests.importers import scene

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.convert import main
+from granpinn.commands.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
 from granpinn.importers.vectors import warn_of_zeros

@@ -13,10 +13,10 @@ import pytest
 
 from granpinn import report
 from granpinn.command import exit_codes
+from granpinn.commands.report import main
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
 from granpinn.physics.laws import DEFAULT
-from granpinn.report.__main__ import main
 from granpinn.results import write_results
 from granpinn.training.history import HistoryFileError, columns, read_history
 from tests.examples import make_result

@@ -125,7 +125,7 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     folder = tmp_path / "run"
     code = (
         "import resource, signal, sys\n"
-        "from granpinn.train import main\n"
+        "from granpinn.commands.train import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"

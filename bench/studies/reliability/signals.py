@@ -143,8 +143,8 @@ def child(phase: str, slow: bool, argv: list[str]) -> int:
     from granpinn.command import exit_codes
 
     exit_codes.guard_process("train")
-    from granpinn import train
     from granpinn.checks import resimulation
+    from granpinn.commands import train
     from granpinn.report import page
     from granpinn.second_opinion import simulated_pressure
     from granpinn.training.trainer import Trainer
