@@ -16,7 +16,7 @@ def test_public_names_load(name: str) -> None:
 
 def test_commands_leave_the_functions_of_their_names() -> None:
     code = (
-        "import granpinn; import granpinn.commands.inspect, granpinn.commands.convert, granpinn.commands.simulate; "
+        "import granpinn; from granpinn.commands import convert, inspect, simulate; "
         "print(callable(granpinn.inspect), callable(granpinn.convert), callable(granpinn.simulate),"
         "granpinn.laws.__name__)"
     )
