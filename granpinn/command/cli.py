@@ -87,7 +87,7 @@ class Command(NamedTuple):
     parser: Callable[[], Parser]
     run: Callable[[Sequence[str]], int]
 
-    def __call__(self, argv: Sequence[str]) -> int:
+    def __call__(self, argv: Sequence[str], /) -> int:
         """The exit code for the words behind the verb; errors become one sentence on stderr."""
         return exit_codes.exit_code(self.verb, lambda: self.run(argv))
 

@@ -14,7 +14,7 @@ if __name__ == "__main__":
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
@@ -134,7 +134,9 @@ def parse(argv: Sequence[str]) -> Request:
     if "level" in given:
         values["level"] = given["level"][0]
     config = Config(**values)
-    own = {"I0": values.get("I0")} | {name: given[name] for name in OWN if name in given}
+    own: dict[str, Any] = {"I0": values.get("I0")} | {
+        name: given[name] for name in OWN if name in given
+    }
     for name, value in own.items():
         OWN[name].check(value, flag_of(name))
     paths = tuple(given["paths"])

@@ -95,6 +95,10 @@ def _number(value: Any, _: Any) -> float:
     raise WrongTypeError("a finite number", value)
 
 
+def _origin(kind: Any) -> Any:
+    return typing.get_origin(kind)
+
+
 def _typed(expected: Any, words: str, inner: Callable[[Any, Any], Any]) -> Callable[..., Any]:
     def structure(value: Any, kind: Any) -> Any:
         if not isinstance(value, expected):
@@ -109,20 +113,21 @@ def _record(kind: Any) -> Callable[..., Any]:
     return _typed(dict, "an object", make_dict_structure_fn(kind, CONVERTER))
 
 
-@CONVERTER.register_structure_hook_factory(lambda kind: typing.get_origin(kind) is dict)
+@CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is dict)
 def _items(kind: Any) -> Callable[..., Any]:
     return _typed(dict, "an object", mapping_structure_factory(kind, CONVERTER))
 
 
-@CONVERTER.register_structure_hook_factory(lambda kind: typing.get_origin(kind) is tuple)
+@CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is tuple)
 def _tuple(kind: Any) -> Callable[..., Any]:
+    """All items of a tuple in a record that is read have one type."""
     item, *more = typing.get_args(kind)
     length = None if more == [Ellipsis] else 1 + len(more)
 
     def structure(value: Any, _: Any) -> Any:
         if length not in (None, len(value)):
             raise WrongTypeError(f"a list of {length}", value)
-        return tuple(CONVERTER.structure(value, list[item]))
+        return tuple(CONVERTER.structure(value, list[item]))  # type: ignore[valid-type]
 
     return _typed((list, tuple), "a list", structure)
 
@@ -132,6 +137,6 @@ def _by_name(kind: Any) -> Callable[..., Any]:
     (item,) = typing.get_args(kind.__orig_bases__[0])
 
     def structure(value: Any, _: Any) -> Any:
-        return kind(CONVERTER.structure(value, dict[str, item]))
+        return kind(CONVERTER.structure(value, dict[str, item]))  # type: ignore[valid-type]
 
     return _typed(dict, "an object", structure)
