@@ -10,6 +10,7 @@ import difflib
 import importlib
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import granpinn
@@ -76,7 +77,8 @@ FIRST_STEPS = """first steps:
 granpinn VERB --help explains every argument; python -m granpinn.VERB is the same command."""
 
 
-class Command(NamedTuple):
+@dataclass(frozen=True)
+class Command:
     """What a module of granpinn/commands/ calls `main`.
 
     Attributes:
@@ -87,7 +89,7 @@ class Command(NamedTuple):
     parser: Callable[[], Parser]
     run: Callable[[Sequence[str]], int]
 
-    def __call__(self, argv: Sequence[str], /) -> int:
+    def __call__(self, argv: Sequence[str]) -> int:
         """The exit code for the words behind the verb; errors become one sentence on stderr."""
         return exit_codes.exit_code(self.verb, lambda: self.run(argv))
 

@@ -143,7 +143,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
 
 class _HelpAll(argparse.Action):
-    def __call__(self, parser: Any, *others: Any) -> NoReturn:
+    def __call__(self, parser: Any, *others: Any) -> None:
         parser.show_all()
         parser.print_help()
         parser.exit()
