@@ -139,7 +139,7 @@ def parse(argv: Sequence[str]) -> Request:
     }
     for name, value in own.items():
         OWN[name].check(value, flag_of(name))
-    paths = tuple(given["paths"])
+    paths = tuple(given.get("paths", ()))
     if paths and "stride" in own:
         raise ConfigError("--stride is for simulated flows, but flow files are given: leave it out")
     if objection := objection_to_folder(given["out"]):

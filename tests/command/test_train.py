@@ -241,7 +241,7 @@ def test_python_m_granpinn_train_is_this_command(
 ) -> None:
     monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
     monkeypatch.setattr(sys, "argv", ["granpinn.train", "flow.h5"])
-    monkeypatch.delitem(sys.modules, "granpinn.train")
+    monkeypatch.delitem(sys.modules, "granpinn.train", raising=False)
     with pytest.raises(SystemExit) as stop:
         runpy.run_module("granpinn.train", run_name="__main__")
     assert stop.value.code == 2
