@@ -146,7 +146,7 @@ def test_the_terminal_shows_both(
         ([], "--out, the folder of the tables, is missing"),
         (["--out", "o", "--noise", "0.2", "0.2"], "levels that differ, got 0.2 0.2"),
         (["--out", "o", "--noise", "-1"], "--noise must be in [0, 100], got -1"),
-        (["--out", "o", "--noise", "nan"], "--noise must be a number, got 'nan'"),
+        (["--out", "o", "--noise", "nan"], "--noise must be a number, got nan"),
         (["--out", "o", "--seeds", "0"], "--seeds must be in [1, 1000], got 0"),
         (["--out", "o", "--seeds", "two"], "--seeds must be a whole number, got 'two'"),
         (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
