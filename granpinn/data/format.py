@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, WALL_GAP, Flow, Particles
+from granpinn.data.flow import PERIOD_X, STEADY, SURFACE_SD, WALL_GAP, WINDOW, Flow, Particles
 from granpinn.physics.law_values import PARAMETERS
 
 FORMAT_NAME = "granpinn-flow"
@@ -83,8 +83,8 @@ TEXTS = ("length_unit", "time_unit")
 OPTIONAL_TEXTS = ("density_unit",)
 OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
 # Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x; the
-# standard deviation of its surface line; the distance between side walls.
-OF_FLOW = (STEADY, PERIOD_X, SURFACE_SD, WALL_GAP)
+# sd of its surface line; the distance between side walls; the window of its vectors.
+OF_FLOW = (STEADY, PERIOD_X, SURFACE_SD, WALL_GAP, WINDOW)
 TRUE_LAW = "true_law"  # absent: mu_of_i
 TRUTH = {f"true_{name}": name for name in PARAMETERS}
 KNOWN_ATTRIBUTES = frozenset(

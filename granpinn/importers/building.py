@@ -161,7 +161,7 @@ def scattered_flow(
 def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
     """Standard deviations from the files, or one number from the settings."""
     if settings.sigma is not None:
-        sigma = frame.sigma(settings)
+        sigma = frame.number(settings.sigma, "velocity", "--sigma")
         return {"sigma_u": sigma, "sigma_v": sigma}
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import STEADY, WALL_GAP, Flow, Surface, Walls
+from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow, Surface, Walls
 from granpinn.data.scaling import scales_of
 from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
@@ -23,7 +24,7 @@ from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
-from granpinn.importers.statements import settled
+from granpinn.importers.statements import calibration, settled
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
 
 
@@ -74,7 +75,7 @@ def convert(
         "length_unit": "1" if settings.dimensionless else "m",
         "time_unit": "1" if settings.dimensionless else "s",
         "density_unit": None if settings.dimensionless else "kg/m^3",
-        "attributes": _attributes(fields, settings, material),
+        "attributes": _attributes(fields, settings, material) | _window(whole, settings, frame),
     }
     given = _given_line(settings, frame, line)
     constants["walls"] = _given_walls(settings, frame)
@@ -124,6 +125,20 @@ def _attributes(
     if settings.steady:
         found[STEADY] = 1
     return found | material.lengths
+
+
+def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str, float]:
+    """The window of --window; its pixels may be those of the header."""
+    if settings.window is None:
+        return {}
+    pixel = frame.pixel or calibration(fields.facts)[0]
+    window = replace(frame, pixel=pixel).number(settings.window, "length", "--window")
+    if not 0 < window < np.ptp(fields.x) * frame.length:
+        raise DataFileError(
+            f"--window must be a length below the width of the field of vectors, got "
+            f"{settings.window!r}: give the side of a window of the last pass, such as '32 px'"
+        )
+    return {WINDOW: window}
 
 
 def _described(fields: VectorFields) -> str:

@@ -116,15 +116,14 @@ class Frame:
         frame = self.interval if dimension == "time" else self.delay
         return units.factor(unit, dimension, what, self.pixel, frame)
 
-    def sigma(self, settings: Settings) -> float:
-        """The standard deviation of --sigma in SI."""
-        text = settings.sigma or ""
-        if settings.dimensionless:
-            sigma = units.plain(text, "--sigma")
+    def number(self, text: str, dimension: str, flag: str) -> float:
+        """The number of a flag in SI, such as that of --sigma '0.1 px/frame'."""
+        if self.dimensionless:
+            found = units.plain(text, flag)
         else:
-            number, unit = units.split(text, "--sigma")
-            sigma = number * self.factor(unit or "1", "velocity", "--sigma")
-        return units.in_range(sigma, "--sigma", text)
+            number, unit = units.split(text, flag)
+            found = number * self.factor(unit or "1", dimension, flag)
+        return units.in_range(found, flag, text)
 
     def _with(
         self,

@@ -83,6 +83,12 @@ class Settings:
     velocity_unit: str | None = _setting(
         None, "calibration", "unit of u and v, likewise; default length unit / time unit"
     )
+    window: str | None = _setting(
+        None,
+        "calibration",
+        "side of the interrogation windows of PIV, '32 px' (of the last pass): each vector is a "
+        "mean over it, and so is then the velocity of the network",
+    )
     dimensionless: bool = _setting(
         False, "calibration", "the data have no units (simulations): give plain numbers everywhere"
     )

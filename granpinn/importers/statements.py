@@ -134,7 +134,7 @@ def _scale(fields: VectorFields, settings: Settings, frame: Frame, pixel: float 
         length,
         settings.velocity_unit,
         fields.velocity_unit,
-        (settings.sigma or "").partition(" ")[2],
+        *((text or "").partition(" ")[2] for text in (settings.sigma, settings.window)),
     )
     tables = settings.walls or settings.surface not in SURFACES
     if not tables and not any(units.has(unit, "px") for unit in used):
