@@ -77,9 +77,9 @@ def convert(
         "density_unit": None if settings.dimensionless else "kg/m^3",
         "attributes": _attributes(fields, settings, material) | _window(whole, settings, frame),
     }
-    given = _given_line(settings, frame, line)
-    constants["walls"] = _given_walls(settings, frame)
     si = frame.apply(fields)
+    given = _given_line(settings, frame, si, line)
+    constants["walls"] = _given_walls(settings, frame)
     warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
@@ -95,14 +95,17 @@ def convert(
 
 
 def _given_line(
-    settings: Settings, frame: Frame, line: Sequence[npt.ArrayLike] | None
+    settings: Settings,
+    frame: Frame,
+    si: VectorFields,
+    line: Sequence[npt.ArrayLike] | None,
 ) -> Surface | None:
     """The free surface in memory, or of --surface FILE."""
     if line is not None:
         return surfaces.from_arrays(line, frame)
     if settings.surface in SURFACES:
         return None
-    return surfaces.from_table(Path(settings.surface), frame)
+    return surfaces.from_table(Path(settings.surface), frame, si)
 
 
 def _given_walls(settings: Settings, frame: Frame) -> Walls | None:

@@ -10,6 +10,7 @@ never counts.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Float64, plain_array
-from granpinn.data.flow import Surface
+from granpinn.data.flow import FlowFileWarning, Surface
 from granpinn.importers.columns import read_headed, require, require_finite
 from granpinn.importers.frame import Frame
-from granpinn.importers.opyf import is_depths, read_depths
+from granpinn.importers.opyf import read_depths
 from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5
@@ -72,15 +73,18 @@ def from_scattered(fields: VectorFields) -> Surface | None:
     return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
 
 
-def from_table(path: Path, frame: Frame) -> Surface:
+def from_table(path: Path, frame: Frame, si: VectorFields) -> Surface:
     """The points of a table with the columns t (or frame), x, y, or of opyf's depths.
 
     A column with a unit in brackets is in that unit; the others have the units of the vectors.
+    Depths beyond the sides of the vectors are left out: opyf finds them in the whole image.
 
     Args:
         frame: of the vectors, in whose axes the points are given.
+        si: the vectors.
     """
-    table = read_depths(path) if is_depths(path) else read_headed(path, ("x", "y"))
+    depths = read_depths(path)
+    table = depths or read_headed(path, ("x", "y"))
     columns = table.columns
     time = "t" if "t" in columns else "frame"
     require(path, table.named, [] if time in columns else ["t (or frame)"])
@@ -91,7 +95,28 @@ def from_table(path: Path, frame: Frame) -> Surface:
     )
     stated = table.units.get("t") if time == "t" else "frame"
     seconds = frame.moments(columns[time], stated, f"{path}: {time}")
-    return Surface(seconds, *frame.place(x / frame.length, y / frame.length))
+    surface = Surface(seconds, *frame.place(x / frame.length, y / frame.length))
+    return surface if depths is None else _between_sides(surface, si, path)
+
+
+def _between_sides(surface: Surface, si: VectorFields, path: Path) -> Surface:
+    """The points from the first to the last place x of the vectors; the others are named once."""
+    low, high = float(si.x.min()), float(si.x.max())
+    inside = (surface.x >= low) & (surface.x <= high)
+    if not inside.any():
+        raise DataFileError(
+            f"{path} must hold depths between the sides of the vectors, x = {low:.4g} to "
+            f"{high:.4g}, got x = {surface.x.min():.4g} to {surface.x.max():.4g}: give the depths "
+            "of the same run, and their unit by --length-unit"
+        )
+    if not inside.all():
+        warnings.warn(
+            f"{int((~inside).sum())} of {inside.size} depths of {path.name} lie beyond the sides "
+            f"of the vectors, x = {low:.4g} to {high:.4g}, and are left out",
+            FlowFileWarning,
+            stacklevel=5,
+        )
+    return Surface(surface.t[inside], surface.x[inside], surface.y[inside])
 
 
 def from_arrays(points: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
