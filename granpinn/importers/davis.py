@@ -134,7 +134,7 @@ def _acquired(text: str) -> float | None:
     if not text or len(text) > _MAX_TEXT_UNIT:
         return None
     try:
-        return si(text, "time", "AcqTimeSeries", "1 us")
+        return si(text, "time", "AcqTimeSeries")
     except DataFileError:
         return None
 
