@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import codecs
 import csv
-import math
 from array import array
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -127,46 +126,54 @@ class TextFile:
             for number, line in enumerate(lines, first):
                 if not line or line.isspace() or line.startswith(_COMMENTS):
                     continue
-                where = f"{self.path}, line {number}"
                 if separator is None:
                     separator = separator_of(line)
                 try:
                     cells = cells_of(line, separator)
                 except csv.Error as error:
                     raise DataFileError(
-                        f"{where}: expected cells of a table, got another text ({error}): export "
-                        "it again"
+                        f"{self.path}, line {number}: expected cells of a table, got another text "
+                        f"({error}): export it again"
                     ) from None
                 if count is None:
                     count = len(cells) - (not cells[-1].strip())
                 if len(cells) == count + 1 and not cells[-1].strip():
                     del cells[-1]
-                _require_count(where, len(cells), count)
+                if len(cells) != count or count > MAX_COLUMNS:
+                    raise _wrong_count(f"{self.path}, line {number}", len(cells), count)
                 if kept is not None:
                     cells = [cells[i] for i in kept]
                 if separator in (";", "\t") and ("," in line or "," in signs or not signs):
-                    cells = _with_points(where, cells, signs)
-                values.extend(_numbers(where, line, cells, kept))
+                    cells = _with_points(f"{self.path}, line {number}", cells, signs)
+                # float() accepts more than the exact parser, and fails on empty cells.
+                try:
+                    row = [*map(float, cells)]
+                    exact = inf not in row and -inf not in row and "_" not in line
+                except ValueError:
+                    exact = False
+                long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0)
+                if not exact or long > MAX_CHARACTERS or not line.isascii():
+                    row = _parsed(f"{self.path}, line {number}", cells, kept)
+                values.extend(row)
             require_room(len(values), values.itemsize, self.path)
         if not values:
             raise DataFileError(f"{self.path} has no rows of numbers: export it again")
         return np.frombuffer(values).reshape(-1, count or 1 if kept is None else len(kept))
 
 
-def _require_count(where: str, found: int, count: int) -> None:
-    """Refuses a row of other than `count` cells, or of too many."""
+def _wrong_count(where: str, found: int, count: int) -> DataFileError:
+    """The refusal of a row of other than `count` cells, or of too many."""
     if count > MAX_COLUMNS:
-        raise DataFileError(
+        return DataFileError(
             f"{where}: expected at most {MAX_COLUMNS} columns, got {count}: this is no table of "
             "vectors; export it again"
         )
-    if found != count:
-        cause = "it was cut off here, or this line is no row of the table"
-        if found > count:
-            cause = "it has a comma both between columns and in numbers, or mixes tables"
-        raise DataFileError(
-            f"{where}: expected {count} cells as above, got {found}: {cause}; export it again"
-        )
+    cause = "it was cut off here, or this line is no row of the table"
+    if found > count:
+        cause = "it has a comma both between columns and in numbers, or mixes tables"
+    return DataFileError(
+        f"{where}: expected {count} cells as above, got {found}: {cause}; export it again"
+    )
 
 
 def _with_points(where: str, cells: list[str], signs: set[str]) -> list[str]:
@@ -180,23 +187,13 @@ def _with_points(where: str, cells: list[str], signs: set[str]) -> list[str]:
     return [cell.replace(",", ".") for cell in cells] if "," in signs else cells
 
 
-def _numbers(where: str, line: str, cells: list[str], kept: Sequence[int] | None) -> list[float]:
-    """The numbers of cells.
-
-    float() reads most lines. The exact parser reads the lines where float() fails, or where it
-    would accept more than the exact parser.
-    """
-    with suppress(ValueError):
-        row = [*map(float, cells)]
-        long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0) > MAX_CHARACTERS
-        odd = math.inf in row or -math.inf in row
-        if not long and not odd and line.isascii() and "_" not in line:
-            return row
+def _parsed(where: str, cells: list[str], kept: Sequence[int] | None) -> list[float]:
+    """The numbers of cells by the exact parser, NaN where one is missing."""
     row = []
     for k, cell in enumerate(cells):
         text = cell.strip()
         try:
-            row.append(math.nan if text.lower() in _MISSING else parse(text))
+            row.append(nan if text.lower() in _MISSING else parse(text))
         except ValueError:
             comma = {",", " "} & {*text} and "separate columns with ';' or tabs, or use points"
             raise DataFileError(
