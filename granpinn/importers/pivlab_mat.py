@@ -131,11 +131,12 @@ def _fields(
         raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
     x, y = frames[0][:2]
     for k, frame in enumerate(frames):
-        matrices = [part for part in frame if part is not None]
-        alike = all(isinstance(p, np.ndarray) and p.ndim == 2 for p in matrices) and all(
-            np.shape(p) == np.shape(x) for p in matrices
+        matrices = frame if frame[4] is not None else frame[:4]
+        alike = all(
+            isinstance(part, np.ndarray) and part.ndim == 2 and part.shape == np.shape(x)
+            for part in matrices
         )
-        grid = alike and len(matrices) >= 4 and all(map(np.array_equal, frame[:2], (x, y)))
+        grid = alike and np.array_equal(frame[0], x) and np.array_equal(frame[1], y)
         if not grid or (frame[4] is None) != (frames[0][4] is None):
             raise DataFileError(
                 f"{path} must have matrices x, y, u, v of one size, one grid, and vector types in "
