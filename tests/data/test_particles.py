@@ -26,8 +26,7 @@ from granpinn.data import (
 )
 from granpinn.data import particles as particles_module
 from granpinn.data.particles import grid_view
-from granpinn.data.points import RESOLUTION
-from granpinn.data.scaling import material_of, scales_of
+from granpinn.data.scaling import RESOLUTION, material_of, scales_of
 from tests.flows import make_flow
 
 GRID = make_flow()

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
-from granpinn.data import collocation, points, surface_strip
+from granpinn.data import collocation, outline, surface_strip
 from granpinn.fit import case
 from granpinn.training import equations, last_layer, mean_rate, tolerances
 
@@ -54,7 +54,7 @@ VARIANTS: Mapping[str, Variant] = {
     "strip": _constant("strip under the surface", surface_strip, "DENSITY", 0.0),
     "finer": _constant("24 times finer strip", surface_strip, "FINER", 1),
     "thickest": _constant("thickest strip", surface_strip, "THICKEST", 1e9),
-    "toe": _constant("the toe of the surface does not count", points, "TOE_GRAINS", 0.0),
+    "toe": _constant("the toe of the surface does not count", outline, "TOE_GRAINS", 0.0),
     "columns": _constant("momentum / sqrt(columns)", tolerances, "MOST_COLUMNS", 1),
     "noise": _setting("tolerance follows the noise", "weights.follow_noise", False),
     "law_error": _setting("relative error of the law", "weights.law_error", 0.0),
