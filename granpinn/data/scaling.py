@@ -14,7 +14,7 @@ from granpinn.arrays import Float64
 from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
-from granpinn.physics.scales import Material, Scales
+from granpinn.physics.scales import EquationConstants, Scales
 from granpinn.physics.side_walls import coefficient
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
@@ -72,7 +72,7 @@ def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
 
 
-def material_of(flow: Flow, scales: Scales) -> Material:
+def equation_constants(flow: Flow, scales: Scales) -> EquationConstants:
     """The constants of the material of a flow, dimensionless."""
     g = math.hypot(*flow.gravity)
     grain_density = flow.density if flow.grain_density is None else flow.grain_density
@@ -81,7 +81,7 @@ def material_of(flow: Flow, scales: Scales) -> Material:
     def viscosity(eta: float | None) -> float | None:
         return None if eta is None else scales.to_dimensionless(eta, "viscosity")
 
-    return Material(
+    return EquationConstants(
         grain_diameter=scales.to_dimensionless(effective, "length"),
         gravity=(flow.gravity[0] / g, flow.gravity[1] / g),
         eta_min=viscosity(flow.eta_min),

@@ -41,7 +41,7 @@ from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels import builds
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
@@ -142,7 +142,7 @@ class Model:
     params: Tensor
     theta: Tensor
     scales: Scales
-    law: Law
+    law: FrictionLaw
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:

@@ -25,7 +25,7 @@ from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields
@@ -143,7 +143,12 @@ def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def evaluate(
-    points: Tensor, spec: NetworkSpec, params: Tensor, law: Law, theta: Tensor, physics: Physics
+    points: Tensor,
+    spec: NetworkSpec,
+    params: Tensor,
+    law: FrictionLaw,
+    theta: Tensor,
+    physics: Physics,
 ) -> dict[str, Tensor]:
     """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from granpinn.config import Batch, ConfigError
 from granpinn.data import Flow, TrainingSet
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.training.control_table import ControlTable
 from granpinn.training.operators import operators_of
 from granpinn.training.problem import Problem
@@ -37,7 +37,7 @@ class Member:
     problem: Problem
     data: TrainingSet
     seed: int
-    law: Law
+    law: FrictionLaw
     fixed: Mapping[str, float]
     flow: Flow | None = None
 

@@ -19,7 +19,7 @@ from granpinn.kernels import (
     step_ops,  # noqa: F401
 )
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training.equations import residuals
 
@@ -43,7 +43,7 @@ class Operators(NamedTuple):
     captured: bool
 
 
-def operators_of(laws: Sequence[Law]) -> Operators:
+def operators_of(laws: Sequence[FrictionLaw]) -> Operators:
     """The operators for the laws of the members of one run.
 
     Raises:
