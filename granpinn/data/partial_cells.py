@@ -54,12 +54,12 @@ def filled_slabs(
         ahead: further frames behind the slab.
     """
     for k in slabs(flow):
-        own: slice | Index = slice(k.start, k.stop + ahead)
-        if frames is not None:
-            own = frames[(frames >= k.start) & (frames < k.stop)]
-            if own.size == 0:
-                continue
-        part = some_frames(flow, own)
+        if frames is None:
+            part = some_frames(flow, slice(k.start, k.stop + ahead))
+        elif (here := frames[(frames >= k.start) & (frames < k.stop)]).size:
+            part = some_frames(flow, here)
+        else:
+            continue
         yield k, with_partial_cells(part) if is_large(flow) else part
 
 

@@ -37,7 +37,7 @@ class Assumption:
         unit: of its value, "1" without one.
         sd: standard deviation of its prior, > 0.
         pair: makes the members with the value one `sd` lower and higher; they have the seed of the
-            trained member and corresponding points (granpinn/data/variants.py).
+            trained member and corresponding points (granpinn/data/points.py).
         example, change: a change of the value for the reader, in words and as a number.
     """
 

@@ -13,4 +13,4 @@ LAWS: dict[str, FrictionLaw] = {
 
 DEFAULT = mu_of_i.LAW
 
-__all__ = ["DEFAULT", "LAWS", "Law", "LawParameter"]
+__all__ = ["DEFAULT", "LAWS", "FrictionLaw", "LawParameter"]
