@@ -20,7 +20,7 @@ from granpinn.data.flow import (
     FlowFileError,
     Truth,
 )
-from granpinn.data.format import TRUTH
+from granpinn.data.schema import TRUTH
 
 LONGEST_UNIT = 64  # characters
 # Attributes without a meaning for the training, which second opinions take as sizes.
