@@ -66,7 +66,7 @@ def some_frames(flow: Flow, frames: slice | Index) -> Flow:
 
 
 def of_frames(surface: Surface, t: Float64, frames: Index) -> Surface:
-    """The points that are nearest in time to some of the frames at t [T] (`surface_line.py`)."""
+    """The points that are nearest in time to some of the frames at t [T] (`surface.py`)."""
     wanted = np.zeros(t.size, bool)
     wanted[frames] = True
     known, nearest = _nearest.get(surface, (None, None))

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, Surface
 from granpinn.data.large import is_large, slabs, some_frames
-from granpinn.data.surface_line import folded, line_heights, points_of
+from granpinn.data.surface import folded, line_heights, points_of
 from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import vertical_coordinate
 

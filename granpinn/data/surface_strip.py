@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow
 from granpinn.data.scaling import RESOLUTION
-from granpinn.data.surface_line import SAME_TIME, points_of
+from granpinn.data.surface import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import Axes

@@ -26,6 +26,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class Noise:
     def in_units_of(self, unit: float) -> Noise:
         """The same in units that are `unit` times smaller."""
         known = {name: s for name, s in vars(self).items() if name != "vectors_per_independent"}
-        made = {name: None if s is None else s * unit for name, s in known.items()}
+        made: dict[str, Any] = {n: None if s is None else s * unit for n, s in known.items()}
         return dataclasses.replace(self, **made)
 
 

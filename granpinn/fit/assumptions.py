@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import with_partial_cells
-from granpinn.data.surface_offset import moved, with_moved_surface
+from granpinn.data.surface import moved, with_moved_surface
 from granpinn.fit.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop

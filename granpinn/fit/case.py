@@ -30,7 +30,7 @@ from granpinn.data.memory import available
 from granpinn.data.points import training_sets, vector_counts
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
-from granpinn.data.surface_sd import surface_sd
+from granpinn.data.surface import surface_sd
 from granpinn.data.surface_strip import LARGEST_PART
 from granpinn.data.walls import grid_spacing, segments_of
 from granpinn.estimates.facts import Facts
@@ -70,7 +70,7 @@ class Shared:
         return strain_rate_of(self._flow)
 
     def surface_sd(self, level: str) -> float:
-        """Standard deviation of the offset of the surface line (granpinn/data/surface_sd.py)."""
+        """Standard deviation of the offset of the surface line (granpinn/data/surface.py)."""
         if level not in self._surface_sd:
             self._surface_sd[level] = surface_sd(self._flow, level)
         return self._surface_sd[level]

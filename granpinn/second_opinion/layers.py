@@ -16,7 +16,7 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, WALL_GAP
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface import line_heights
 from granpinn.data.symmetry import same_along_x
 from granpinn.physics.laws import FrictionLaw
 from granpinn.second_opinion.boundaries import foreign_wall
