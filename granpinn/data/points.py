@@ -34,6 +34,7 @@ from granpinn.data.surface_strip import Strip, draw, strip_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
+from granpinn.physics.terms import LossPoints
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -89,6 +90,11 @@ class TrainingSet:
     def arrays(self) -> dict[str, torch.Tensor]:
         """All arrays by name; `source` only where there is one."""
         return {name: value for name, value in vars(self).items() if value is not None}
+
+    @property
+    def loss_points(self) -> LossPoints:
+        """The part that the residual loss takes."""
+        return LossPoints._make(getattr(self, name) for name in LossPoints._fields)
 
     def pooled(self) -> TrainingSet:
         """The training set with the B, S and W points among the data points, for batches.
