@@ -10,7 +10,7 @@ import numpy as np
 from granpinn.arrays import Bool
 from granpinn.data.flow import SURFACE_SD, Flow, FlowFileWarning, Particles, Surface
 from granpinn.data.particles import particle_flow
-from granpinn.data.surface_line import folded
+from granpinn.data.surface import folded
 from granpinn.importers import surface as surfaces
 from granpinn.importers.density import surface_of_grains
 from granpinn.importers.frame import Frame
