@@ -21,7 +21,7 @@ from granpinn.data.flow import (
     FlowFileError,
     Truth,
 )
-from granpinn.data.format import TRUTH
+from granpinn.data.schema import TRUTH
 
 LONGEST_UNIT = 64  # characters
 # Attributes without a meaning for the training, which second opinions take as sizes.
@@ -31,11 +31,12 @@ STATED = frozenset(
         *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
     )
 )
-# Lengths among the attributes, and when a file has none.
+# Lengths that a file may state: words for 0 where it may be 0, and when to leave them out.
 LENGTHS = {
-    WALL_GAP: "no side walls touch the grains",
-    PERIOD_X: "the sides are not periodic",
-    WINDOW: "each vector is a value at a point",
+    WALL_GAP: ("", " if no side walls touch the grains"),
+    SURFACE_SD: ("0 for an exact line or ", ""),
+    PERIOD_X: ("", " if the sides are not periodic"),
+    WINDOW: ("", " if each vector is a value at a point"),
 }
 
 
@@ -94,19 +95,13 @@ def _check_attributes(flow: Flow) -> None:
             f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
             f"{steady!r}: correct it or leave it out"
         )
-    for name, absent in LENGTHS.items():
-        length = flow.attributes.get(name, 1.0)
-        if isinstance(length, str) or not LEAST <= length <= LARGEST:
+    for name, (zero, without) in LENGTHS.items():
+        value = flow.attributes.get(name, 1.0)
+        if isinstance(value, str) or not ((zero and value == 0) or LEAST <= value <= LARGEST):
             raise FlowFileError(
-                f"the attribute {name} must be a length from {LEAST:g} to {LARGEST:g}, got "
-                f"{length!r}: correct it, or leave it out if {absent}"
+                f"the attribute {name} must be {zero}a length from {LEAST:g} to {LARGEST:g}, got "
+                f"{value!r}: correct it, or leave it out{without}"
             )
-    sd = flow.attributes.get(SURFACE_SD, 0)
-    if isinstance(sd, str) or not (sd == 0 or LEAST <= sd <= LARGEST):
-        raise FlowFileError(
-            f"the attribute {SURFACE_SD} must be 0 for an exact line or a length from {LEAST:g} to "
-            f"{LARGEST:g}, got {sd!r}: correct it or leave it out"
-        )
 
 
 def _check_material_constants(flow: Flow) -> None:

@@ -131,7 +131,8 @@ def _numbers(result: Result, to: str) -> Numbers:
         )
     grains = data.density if data.grain_density is None else data.grain_density
     d = data.grain_diameter * math.sqrt(grains / data.density)
-    return Numbers(*result.theta, d, data.density, draws_of(result))
+    mu_s, mu_2, I0 = result.theta
+    return Numbers(mu_s, mu_2, I0, d, data.density, draws_of(result))
 
 
 def _openfoam(n: Numbers, facts: list[str]) -> str:

@@ -16,7 +16,7 @@ from typing import Any, Self
 from granpinn.config import LEVELS
 from granpinn.data import Truth
 from granpinn.output import html, write_text
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import FORMS
 from granpinn.results import brief, export
 from granpinn.results.assessment import Assessment, assess
@@ -121,7 +121,7 @@ class Result:
         return dataclasses.replace(self, not_done=self.not_done | {part: why})
 
     @property
-    def friction_law(self) -> Law:
+    def friction_law(self) -> FrictionLaw:
         """The law itself: its parameters and its curve."""
         return LAWS[self.law.name]
 

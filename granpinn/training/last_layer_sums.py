@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from granpinn.data import TrainingSet
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
 from granpinn.training.boxes import Boxes
@@ -110,7 +110,7 @@ class Sums:
         velocity_weight: of the mean square of U z - velocity over U^2, U the scale of the velocity.
     """
 
-    def __init__(self, features: Features, problem: Problem, law: Law, data: Data) -> None:
+    def __init__(self, features: Features, problem: Problem, law: FrictionLaw, data: Data) -> None:
         self.physics, self.law, self.data, self.features = problem.physics, law, data, features
         self.free = [k for k, p in enumerate(law.parameters) if not p.fixed]
         length = problem.mean_length

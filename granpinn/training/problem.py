@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP, WINDOW
-from granpinn.data.scaling import material_of, side_wall_of
+from granpinn.data.scaling import equation_constants, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
@@ -70,7 +70,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
     scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
-    material = material_of(flow, scales)
+    material = equation_constants(flow, scales)
     sigmas = sigmas_of(config, scales, facts)
     g_x, g_y = axes_of(flow).gravity
     between_walls = flow.stated(WALL_GAP) is not None

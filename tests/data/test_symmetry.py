@@ -20,7 +20,6 @@ from granpinn.data import (
     particle_flow,
     read_flow,
     training_set,
-    with_collocation,
     write_flow,
 )
 from granpinn.data.scaling import initial_height, scales_of
@@ -114,7 +113,7 @@ def test_a_steady_flow_has_no_start() -> None:
 def test_one_frame_has_points_between_its_vectors() -> None:
     flow = make_chute()
     scales = scales_of(flow)
-    data = with_collocation(training_set(flow, scales), flow, scales, 1.0)
+    data = training_set(flow, scales, collocation=1.0)
     between = data.between.numpy()
     assert len(between) == len(data.points)
     assert (between[:, 2] == data.points[0, 2].item()).all()

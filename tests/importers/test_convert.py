@@ -93,7 +93,7 @@ def test_times_from_names(tmp_path: Path) -> None:
     same = str(scene.write_lines(tmp_path / "same.txt", ["t [ms]", "1", "2", "2"]))
     with pytest.raises(DataFileError, match="time_unit must be ms, which the first line of"):
         read(files, times=same, **settings, **material)
-    with pytest.raises(DataFileError, match="another time for every frame, got one twice"):
+    with pytest.raises(DataFileError, match="another time for every frame of 3, got 3"):
         read(files, times=same, **settings | {"time_unit": None}, **material)
 
 

@@ -14,7 +14,7 @@ import pytest
 from granpinn import simulate
 from granpinn.convert import main
 from granpinn.data import read_flow
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface import line_heights
 from granpinn.inspection import quick
 from granpinn.simulation.parameters import Collapse
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from bench.studies.experiment import commands
 from granpinn import simulate
 from granpinn.arrays import Float64
 from granpinn.data import Flow, read_flow
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface import line_heights
 from granpinn.results import read_results
 
 HEIGHT, GRAVITY, D = 0.5, 9.81, 5e-3  # m, m/s^2, m
@@ -50,8 +51,8 @@ def main() -> None:
     parser.add_argument("--steps", default="3000")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    size = {"height": HEIGHT, "aspect": 5.0, "d": D, "gravity": (0.0, -GRAVITY)}
-    solver = {"density": 1500.0, "cells": 256, "stride": 1, "frames": 60}
+    size: dict[str, Any] = {"height": HEIGHT, "aspect": 5.0, "d": D, "gravity": (0.0, -GRAVITY)}
+    solver: dict[str, Any] = {"density": 1500.0, "cells": 256, "stride": 1, "frames": 60}
     true = simulate(mu_s=0.4, mu_2=0.64, **size, **solver, length_unit="m", time_unit="s")
     table = disks(true, np.random.default_rng(0)) * (1, 1e3, 1e3, 1e3, 1e3)
     tracks, flow, run = (options.folder / name for name in ("tracks.csv", "flow.h5", "run"))
