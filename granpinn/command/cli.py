@@ -46,6 +46,10 @@ VERBS = {
         "draw the figures and the page of a finished run again; write its fields for ParaView",
         "granpinn report run --paraview",
     ),
+    "export": Verb(
+        "write the law of a finished run as input of OpenFOAM, Basilisk or Chrono, or as JSON",
+        "granpinn export run --to openfoam --out transportProperties",
+    ),
     "collect": Verb(
         "collect the results of many finished runs in one table",
         "granpinn collect runs --out table.csv",

@@ -20,6 +20,8 @@ class DataSummary:
         sampled: which parts of a large flow were used for what; None: all of it for all.
         measured_noise: of the vectors, over their rms velocity; None: they are too few to show it.
         independent: number of independent vectors.
+        grain_diameter, density, grain_density: of the material, in the units of the flow file.
+        length_unit, density_unit: of these; None: not stated.
     """
 
     n_points: int
@@ -31,6 +33,11 @@ class DataSummary:
     sampled: str | None = None
     measured_noise: float | None = None
     independent: float | None = None
+    grain_diameter: float | None = None
+    density: float | None = None
+    grain_density: float | None = None
+    length_unit: str | None = None
+    density_unit: str | None = None
 
 
 @dataclass(frozen=True)

@@ -203,7 +203,7 @@ CHILD = """
 import importlib, sys, time
 from granpinn.command import exit_codes
 exit_codes.guard_process("train")
-from granpinn import train
+from granpinn.commands import train
 from granpinn.training import checkpoint
 place, before, slow = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "slow"
 module, _, path = place.partition(":")
