@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
+__path__.append(f"{__path__[0]}/commands")  # `python -m granpinn.VERB` finds the commands there
 __version__ = "0.2.0"
 __all__ = [
     "Config",

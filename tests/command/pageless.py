@@ -12,7 +12,7 @@ from granpinn.command import exit_codes
 if __name__ == "__main__":
     exit_codes.guard_process("train")
 
-from granpinn.train import main
+from granpinn.commands.train import main
 
 
 def pageless(command: Sequence[str]) -> list[str]:
