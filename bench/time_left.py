@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from tempfile import TemporaryDirectory
 
 from granpinn.command import training_run
-from granpinn.command.arguments import parse
+from granpinn.commands.train import parse
 from granpinn.training import progress
 from granpinn.training.progress import Shown, Stage
 
