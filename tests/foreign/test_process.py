@@ -51,7 +51,7 @@ def test_a_new_process_answers_for_one_that_does_not(
 
 
 def test_a_new_process_that_gives_no_answer(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read_foreign("npz", path, 0)
+    process._close()
     monkeypatch.setattr(process, "START_SECONDS", 1e-3)
     with pytest.raises(UnsafeFileError, match="crashed or took too long"):
         read_foreign("npz", path, 0)
