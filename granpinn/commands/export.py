@@ -30,7 +30,9 @@ def parser() -> Parser:
     )
     made.add_argument("folder", metavar="RUN", type=Path, help="the run folder")
     made.add_argument("--to", required=True, choices=FORMATS, help="the program, or json")
-    made.add_argument("--out", metavar="FILE", type=Path, help="the file; none: it is printed")
+    made.add_argument(
+        "--out", metavar="FILE", type=Path, default=None, help="the file; none: it is printed"
+    )
     return made
 
 

@@ -32,4 +32,4 @@ def stand_ins() -> list[tuple[Any, str, Any]]:
 if __name__ == "__main__":
     for owner, name, value in stand_ins():
         setattr(owner, name, value)
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

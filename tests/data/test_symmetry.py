@@ -72,7 +72,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "period of NaN": ({"period_x": float("nan")}, "period_x must be a length from"),
     "period in words": ({"period_x": "32"}, "period_x must be a length from"),
     "no gap": ({"wall_gap": 0}, "wall_gap must be a length from"),
-    "window of 0": ({"window": 0}, "window must be a length from"),
+    "window of 0": ({"interrogation_window": 0}, "interrogation_window must be a length from"),
     "gap of NaN": ({"wall_gap": float("nan")}, "wall_gap must be a length from"),
     "gap in words": ({"wall_gap": "20 mm"}, "wall_gap must be a length from 1e-30 to 1e+30, got"),
     "period in another unit": ({"period_x": 0.032}, "period_x must be longer than x, which spans"),

@@ -18,7 +18,7 @@ OTHERS = {"--nproc-per-node", "--no-build-isolation", "--cpus-per-task", "--pyth
 @pytest.fixture(scope="module")
 def helps() -> dict[str, set[str]]:
     """The flags in the help of each command."""
-    names = commands.commands(ROOT / "granpinn")
+    names = commands.VERBS
     return {name: set(FLAG.findall(commands.section(name))) for name in names}
 
 

@@ -143,8 +143,8 @@ def test_the_window_is_kept_in_meters(series: list[str]) -> None:
     given = {"scale": "0.5 mm/px", "frame_rate": "500 Hz", "solid_fraction": 0.6}
     given |= {"grain_diameter": "0.8 mm", "grain_density": "2500 kg/m^3"}
     flow = read(series, window="32 px", **given)
-    assert flow.attributes["window"] == pytest.approx(32 * 0.5e-3)
-    assert "window" not in read(series, **given).attributes
+    assert flow.attributes["interrogation_window"] == pytest.approx(32 * 0.5e-3)
+    assert "interrogation_window" not in read(series, **given).attributes
     for wrong in ("9 m", "0 px", "32 s"):
         with pytest.raises(DataFileError, match="window"):
             read(series, window=wrong, **given)

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from granpinn.convert import main
+from granpinn.commands.convert import main
 
 from granpinn import simulate
 from granpinn.data import read_flow
