@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate import commands
-from tests.docs.test_site import DOCS, PAGES, ROOT
+from tests.docs.test_site import DOCS, PAGES
 
 FLAG = re.compile(r"(?<![\w-])--[a-zA-Z][\w.-]*\w|--c\b")
 CALL = re.compile(r"granpinn[. ](\w+)(.*)")

@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from granpinn.commands.convert import main
 
 from granpinn import simulate
+from granpinn.commands.convert import main
 from granpinn.data import read_flow
 from granpinn.data.surface import line_heights
 from granpinn.inspection import quick
