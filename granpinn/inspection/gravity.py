@@ -8,7 +8,7 @@ r changes them by r^2.
   body, with the acceleration of gravity at most, and with all of it where nothing carries it: at
   the top of a slender column. The mean velocity of the layer there against time has this slope. It
   is within 0.4 % and 0.2 degrees of gravity in columns six times as high as wide, and the mean over
-  hundreds of vectors hides the noise (bench/studies/slips). 1.2 g is improbable, 1.8 g impossible.
+  hundreds of vectors hides the noise (bench/studies/slips). 1.05 g is improbable, 1.8 g impossible.
   The top of a column that is four times as high as wide falls with 0.87 g or more; 0.7 g is
   improbable. The sideways push of the grains below turns the fall by 1.6 degrees in columns three
   times as high as wide; 3 degrees are improbable.
@@ -45,11 +45,12 @@ STRAIGHT = 0.1
 GROWS, SAME_GRAINS = 0.7, 0.6
 SURE_WORK = 0.2  # largest standard error of the work of gravity, relative
 STANDARD_ERRORS = 3.0
-FAST, TOO_FAST = 1.2, 1.8  # inward acceleration over the pull of gravity
+# Inward acceleration over the pull of gravity; sound flows have at most 1.002 (bench/studies/slips).
+FAST, TOO_FAST = 1.05, 1.8
 ASIDE = 0.5  # of |g|: an inward acceleration that only gravity gives
 SHOWN = 0.85  # of |g|: an acceleration that is called a free fall
 FREE, TILT = 0.9, 3.0  # least acceleration of a free fall over |g|; degrees
-FASTER = 1.05  # size of a free fall over |g|, above which a scale is wrong
+TURN = "check the direction of gravity (convert: --tilt)"
 SLENDER, SLOW = 4.0, 0.7  # height over width; acceleration over the pull of gravity
 SPREADS = 0.8  # height of a column at last over that at first
 GAINS, GAINS_TOO_MUCH = 1.1, 1.5
@@ -134,7 +135,7 @@ class Gravity(Record):
         if not self.free:
             return []
         fall = self.fall if self.closed else None
-        rules = (_direction(self.gravity, fall), _size(fall), _gain(self.energy))
+        rules = (_direction(self.gravity, fall), _size(self.gravity, fall), _gain(self.energy))
         slow = self._slow(fall), _tilt(self.gravity, fall), self._rise(), self._speed()
         return [slip for slip in (*rules, *slow) if slip is not None][:1]
 
@@ -187,7 +188,7 @@ def _direction(gravity: tuple[float, float], fall: Fall | None) -> Reason | None
     )
 
 
-def _size(fall: Fall | None) -> Reason | None:
+def _size(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
     """Grains that fall faster than freely."""
     if fall is None or not fall.pull > ASIDE:
         return None
@@ -195,11 +196,13 @@ def _size(fall: Fall | None) -> Reason | None:
     if ratio < FAST:
         return None
     factor = fall.inward / fall.pull
-    return Reason(
-        IMPOSSIBLE if ratio > TOO_FAST else IMPROBABLE,
-        f"the {fall.side} of the grains falls with {digits(factor)} times the gravity of the file, "
-        f"and nothing falls faster than freely: {_remedy(factor, 'at least')}",
+    text = (
+        f"the {fall.side} of the grains falls with {_times(factor)} times the gravity of the file, "
+        f"and nothing falls faster than freely: {_remedy(factor, 'at least')}"
     )
+    if turned := _turned(gravity, fall):
+        text += f"; then {TURN}, as it also {turned}"
+    return Reason(IMPOSSIBLE if ratio > TOO_FAST else IMPROBABLE, text)
 
 
 def _gain(energy: tuple[float, float] | None) -> Reason | None:
@@ -227,32 +230,26 @@ def _gain(energy: tuple[float, float] | None) -> Reason | None:
 
 def _tilt(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
     """Grains that fall freely, but not along gravity."""
-    if fall is None or not fall.pull > ASIDE or fall.size < FREE:
+    if fall is None or not (turned := _turned(gravity, fall)):
         return None
+    return Reason(IMPROBABLE, f"the freely falling {fall.side} of the grains {turned}: {TURN}")
+
+
+def _turned(gravity: tuple[float, float], fall: Fall) -> str:
+    """Which way a free fall is turned, in words; nothing if it is along gravity."""
     tilt = fall.tilt(gravity)
-    if abs(tilt) - STANDARD_ERRORS * math.degrees(fall.error / fall.size) < TILT:
-        return None
-    text = (
-        f"the freely falling {fall.side} of the grains accelerates {abs(tilt):.1f} degrees "
-        f"{'counter-' if tilt > 0 else ''}clockwise of gravity"
-    )
-    turn = "check the direction of gravity (convert: --tilt)"
-    if fall.size - STANDARD_ERRORS * fall.error > FASTER:  # no direction of gravity makes it larger
-        more = fall.size - 1
-        text += (
-            f" and {more:.0%} faster than gravity: the scale is about {more:.0%} too large, or the "
-            f"frame rate {more / 2:.0%} too high, which no tilt explains; then {turn}"
-        )
-    else:
-        text += f": {turn}"
-    return Reason(IMPROBABLE, text)
+    error = STANDARD_ERRORS * math.degrees(fall.error / fall.size)
+    if not fall.pull > ASIDE or fall.size < FREE or abs(tilt) - error < TILT:
+        return ""
+    turn = "counter-" if tilt > 0 else ""
+    return f"accelerates {abs(tilt):.1f} degrees {turn}clockwise of gravity"
 
 
 def _remedy(factor: float, bound: str) -> str:
     """What explains an acceleration that is wrong by a factor, exactly so or by a bound."""
     fast = factor > 1
     size = max(factor, 1 / factor)
-    whole, root = (f"{bound} {digits(x)} times too" for x in (size, math.sqrt(size)))
+    whole, root = (f"{bound} {_times(x)} times too" for x in (size, math.sqrt(size)))
     if fast:
         return f"the scale is {whole} large, the frame rate {root} high, or gravity {whole} small"
     return f"the scale is {whole} small, the frame rate {root} low, or gravity {whole} large"
@@ -338,3 +335,8 @@ def slender(body: Body, gravity: tuple[float, float]) -> tuple[float, float]:
 
 
 CHECK = Check("gravity", Gravity, make, seconds=0.06, explains=True)
+
+
+def _times(factor: float) -> str:
+    """A factor with two digits; two behind the point where it is near 1."""
+    return f"{factor:.2f}" if 1 < factor < 2 else digits(factor)

@@ -202,7 +202,10 @@ def test_sizes_of_flows_of_few_grains() -> None:
 def test_a_wrong_scale_is_named_before_a_tilt() -> None:
     """A scale that is 9 % too large makes the fall faster; a tilt does not."""
     (both,) = words(falling(1.09, 4.0))
-    assert both.index("the scale is about 9% too large") < both.index("--tilt")
+    assert both.index("the scale is at least 1.09 times too large") < both.index("--tilt")
+    (fast,) = words(falling(1.09))
+    assert "tilt" not in fast
+    assert words(falling(1.03)) == []
     (turned,) = words(falling(1.0, 4.0))
     assert "scale" not in turned
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from unittest import mock
@@ -14,6 +15,7 @@ from granpinn.commands.inspect import main as inspect
 from granpinn.commands.report import main as report
 from granpinn.commands.simulate import main as simulate
 from granpinn.commands.tables import main as tables
+from granpinn.foreign import process
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "inspect": inspect,
@@ -45,3 +47,19 @@ def import_late_modules() -> None:
     for name in LATE:
         with contextlib.suppress(ImportError):
             __import__(name)
+
+
+def start_reader() -> None:
+    """Start the process that opens files, if none runs: its imports take longer than a mutant."""
+    if not process._running or process._running[0].process.poll() is not None:
+        process._running[:] = [process._Process()]
+
+
+def take_reader() -> None:
+    """Use the process that opens files in a fork, which runs while the others wait."""
+    process._running[0].owner = os.getpid()
+
+
+def end_reader() -> None:
+    """End the process that opens files, which may still be at a request."""
+    process._close()

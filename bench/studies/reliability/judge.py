@@ -69,7 +69,7 @@ def started(found: Outcome, valid: Outcome | None) -> set[str]:
 
     A process of ours opens the files; a pair of sockets connects it with the command.
     """
-    known = {line.split()[0] for line in valid.started} if valid is not None else {"socket.__new__"}
+    known = {"socket.__new__"} | {line.split()[0] for line in (valid.started if valid else ())}
     foreign = {line for line in found.started if line.split()[0] not in known}
     return {line for line in foreign if READER not in line}
 

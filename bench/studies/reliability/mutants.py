@@ -24,7 +24,7 @@ from typing import Any
 
 from bench.studies.reliability import campaign, commands, damage, hdf5_edits, sandbox
 from bench.studies.reliability.campaign import Worker
-from bench.studies.reliability.judge import ALLOWED, BAIT, described, fingerprint, judged
+from bench.studies.reliability.judge import ALLOWED, BAIT, READER, described, fingerprint, judged
 from bench.studies.reliability.samples import FORMATS, Files, Format, write_all
 
 MODULE = "bench.studies.reliability.mutants"
@@ -49,6 +49,7 @@ class Target:
     def run(self, seed: int) -> int:
         """The command, in the working directory; one mutant of DRAWN has its figures drawn."""
         drawn = seed % DRAWN == 0
+        commands.take_reader()
         with (
             warnings.catch_warnings(),
             contextlib.nullcontext() if drawn else commands.without_drawing(),
@@ -82,7 +83,7 @@ def _targets(pairs: list[tuple[str, str]], worker: Worker) -> Iterator[Target]:
         target = Target(name, command, chosen, written[name], _bait(), nothing)
         target.valid, outcome = _one(target, None)
         # What it opens and starts on this machine is the base for its mutants.
-        if target.valid.code != 0 and outcome not in ALLOWED:
+        if target.valid.code != 0:
             numbers = described(target.valid, target.valid)
             kind = f"{outcome}: {fingerprint(target.valid)}"
             row = {"format": name, "command": command, "mutant": "", "outcome": "valid file failed"}
@@ -122,8 +123,11 @@ def _one(target: Target, seed: int | None, keep: Path | None = None) -> tuple[sa
             write_all(target.files if seed is None else mutated(target, seed, folder), folder)
             (folder / BAIT).write_bytes(target.bait)
 
+        commands.start_reader()
         found = sandbox.run(lambda: target.run(seed or 0), prepare, folder)
         outcome = judged(found, target.command, folder, None if seed is None else target.valid)
+        if outcome not in ALLOWED or any(READER in line for line in found.started):
+            commands.end_reader()  # it crashed, or is still at the request of this mutant
         if keep is not None:
             shutil.copytree(folder, keep, dirs_exist_ok=True)
             print(found.errors, file=sys.stderr)

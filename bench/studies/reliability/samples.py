@@ -106,7 +106,6 @@ _OPTIONS = {
     "inspect": ("flow.h5", "--json"),
     "train": ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE),
     "train-pressure": ("flow.h5", "--out", "run", *TRAINING, *PRESSURE),
-    "convert": ("flow.h5", "--out", "out.h5"),
 }
 _REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
 _OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
@@ -117,7 +116,7 @@ _INSIGHT = _frames("a{}.vec", "test_other_piv", "insight")
 _DAVIS = _frames("a{}.txt", "test_other_piv", "davis")
 _BASILISK = _frames("a-{}.txt", "test_simulation_files", "basilisk")
 _BASILISK_FILES = "a-0.txt a-1.txt a-2.txt"
-_TIMES = ("--times", "times.txt")
+_TIMES = ("--times", "times.txt", "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *MATERIAL)
 FORMATS: dict[str, Format] = {
     "flow": Format(writers.flow, _OPTIONS),
     "particles": Format(writers.particles, _OPTIONS),
@@ -154,5 +153,5 @@ FORMATS: dict[str, Format] = {
     "surface": by_convert(
         writers.line, "a.npz", "--surface", "line.csv", *LAB, text=True, only=("line.csv",)
     ),
-    "times": by_convert(writers.line, "a.npz", *_TIMES, *LAB, text=True, only=("times.txt",)),
+    "times": by_convert(writers.line, "a.npz", *_TIMES, text=True, only=("times.txt",)),
 }

@@ -1,0 +1,518 @@
+"""What `convert` and `inspect` say of contradictions, traps and good files.
+
+    python -m bench.studies.reliability.contradictions --traps DIR --good FLOW.h5... --piv FILE...
+
+Every case has the exit code and the words that are right. One that is right for good files is that
+nothing is called impossible or improbable. Exit code 1: a case is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import io
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray
+
+from bench.studies.reliability import commands
+from bench.studies.reliability.writers import by_name
+from granpinn import simulate
+from granpinn.data import Flow
+
+MATERIAL = ("--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6")
+GRAINS = ("--grain-diameter", "2 mm", *MATERIAL)
+SLIP = "impossible|improbable"
+SHOWN = 180  # characters of a sentence
+COLUMNS = ("case", "format", "command", "exit code", "said", "right")
+
+Files = Callable[[Path], Sequence[Path]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command line, and what is right.
+
+    Attributes:
+        files: writes the files to a folder, or names those that are there.
+        code: the exit code that is right.
+        said: a pattern in what the command says; it must not occur if it begins with "not ".
+    """
+
+    name: str
+    format: str
+    files: Files
+    flags: tuple[str, ...]
+    code: int
+    said: str
+    command: str = "convert"
+
+
+def outcome(case: Case, folder: Path) -> dict[str, Any]:
+    """The row of a case."""
+    files = [str(path) for path in case.files(folder)]
+    out = ("--out", str(folder / "out.h5")) if case.command == "convert" else ()
+    printed = io.StringIO()
+    with (
+        contextlib.redirect_stdout(printed),
+        contextlib.redirect_stderr(printed),
+        commands.without_drawing(),
+    ):
+        code = commands.MAINS[case.command]([*files, *out, *case.flags])
+    text = printed.getvalue().replace(str(folder) + os.sep, "")
+    wanted, pattern = not case.said.startswith("not "), case.said.removeprefix("not ")
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    found = [line for line in lines if re.search(pattern, line)]
+    right = code == case.code and bool(found) == wanted
+    said = (found or [line for line in lines if "warning" in line] or lines[-1:] or [""])[0]
+    names = [Path(file).name for file in files]
+    words = [*names[:1], *(["..."] if len(names) > 1 else []), *case.flags]
+    command = f"{case.command} {' '.join(w if ' ' not in w else repr(w) for w in words)}"
+    row = (case.name, case.format, command, code, said[:SHOWN], "right" if right else "wrong")
+    return dict(zip(COLUMNS, row, strict=True))
+
+
+# Vectors of films, in the formats of programs.
+
+Arrays = dict[str, Any]
+PIXEL, DELAY = 0.5e-3, 1e-3  # m, s between the two images
+CAMERA = ("--length-unit", "px", "--velocity-unit", "px/frame", "--time-unit", "s")
+
+
+def film(flow: Flow) -> Arrays:
+    """A collapse as a camera sees it: px and px/frame, y down; NaN above the grains."""
+    u, v = (np.where(flow.material, a, np.nan) * DELAY / PIXEL for a in (flow.u, flow.v))
+    down = (flow.y[-1] - flow.y)[::-1] / PIXEL
+    return {"t": flow.t, "y": down, "x": flow.x / PIXEL, "u": u[:, ::-1], "v": -v[:, ::-1]}
+
+
+def npz(a: Arrays, folder: Path) -> list[Path]:
+    np.savez(folder / "a.npz", **a, y_down=True)
+    return [folder / "a.npz"]
+
+
+def netcdf(a: Arrays, folder: Path) -> list[Path]:
+    fields = {n: (("t", "y", "x"), a[n]) for n in "uv"}
+    data = xarray.Dataset(fields, {n: a[n] for n in "tyx"})
+    data.to_netcdf(folder / "a.nc", engine="h5netcdf")
+    return [folder / "a.nc"]
+
+
+def pivlab(a: Arrays, folder: Path, xy: float = 1.0, uv: Sequence[float] = (1.0,)) -> list[Path]:
+    """PIVlab's text; `uv` of each file, the last one for all that follow."""
+    y, x = np.meshgrid(a["y"], a["x"], indexing="ij")
+    length, velocity = ("px", "px/frame") if xy == 1 else ("m", "m/s")
+    files = []
+    for k in range(len(a["t"])):
+        factor = uv[min(k, len(uv) - 1)]
+        head = (
+            f"FRAME: {k + 1}, filenames: A: s {2 * k + 1:04}.tif & B: s {2 * k + 2:04}.tif, "
+            f"conversion factor xy (px -> m): {xy}, conversion factor uv (px/frame -> m/s): {factor}"
+        )
+        names = f"x [{length}],y [{length}],u [{velocity}],v [{velocity}],Vector type [-]"
+        u, v = (factor * a[n][k] for n in "uv")
+        columns = (xy * x, xy * y, u, v, np.where(np.isfinite(u), 1, 0))
+        rows = np.stack([c.T.ravel() for c in columns], 1)
+        files.append(folder / f"PIVlab_{k:04}.txt")
+        np.savetxt(files[-1], rows, "%.9g", ",", header=f"PIVlab\n{head}\n{names}", comments="")
+    return files
+
+
+def matlab(
+    a: Arrays, folder: Path, xy: float, uv: Sequence[float], names: str = "calxy caluv"
+) -> list[Path]:
+    """PIVlab's MATLAB files of one frame each."""
+    y, x = np.meshgrid(a["y"], a["x"], indexing="ij")
+    write, files = by_name("test_pivlab_mat", "version_73"), []
+    for k in range(len(a["t"])):
+        factor = uv[min(k, len(uv) - 1)]
+        facts = dict(zip(names.split(), (xy, factor), strict=True))
+        frame = {"x": xy * x, "y": xy * y, "u": factor * a["u"][k], "v": factor * a["v"][k]}
+        frame["typevector"] = np.isfinite(a["u"][k]).astype(float)
+        files.append(write(folder / f"a{k:04}.mat", frame | facts))
+    return files
+
+
+def insight(a: Arrays, folder: Path, delays: Sequence[float] = (2e3,)) -> list[Path]:
+    """TSI Insight in mm and m/s, with the time between the images in us."""
+    y, x = np.meshgrid(a["y"], a["x"], indexing="ij")
+    files = []
+    for k in range(len(a["t"])):
+        delay = delays[min(k, len(delays) - 1)]
+        title = (
+            'TITLE="a" VARIABLES="X mm", "Y mm", "U m/s", "V m/s", "CHC", DATASETAUXDATA '
+            f'MicrosecondsPerDeltaT="{delay}" ZONE I={len(a["x"])}, J={len(a["y"])}, F=POINT'
+        )
+        u, v = (np.nan_to_num(sign * a[n][k]) for n, sign in (("u", 1), ("v", -1)))
+        columns = (x, a["y"].max() - y, u, v, np.where(np.isfinite(a["u"][k]), 1, -2))
+        rows = np.stack([np.ravel(c) for c in columns], 1)
+        files.append(folder / f"a{k:04}.vec")
+        np.savetxt(files[-1], rows, "%.9g", ", ", header=title, comments="")
+    return files
+
+
+def tracks(a: Arrays, folder: Path, unit: str = "px") -> list[Path]:
+    """A table of grains with their velocities, y up; `unit` of both."""
+    t, y, x = np.meshgrid(a["t"], a["y"].max() - a["y"], a["x"], indexing="ij")
+    there = np.isfinite(a["u"])
+    length, speed = (PIXEL * 1e3, PIXEL * 1e3 / DELAY) if unit == "mm" else (1.0, 1.0)
+    velocity = "mm/s" if unit == "mm" else "px/frame"
+    columns = (t, length * x, length * y, speed * a["u"], -speed * a["v"])
+    rows = np.stack([c[there] for c in columns], 1)
+    header = f"t [s],x [{unit}],y [{unit}],u [{velocity}],v [{velocity}]"
+    np.savetxt(folder / "tracks.csv", rows, "%.9g", ",", header=header, comments="")
+    return [folder / "tracks.csv"]
+
+
+def table(folder: Path, text: str, encoding: str = "utf-8") -> list[Path]:
+    """A table of six grains in four frames, changed by `text` with a {}."""
+    rows = [f"{k},{i},{20 * i + 2 * k}.5,{30 + i * i + k}.25" for k in range(4) for i in range(6)]
+    (folder / "a.csv").write_text(text.format("\n".join(rows)), encoding)
+    return [folder / "a.csv"]
+
+
+def tractrac(folder: Path) -> list[Path]:
+    """TracTrac's HDF5 with one grain twice in a frame."""
+    k, i = (a.ravel() for a in np.meshgrid(range(4), [0, 1, 1, 2], indexing="ij"))
+    with h5py.File(folder / "a_track.hdf5", "w") as file:
+        file["Frame"], file["Id"] = k, i
+        file["x"], file["u"] = np.stack([20.0 * i + k, 3.0 * i], 1), np.ones((k.size, 2))
+    return [folder / "a_track.hdf5"]
+
+
+def small() -> Arrays:
+    """Four frames of 6 x 8 vectors of a shear flow in px."""
+    y, x = 16.0 + 16 * np.arange(6), 16.0 + 16 * np.arange(8)
+    v, u = np.meshgrid(0.01 * y, 1 + 0.02 * x, indexing="ij")
+    u, v = (np.broadcast_to(f, (4, 6, 8)).copy() for f in (u, v))
+    return {"t": np.arange(4) / 500, "y": y, "x": x, "u": u, "v": v}
+
+
+def stated_twice() -> Iterator[Case]:
+    """A time, a scale or a unit that is stated twice."""
+    a, rate = small(), ("--frame-rate", "50 Hz", *GRAINS)
+    again = "time between the two images of a pair is stated twice: the header says "
+    film_says = "time between two frames is stated twice: the file says 2 ms, --frame-rate says 20"
+    calibrated: dict[str, Callable[..., list[Path]]] = {
+        "PIVlab text": pivlab,
+        "PIVlab MATLAB": matlab,
+    }
+    for name, write in calibrated.items():
+
+        def files(folder: Path, uv: Sequence[float], write: Any = write) -> list[Path]:
+            return list(write(a, folder, 1e-4, uv))
+
+        yield Case(
+            "1 s, 500 Hz",
+            name,
+            lambda f, files=files: files(f, [1e-4]),
+            ("--frame-rate", "500 Hz", *GRAINS),
+            2,
+            f"{again}1 s .exactly 1, so probably never set., --frame-rate .you. says 2 ms",
+        )
+        yield Case("2 ms, 50 Hz", name, lambda f, files=files: files(f, [0.05]), rate, 2, again)
+        yield Case(
+            "2 ms, double frames at 50 Hz",
+            name,
+            lambda f, files=files: files(f, [0.05]),
+            (*rate, "--pulse-delay", "2 ms"),
+            0,
+            f"not {SLIP}",
+        )
+        yield Case(
+            "calibrated, another scale",
+            name,
+            lambda f, files=files: files(f, [0.05]),
+            ("--scale", "0.12 mm/px", "--frame-rate", "500 Hz", *GRAINS),
+            2,
+            "size of a pixel is stated twice: the header says 100 µm/pixel, --scale says 0.12",
+        )
+        yield Case(
+            "factors change",
+            name,
+            lambda f, files=files: files(f, [0.05, 0.05, 0.06]),
+            ("--frame-rate", "500 Hz", *GRAINS),
+            2,
+            "calibration calu.? of a series is stated twice",
+        )
+        yield Case(
+            "m in the files, mm by flag",
+            name,
+            lambda f, files=files: files(f, [0.05]),
+            ("--frame-rate", "500 Hz", "--length-unit", "mm", *GRAINS),
+            2,
+            "length unit is stated twice: the file says m, --length-unit says mm",
+        )
+    yield Case(
+        "2 ms, another pulse delay",
+        "Insight",
+        lambda f: insight(a, f),
+        ("--frame-rate", "15 Hz", "--pulse-delay", "1 ms", *GRAINS),
+        2,
+        again,
+    )
+    yield Case(
+        "factors change",
+        "Insight",
+        lambda f: insight(a, f, [2e3, 2e3, 3e3]),
+        ("--frame-rate", "15 Hz", *GRAINS),
+        2,
+        "calibration pulse_delay_us of a series is stated twice",
+    )
+    timed: dict[str, Callable[..., list[Path]]] = {"npz": npz, "netCDF": netcdf, "table": tracks}
+    for name, write in timed.items():
+        scale = ("--scale", "0.1 mm/px", *CAMERA)
+        flip = ("--flip-y", "yes") if name == "netCDF" else ()
+        yield Case(
+            "times in s, another rate",
+            name,
+            lambda f, write=write: write(a, f),
+            (*scale, *flip, *rate),
+            2,
+            film_says,
+        )
+    for name, write in (("npz", npz), ("Insight", insight)):
+        yield Case(
+            "files in mm, a scale",
+            name,
+            lambda f, write=write: write(a, f),
+            (
+                *("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", *GRAINS),
+                *(("--length-unit", "mm", "--time-unit", "s") if name == "npz" else ()),
+            ),
+            0,
+            "--scale 0.1 mm/px changes nothing",
+        )
+    pairs = by_name("test_statements", "pivlab")
+    for apart in (2, 3):
+        yield Case(
+            f"images {apart} apart",
+            "PIVlab text",
+            lambda f, apart=apart: pairs(f, [(k, k + apart) for k in range(1, 5)]),
+            ("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", *GRAINS),
+            0,
+            f"those of a pair are {apart} apart, so every pair has its own time",
+        )
+    yield Case(
+        "images 2 apart, another pulse delay",
+        "PIVlab text",
+        lambda f: pairs(f, [(k, k + 2) for k in range(1, 5)]),
+        ("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", "--pulse-delay", "2 ms", *GRAINS),
+        2,
+        "the numbering of the images says 4 ms, --pulse-delay .you. says 2 ms",
+    )
+
+
+def of_a_collapse() -> Iterator[Case]:
+    """Calibrations of a film that physics contradicts."""
+    size: dict[str, Any] = {"height": 0.5, "aspect": 5.0, "d": 5e-3, "gravity": (0.0, -9.81)}
+    solver: dict[str, Any] = {"density": 1500.0, "cells": 128, "stride": 1, "frames": 60}
+    flow = simulate(mu_s=0.4, mu_2=0.64, **size, **solver, length_unit="m", time_unit="s")
+    a, rate = film(flow), f"{1 / float(np.diff(flow.t).mean()):.10g} Hz"
+    formats: dict[str, tuple[Callable[..., list[Path]], tuple[str, ...]]] = {
+        "npz": (npz, (*CAMERA, "--pulse-delay", "1 ms")),
+        "PIVlab text": (pivlab, ("--frame-rate", rate, "--pulse-delay", "1 ms")),
+        "table": (tracks, (*CAMERA, "--pulse-delay", "1 ms", "--flip-y", "no")),
+    }
+
+    def of(name: str, change: Callable[[Arrays], Arrays] = lambda a: a) -> Files:
+        return lambda folder: formats[name][0](change(a), folder)
+
+    def rounded(part: float) -> Callable[[Arrays], Arrays]:
+        return lambda a: a | {n: np.round(a[n] / part) * part for n in "uv"}
+
+    grains, right = ("--grain-diameter", "5 mm", *MATERIAL), ("--scale", "0.5 mm/px")
+    for name, (_, flags) in formats.items():
+        yield Case("a good film", name, of(name), (*flags, *right, *grains), 0, f"not {SLIP}")
+        yield Case(
+            "whole pixels",
+            name,
+            of(name, rounded(1.0)),
+            (*flags, *right, *grains),
+            0,
+            "multiples of .* .peak locking",
+        )
+        yield Case(
+            "tenths of a pixel",
+            name,
+            of(name, rounded(0.1)),
+            (*flags, *right, *grains),
+            0,
+            "multiples of .* .peak locking",
+        )
+        ten = ("--grain-diameter", "50 mm", *MATERIAL)
+        yield Case(
+            "diameter ten times too large", name, of(name), (*flags, *right, *ten), 0, "improbable"
+        )
+        wrong = ("--scale", "0.585 mm/px")
+        yield Case(
+            "scale 17 % too large", name, of(name), (*flags, *wrong, *grains), 0, "scale is .*large"
+        )
+        yield Case(
+            "the same, tilted by 4 degrees",
+            name,
+            of(name),
+            (*flags, *wrong, "--tilt", "4 deg", *grains),
+            0,
+            "scale is about .*too large.*which no tilt explains; then .*--tilt",
+        )
+        twice = ("--scale", "1 mm/px")
+        yield Case("scale twice", name, of(name), (*flags, *twice, *grains), 2, "impossible")
+        yield Case(
+            "scale twice, --force",
+            name,
+            of(name),
+            (*flags, *twice, *grains, "--force"),
+            0,
+            "impossible",
+        )
+
+
+def of_tables() -> Iterator[Case]:
+    """Rows twice, zeros for missing vectors, and the cause of a refusal."""
+    lab = ("--length-unit", "px", "--scale", "0.5 mm/px", "--frame-rate", "500 Hz", *GRAINS)
+    lab = (*lab, "--flip-y", "yes")
+    head, twice = "frame,particle,x,y\n{}\n", "frame,particle,x,y\n{}\n3,4,1,2\n"
+    for name, write, said in (
+        ("table", lambda f: table(f, twice), "got particle 4 more than once at frame 3"),
+        ("TracTrac HDF5", tractrac, "got particle 1 more than once at frame 0"),
+    ):
+        yield Case("a grain twice in a frame", name, write, lab, 2, said)
+        dropped = (*lab, "--drop-duplicates")
+        yield Case("the same, dropped", name, write, dropped, 0, "not more than once")
+    a = small()
+    a = {"u": a["u"].copy(), "v": a["v"].copy()} and {**a}
+    for n in "uv":
+        a[n][:, :3, :5] = 0
+    for name, write, flags in (
+        ("npz", npz, CAMERA),
+        ("netCDF", netcdf, (*CAMERA, "--flip-y", "yes")),
+        ("PIVlab text", pivlab, ("--frame-rate", "500 Hz")),
+    ):
+        words = (*flags, "--scale", "0.1 mm/px", *GRAINS)
+        delay = () if "--frame-rate" in words else ("--pulse-delay", "2 ms")
+        made: Files = lambda f, write=write: write(a, f)  # noqa: E731
+        yield Case("zeros", name, made, (*words, *delay), 0, "are exactly zero")
+        missing = (*words, *delay, "--zeros", "missing")
+        yield Case("zeros, --zeros missing", name, made, missing, 0, "not exactly zero")
+    for name, text, code, said in (
+        ("comment lines above", "# by hand\n# x, y of the film\n" + head, 0, "not cut off"),
+        ("index without a name", head.replace("frame", ",frame", 1), 2, "line 2"),
+        ("cut off", head + "3,5,7", 2, "it was cut off here"),
+        ("a comma in the numbers", "frame,particle,x,y\n1,1,2,5,3,5\n", 2, "a comma both"),
+    ):
+        yield Case(name, "table", lambda f, text=text: table(f, text), lab, code, said)
+
+
+def traps(folder: Path) -> Iterator[Case]:
+    """The small files in the formats of real programs."""
+
+    def at(*names: str) -> Files:
+        return lambda _: sorted(path for name in names for path in folder.glob(name))
+
+    one, change = "pivlab/header_says_1s/*", "pivlab/factors_change/*"
+    again = "of a pair is stated twice: the header says 1 s .exactly 1"
+    rate = ("--frame-rate", "500 Hz")
+    lab = ("--scale", "0.5 mm/px", *rate, *GRAINS)
+    image = (*lab, "--flip-y", "yes")
+    px = ("--length-unit", "px", *image)
+    opyf = ("--length-unit", "m", "--velocity-unit", "m/s", "--time-unit", "s", *GRAINS)
+    fine = f"not {SLIP}"
+    rows: tuple[tuple[str, str, Files, tuple[str, ...], int, str], ...] = (
+        ("1 s, 500 Hz", "PIVlab text", at(one), (*rate, *GRAINS), 2, again),
+        ("1 s, 50 Hz", "PIVlab text", at(one), ("--frame-rate", "50 Hz", *GRAINS), 2, again),
+        (
+            "calibrated, another scale",
+            "PIVlab text",
+            at(one),
+            ("--frame-rate", "1 Hz", "--scale", "5 mm/px", *GRAINS),
+            2,
+            "size of a pixel is stated twice: the header says 4.24",
+        ),
+        ("factors change", "PIVlab text", at(change), (*rate, *GRAINS), 2, r"datos \(2\).*says"),
+        ("opyf", "CSV", at("0*.csv"), lab, 0, fine),
+        (
+            "opyf on a grid",
+            "HDF5",
+            at("Run_00_rect*"),
+            (*opyf, "--surface", str(folder / "Run_00_depths.hdf5")),
+            0,
+            "free surface: [1-9]",
+        ),
+        ("opyf, scattered", "HDF5", at("Run_00_unst*"), opyf, 0, fine),
+        ("TrackMate", "CSV", at("trackmate.csv"), image, 0, fine),
+        ("TracTrac", "text", at("videotest_track.txt"), image, 0, fine),
+        ("TracTrac", "HDF5", at("videotest_track.hdf5"), image, 0, fine),
+        ("decimal commas, index, tabs", "table", at("tracks_eu.csv"), px, 0, fine),
+        ("decimal commas, semicolons", "table", at("tracks_semi.csv"), px, 0, fine),
+        ("UTF-16", "table", at("tracks_u16.csv"), px, 0, fine),
+        ("a grain twice in a frame", "table", at("tracks_dup.csv"), px, 2, "more than once"),
+        (
+            "the same, dropped",
+            "table",
+            at("tracks_dup.csv"),
+            (*px, "--drop-duplicates"),
+            0,
+            fine,
+        ),
+        (
+            "whole pixels",
+            "npz",
+            at("peaklock.npz"),
+            (*CAMERA, "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *GRAINS),
+            0,
+            "multiples of .* .peak locking",
+        ),
+    )
+    yield from (Case(f"trap: {name}", *others) for name, *others in rows)  # type: ignore[arg-type]
+
+
+def good(flows: Sequence[Path], samples: Sequence[Path]) -> Iterator[Case]:
+    """Good files, for false alarms."""
+    for path in flows:
+        name = path.parent.name if path.stem == "flow" else path.stem
+        yield Case(f"good: {name}", "flow", lambda _, p=path: [p], (), 0, f"not {SLIP}", "inspect")
+    for path in samples:
+        flags = ("--scale", "0.1 mm/px", "--frame-rate", "15 Hz", "--steady", *GRAINS)
+        yield Case(f"good: {path.name}", path.suffix[1:], lambda _, p=path: [p], flags, 0, "x")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run all cases and write the table; exit code 1 if one is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--traps", type=Path, help="folder of the small files of programs")
+    parser.add_argument("--good", type=Path, nargs="*", default=[], help="flow files")
+    parser.add_argument("--piv", type=Path, nargs="*", default=[], help="samples of PIV programs")
+    parser.add_argument("--only", default="", help="part of the names of the cases")
+    parser.add_argument("--out", type=Path, help="the table")
+    own = parser.parse_args(argv)
+    cases = [*stated_twice(), *of_tables(), *of_a_collapse(), *good(own.good, own.piv)]
+    cases += traps(own.traps) if own.traps else ()
+    rows = []
+    for case in cases:
+        if own.only in case.name:
+            with tempfile.TemporaryDirectory() as folder:
+                rows.append(outcome(case, Path(folder)))
+            print(*rows[-1].values(), sep=" | ", flush=True)
+    if own.out is not None:
+        with own.out.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    wrong = [row for row in rows if row["right"] == "wrong"]
+    print(f"{len(rows)} cases, {len(wrong)} wrong")
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
