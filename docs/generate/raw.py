@@ -17,6 +17,7 @@ FILES = {
     "exact flows": f"{STUDIES}/floor/results/rows.csv",
     "scenes": f"{STUDIES}/grains/results/scenes.md",
     "simulator fit": f"{STUDIES}/simulator_fit/results/rows.csv",
+    "contradictions": f"{STUDIES}/reliability/results/contradictions.csv",
     "jets": "bench/results/jet_step.json",
     "commands": "bench/results/commands.csv",
     "demonstration": "docs/results/demonstration.txt",  # what the command of README.md prints

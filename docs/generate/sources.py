@@ -171,6 +171,32 @@ def reference_pressures(name: str) -> list[float]:
     return [float(row[f"{name}_percent"]) for row in reference_fields()]
 
 
+def tried(good: bool) -> list[dict[str, str]]:
+    """Cases of contradictions and traps, or good files."""
+    return [row for row in rows("contradictions") if row["case"].startswith("good: ") == good]
+
+
+def right(cases: Iterable[dict[str, str]]) -> str:
+    """How many cases are right."""
+    answers = [row["right"] == "right" for row in cases]
+    return f"{sum(answers)} of {len(answers)}"
+
+
+def contradictions_table() -> Iterator[str]:
+    """What is said of each case, in all formats in which it was tried."""
+    yield "| case | formats | exit code | what is said first | right |"
+    yield "|---|---|---|---|---|"
+    cases: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for row in tried(good=False):
+        cases.setdefault((row["case"], row["exit code"]), []).append(row)
+    for (case, code), group in cases.items():
+        formats = ", ".join(dict.fromkeys(row["format"] for row in group))
+        said = group[0]["said"].partition(": ")[2] if code == "2" else group[0]["said"]
+        said = said.removeprefix("warning: ").replace("|", "/")
+        said = textwrap.shorten(said, 110, placeholder=" ...")
+        yield f"| {case} | {formats} | {code} | {said} | {right(group)} |"
+
+
 def exits(run: str, steps: str) -> list[float]:
     """Times of a whole command in s."""
     timed = {
@@ -306,6 +332,10 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "pressure.resting": lambda: between(reference_pressures("pressure_at_rest")),
     # Error bars
     **coverage.NUMBERS,
+    # Contradictions
+    "contradictions.table": table(contradictions_table),
+    "contradictions.right": lambda: right(tried(good=False)),
+    "contradictions.good": lambda: right(tried(good=True)),
     # Times and outputs
     "time.demonstration": lambda: seconds(exits("two EPYC cores", "6000")),
     "time.collapse": lambda: seconds(exits("two EPYC cores", "15000")),

@@ -106,13 +106,15 @@ def velocities(
     back = np.argsort(order)
     new_x, u, new_y, v = (a[back] for a in result)
     sigmas = []
-    for about, velocity in zip(scatter, (u, v), strict=True):
+    # Grains that never move along an axis have no scatter there.
+    fastest = float(np.nanmax(np.abs([u, v]), initial=0.0))
+    least = _SMALLEST_SIGMA * max(fastest, 1e-300)
+    for about in scatter:
         if ep is not None:
             variance = np.square(ep[order])
         elif freedom > 0:
             variance = np.full(n, about[enough].sum() / freedom)
         else:
             return TrackMotion(new_x, new_y, u, v)
-        least = _SMALLEST_SIGMA * max(float(np.nanmax(np.abs(velocity), initial=0.0)), 1e-300)
         sigmas.append(np.maximum(np.sqrt(variance * b_variance), least)[back])
     return TrackMotion(new_x, new_y, u, v, *sigmas)

@@ -45,7 +45,7 @@ STRAIGHT = 0.1
 GROWS, SAME_GRAINS = 0.7, 0.6
 SURE_WORK = 0.2  # largest standard error of the work of gravity, relative
 STANDARD_ERRORS = 3.0
-# Inward acceleration over the pull of gravity; sound flows have at most 1.002 (bench/studies/slips).
+# Inward acceleration over the pull of gravity; sound flows: up to 1.002 (bench/studies/slips).
 FAST, TOO_FAST = 1.05, 1.8
 ASIDE = 0.5  # of |g|: an inward acceleration that only gravity gives
 SHOWN = 0.85  # of |g|: an acceleration that is called a free fall

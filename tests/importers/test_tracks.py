@@ -42,6 +42,13 @@ def write_csv(path: Path, columns: dict[str, Any], delimiter: str = ",") -> Path
     return path
 
 
+def test_no_motion_along_an_axis_has_a_standard_deviation() -> None:
+    c = motion()
+    found = velocities(c["frame"], c["frame"], c["x"], 0 * c["x"], c["particle"], None, 5)
+    assert found.sigma_v is not None
+    assert (found.sigma_v.astype(np.float32) > 0).all()
+
+
 @pytest.mark.parametrize("given", [True, False], ids=["ep", "scatter"])
 def test_standard_deviations_are_true(given: bool) -> None:
     """The errors of u over their standard deviations are standard normal, at the ends too."""

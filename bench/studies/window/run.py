@@ -75,12 +75,13 @@ def errors(result: Result) -> list[float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("flows", nargs="+", type=Path)
+    parser.add_argument("--windows", type=int, nargs="+", default=WINDOWS, help="in spacings")
     parser.add_argument("--out", type=Path)
     options, _, config = raw.parse(parser)
     rows = []
     for path in options.flows:
         flow = read_flow(path)
-        for spacings in WINDOWS:
+        for spacings in options.windows:
             seen = measured(flow, spacings)
             window = {WINDOW: spacings * float(seen.x[1] - seen.x[0])}
             stated = dataclasses.replace(seen, attributes=seen.attributes | window)
