@@ -18,6 +18,7 @@ FILES = {
     "scenes": f"{STUDIES}/grains/results/scenes.md",
     "simulator fit": f"{STUDIES}/simulator_fit/results/rows.csv",
     "contradictions": f"{STUDIES}/reliability/results/contradictions.csv",
+    "windows": f"{STUDIES}/window/results/rows.json",
     "jets": "bench/results/jet_step.json",
     "commands": "bench/results/commands.csv",
     "demonstration": "docs/results/demonstration.txt",  # what the command of README.md prints

@@ -171,6 +171,19 @@ def reference_pressures(name: str) -> list[float]:
     return [float(row[f"{name}_percent"]) for row in reference_fields()]
 
 
+def windows_table() -> Iterator[str]:
+    """Errors of mu at both ends of the range of I by the width of the windows, in %."""
+    yield "| window / spacing | smallest I | largest I | averaged: smallest I | largest I |"
+    yield "|---|---|---|---|---|"
+    found = json.loads(text("windows"))["rows"]
+    for width in sorted({row["spacings"] for row in found}):
+        cells = []
+        for averaged in (False, True):
+            flows = [r for r in found if (r["spacings"], r["averaged"]) == (width, averaged)]
+            cells += [", ".join(f"{r['errors'][k]:+.1f}" for r in flows) for k in (0, -1)]
+        yield f"| {width} | {' | '.join(cells)} |"
+
+
 def tried(good: bool) -> list[dict[str, str]]:
     """Cases of contradictions and traps, or good files."""
     return [row for row in rows("contradictions") if row["case"].startswith("good: ") == good]
@@ -332,7 +345,8 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "pressure.resting": lambda: between(reference_pressures("pressure_at_rest")),
     # Error bars
     **coverage.NUMBERS,
-    # Contradictions
+    # Contradictions and windows
+    "windows.table": table(windows_table),
     "contradictions.table": table(contradictions_table),
     "contradictions.right": lambda: right(tried(good=False)),
     "contradictions.good": lambda: right(tried(good=True)),

@@ -1,7 +1,7 @@
-"""A collapse as tracked grains: `python -m bench.studies.experiment.tracks DIR [--steps 3000]`.
+"""A collapse as tracked grains: `python -m bench.studies.experiment.tracks DIR --out FILE.json`.
 
 A simulated collapse of known law is seen as disks in mm: at random places, some lost, velocities
-with noise, no surface line. `convert` and `train` get the table alone. It prints the distance of
+with noise, no surface line. `convert` and `train` get the table alone. It writes the distance of
 the traced surface from the true one, and the error of mu(I).
 """
 
@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from bench.studies import raw
 from bench.studies.experiment import commands
 from granpinn import simulate
 from granpinn.arrays import Float64
 from granpinn.data import Flow, read_flow
 from granpinn.data.surface import line_heights
-from granpinn.results import read_results
+from granpinn.results import Result, read_results
 
 HEIGHT, GRAVITY, D = 0.5, 9.81, 5e-3  # m, m/s^2, m
+LAW = 0.4, 0.64, 0.3  # mu_s, mu_2, I0
 LOST, NOISE = 0.1, 0.01  # share of the grains; of the rms speed
 MATERIAL = ("--grain-diameter", "5 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6")
 
@@ -45,39 +47,51 @@ def disks(flow: Flow, rng: np.random.Generator) -> Float64:
     return np.concatenate(rows)
 
 
+def score(true: Flow, flow: Flow, result: Result) -> dict[str, Any]:
+    """Distance of the surface in d, and errors of mu in % at three I.
+
+    Raises:
+        commands.ExperimentError: the flow has no surface.
+    """
+    line = flow.surface
+    if line is None or true.surface is None:
+        raise commands.ExperimentError("convert traced no surface")
+    places = true.x[true.x < line.x.max()]
+    found, exact = (line_heights(true.t, places, s.t, s.x, s.y) for s in (line, true.surface))
+    assert result.law.I_range is not None
+    I = np.geomspace(*result.law.I_range, 3)
+    assert true.truth is not None
+    right = true.truth.friction_law.friction(I, *LAW)
+    error = result.friction_law.friction(I, *result.theta) / right - 1
+    return {
+        "surface_d": round(float(np.nanmedian(found - exact)) / D, 2),
+        "I": [float(f"{i:.2g}") for i in I],
+        "errors": [round(100 * float(e), 2) for e in error],
+        "theta": list(result.theta),
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--steps", default="3000")
+    parser.add_argument("--out", type=Path, help="the record")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     size: dict[str, Any] = {"height": HEIGHT, "aspect": 5.0, "d": D, "gravity": (0.0, -GRAVITY)}
     solver: dict[str, Any] = {"density": 1500.0, "cells": 256, "stride": 1, "frames": 60}
-    true = simulate(mu_s=0.4, mu_2=0.64, **size, **solver, length_unit="m", time_unit="s")
+    mu_s, mu_2, _ = LAW
+    true = simulate(mu_s=mu_s, mu_2=mu_2, **size, **solver, length_unit="m", time_unit="s")
     table = disks(true, np.random.default_rng(0)) * (1, 1e3, 1e3, 1e3, 1e3)
     tracks, flow, run = (options.folder / name for name in ("tracks.csv", "flow.h5", "run"))
     names = "t [s],x [mm],y [mm],u [mm/s],v [mm/s]"
     np.savetxt(tracks, table, delimiter=",", header=names, comments="", fmt="%.6g")
     python = [sys.executable, "-m"]
     print(commands.run([*python, "granpinn.convert", str(tracks), "--out", str(flow), *MATERIAL]))
-    line = read_flow(flow).surface
-    if line is None or true.surface is None:
-        raise commands.ExperimentError("convert traced no surface")
-    places = true.x[true.x < line.x.max()]
-    found, exact = (line_heights(true.t, places, s.t, s.x, s.y) for s in (line, true.surface))
-    distance = float(np.nanmedian(found - exact)) / D
     settings = ["--level", "V1", "--steps", options.steps]
-    commands.run([*python, "granpinn.train", str(flow), "--out", str(run), *settings])
-    result = read_results(run / "results.json")
-    assert result.law.I_range is not None
-    I = np.geomspace(*result.law.I_range, 3)
-    law = true.truth.friction_law if true.truth else None
-    assert law is not None
-    error = result.friction_law.friction(I, *result.theta) / law.friction(I, 0.4, 0.64, 0.3) - 1
-    print(f"surface: {distance:+.2f} d in the median")
-    for i, e in zip(I, error, strict=True):
-        print(f"mu(I): {100 * e:+.1f} % at I = {i:.2g}")
-    print(result)
+    print(commands.run([*python, "granpinn.train", str(flow), "--out", str(run), *settings]))
+    row = score(true, read_flow(flow), read_results(run / "results.json"))
+    print(raw.write(options.out, {"steps": int(options.steps), "law": LAW, **row}))
 
 
 if __name__ == "__main__":
