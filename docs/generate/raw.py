@@ -19,6 +19,7 @@ FILES = {
     "simulator fit": f"{STUDIES}/simulator_fit/results/rows.csv",
     "contradictions": f"{STUDIES}/reliability/results/contradictions.csv",
     "windows": f"{STUDIES}/window/results/rows.json",
+    "tracks": f"{STUDIES}/experiment/results/tracks.json",
     "jets": "bench/results/jet_step.json",
     "commands": "bench/results/commands.csv",
     "demonstration": "docs/results/demonstration.txt",  # what the command of README.md prints

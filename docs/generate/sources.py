@@ -345,7 +345,9 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "pressure.resting": lambda: between(reference_pressures("pressure_at_rest")),
     # Error bars
     **coverage.NUMBERS,
-    # Contradictions and windows
+    # Contradictions, windows, tracks
+    "tracks.mu": lambda: span(json.loads(text("tracks"))["errors"]),
+    "tracks.surface": lambda: f"{json.loads(text('tracks'))['surface_d']:+.1f}",
     "windows.table": table(windows_table),
     "contradictions.table": table(contradictions_table),
     "contradictions.right": lambda: right(tried(good=False)),
