@@ -110,6 +110,12 @@ KEPT_BY_COMMANDS = (
         "mutants --seeds 0:10000 --jobs 2",
     ),
     Attack(
+        "F-1, F-2, F-4",
+        "the same since libraries open the files, in a process that all mutants share",
+        "mutants_of_readers.json",
+        "mutants --command convert inspect --seeds 0:500",
+    ),
+    Attack(
         "F-5, T-3",
         "a fault at every write of every file, and a disk that is full at every 4 kB: one "
         "sentence, earlier files whole, then the same bits",

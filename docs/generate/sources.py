@@ -171,16 +171,23 @@ def reference_pressures(name: str) -> list[float]:
     return [float(row[f"{name}_percent"]) for row in reference_fields()]
 
 
+def windows(spacings: int, averaged: bool, end: int = -1) -> list[float]:
+    """Errors of mu at an end of the range of I by the width of the windows, in %, for each law."""
+    key = (spacings, averaged)
+    found = json.loads(text("windows"))["rows"]
+    return [r["errors"][end] for r in found if (r["spacings"], r["averaged"]) == key]
+
+
 def windows_table() -> Iterator[str]:
     """Errors of mu at both ends of the range of I by the width of the windows, in %."""
     yield "| window / spacing | smallest I | largest I | averaged: smallest I | largest I |"
     yield "|---|---|---|---|---|"
-    found = json.loads(text("windows"))["rows"]
-    for width in sorted({row["spacings"] for row in found}):
+    for width in sorted({row["spacings"] for row in json.loads(text("windows"))["rows"]}):
         cells = []
         for averaged in (False, True):
-            flows = [r for r in found if (r["spacings"], r["averaged"]) == (width, averaged)]
-            cells += [", ".join(f"{r['errors'][k]:+.1f}" for r in flows) for k in (0, -1)]
+            for end in (0, -1):
+                errors = windows(width, averaged, end)
+                cells.append(", ".join(f"{error:+.1f}" for error in errors))
         yield f"| {width} | {' | '.join(cells)} |"
 
 
@@ -348,6 +355,9 @@ NUMBERS: dict[str, Callable[[], str]] = {
     # Contradictions, windows, tracks
     "tracks.mu": lambda: span(json.loads(text("tracks"))["errors"]),
     "tracks.surface": lambda: f"{json.loads(text('tracks'))['surface_d']:+.1f}",
+    "windows.points": lambda: span(windows(0, averaged=False)),
+    "windows.four_points": lambda: span(windows(4, averaged=False)),
+    "windows.four_averaged": lambda: span(windows(4, averaged=True)),
     "windows.table": table(windows_table),
     "contradictions.table": table(contradictions_table),
     "contradictions.right": lambda: right(tried(good=False)),

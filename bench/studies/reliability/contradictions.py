@@ -19,6 +19,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -220,23 +221,20 @@ def stated_twice() -> Iterator[Case]:
         "PIVlab MATLAB": matlab,
     }
     for name, write in calibrated.items():
-
-        def files(folder: Path, uv: Sequence[float], write: Any = write) -> list[Path]:
-            return list(write(a, folder, 1e-4, uv))
-
+        files = partial(write, a, xy=1e-4)
         yield Case(
             "1 s, 500 Hz",
             name,
-            lambda f, files=files: files(f, [1e-4]),
+            partial(files, uv=[1e-4]),
             ("--frame-rate", "500 Hz", *GRAINS),
             2,
             f"{again}1 s .exactly 1, so probably never set., --frame-rate .you. says 2 ms",
         )
-        yield Case("2 ms, 50 Hz", name, lambda f, files=files: files(f, [0.05]), rate, 2, again)
+        yield Case("2 ms, 50 Hz", name, partial(files, uv=[0.05]), rate, 2, again)
         yield Case(
             "2 ms, double frames at 50 Hz",
             name,
-            lambda f, files=files: files(f, [0.05]),
+            partial(files, uv=[0.05]),
             (*rate, "--pulse-delay", "2 ms"),
             0,
             f"not {SLIP}",
@@ -244,7 +242,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             "calibrated, another scale",
             name,
-            lambda f, files=files: files(f, [0.05]),
+            partial(files, uv=[0.05]),
             ("--scale", "0.12 mm/px", "--frame-rate", "500 Hz", *GRAINS),
             2,
             "size of a pixel is stated twice: the header says 100 µm/pixel, --scale says 0.12",
@@ -252,7 +250,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             "factors change",
             name,
-            lambda f, files=files: files(f, [0.05, 0.05, 0.06]),
+            partial(files, uv=[0.05, 0.05, 0.06]),
             ("--frame-rate", "500 Hz", *GRAINS),
             2,
             "calibration calu.? of a series is stated twice",
@@ -260,7 +258,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             "m in the files, mm by flag",
             name,
-            lambda f, files=files: files(f, [0.05]),
+            partial(files, uv=[0.05]),
             ("--frame-rate", "500 Hz", "--length-unit", "mm", *GRAINS),
             2,
             "length unit is stated twice: the file says m, --length-unit says mm",
@@ -268,7 +266,7 @@ def stated_twice() -> Iterator[Case]:
     yield Case(
         "2 ms, another pulse delay",
         "Insight",
-        lambda f: insight(a, f),
+        partial(insight, a),
         ("--frame-rate", "15 Hz", "--pulse-delay", "1 ms", *GRAINS),
         2,
         again,
@@ -276,7 +274,7 @@ def stated_twice() -> Iterator[Case]:
     yield Case(
         "factors change",
         "Insight",
-        lambda f: insight(a, f, [2e3, 2e3, 3e3]),
+        partial(insight, a, delays=[2e3, 2e3, 3e3]),
         ("--frame-rate", "15 Hz", *GRAINS),
         2,
         "calibration pulse_delay_us of a series is stated twice",
@@ -288,7 +286,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             "times in s, another rate",
             name,
-            lambda f, write=write: write(a, f),
+            partial(write, a),
             (*scale, *flip, *rate),
             2,
             film_says,
@@ -297,7 +295,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             "files in mm, a scale",
             name,
-            lambda f, write=write: write(a, f),
+            partial(write, a),
             (
                 *("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", *GRAINS),
                 *(("--length-unit", "mm", "--time-unit", "s") if name == "npz" else ()),
@@ -310,7 +308,7 @@ def stated_twice() -> Iterator[Case]:
         yield Case(
             f"images {apart} apart",
             "PIVlab text",
-            lambda f, apart=apart: pairs(f, [(k, k + apart) for k in range(1, 5)]),
+            partial(pairs, pairs=[(k, k + apart) for k in range(1, 5)]),
             ("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", *GRAINS),
             0,
             f"those of a pair are {apart} apart, so every pair has its own time",
@@ -318,7 +316,7 @@ def stated_twice() -> Iterator[Case]:
     yield Case(
         "images 2 apart, another pulse delay",
         "PIVlab text",
-        lambda f: pairs(f, [(k, k + 2) for k in range(1, 5)]),
+        partial(pairs, pairs=[(k, k + 2) for k in range(1, 5)]),
         ("--scale", "0.1 mm/px", "--frame-rate", "500 Hz", "--pulse-delay", "2 ms", *GRAINS),
         2,
         "the numbering of the images says 4 ms, --pulse-delay .you. says 2 ms",
@@ -407,29 +405,28 @@ def of_a_collapse() -> Iterator[Case]:
 
 def of_tables() -> Iterator[Case]:
     """Rows twice, zeros for missing vectors, and the cause of a refusal."""
-    lab = ("--length-unit", "px", "--scale", "0.5 mm/px", "--frame-rate", "500 Hz", *GRAINS)
-    lab = (*lab, "--flip-y", "yes")
+    camera = ("--scale", "0.5 mm/px", "--frame-rate", "500 Hz", "--flip-y", "yes")
+    lab = ("--length-unit", "px", *camera, *GRAINS)
     head, twice = "frame,particle,x,y\n{}\n", "frame,particle,x,y\n{}\n3,4,1,2\n"
-    for name, write, said in (
-        ("table", lambda f: table(f, twice), "got particle 4 more than once at frame 3"),
-        ("trackpy HDF5", trackpy, "got particle 4 more than once at frame 3"),
-    ):
-        yield Case("a grain twice in a frame", name, write, lab, 2, said)
+    tables: dict[str, Files] = {"table": partial(table, text=twice), "trackpy HDF5": trackpy}
+    for name, made in tables.items():
+        said = "got particle 4 more than once at frame 3"
+        yield Case("a grain twice in a frame", name, made, lab, 2, said)
         dropped = (*lab, "--drop-duplicates")
-        yield Case("the same, dropped", name, write, dropped, 0, "not more than once")
+        yield Case("the same, dropped", name, made, dropped, 0, "not more than once")
     a = small()
     for n in "uv":
         a[n][:, :3, :5] = 0
-    for name, write, flags in (
-        ("npz", npz, CAMERA),
-        ("netCDF", netcdf, (*CAMERA, "--flip-y", "yes")),
-        ("PIVlab text", pivlab, ("--frame-rate", "500 Hz")),
-    ):
+    rate, delay = ("--frame-rate", "500 Hz"), (*CAMERA, "--pulse-delay", "2 ms")
+    films: dict[str, tuple[Files, tuple[str, ...]]] = {
+        "npz": (partial(npz, a), delay),
+        "netCDF": (partial(netcdf, a), (*delay, "--flip-y", "yes")),
+        "PIVlab text": (partial(pivlab, a), rate),
+    }
+    for name, (made, flags) in films.items():
         words = (*flags, "--scale", "0.1 mm/px", *GRAINS)
-        delay = () if "--frame-rate" in words else ("--pulse-delay", "2 ms")
-        made: Files = lambda f, write=write: write(a, f)  # noqa: E731
-        yield Case("zeros", name, made, (*words, *delay), 0, "are exactly zero")
-        missing = (*words, *delay, "--zeros", "missing")
+        yield Case("zeros", name, made, words, 0, "are exactly zero")
+        missing = (*words, "--zeros", "missing")
         yield Case("zeros, --zeros missing", name, made, missing, 0, "not exactly zero")
     for name, text, before, code, said in (
         ("comment lines above", "# by hand\n# x, y of the film\n" + head, "", 0, "not cut off"),
@@ -437,10 +434,7 @@ def of_tables() -> Iterator[Case]:
         ("cut off", head + "3,5,7", "", 2, "it was cut off here"),
         ("a comma in the numbers", "frame,particle,x,y\n1,1,2,5,3,5\n", "", 2, "a comma both"),
     ):
-
-        def written(folder: Path, text: str = text, before: str = before) -> list[Path]:
-            return table(folder, text, before)
-
+        written = partial(table, text=text, before=before)
         yield Case(name, "table", written, lab, code, said)
 
 
@@ -516,11 +510,16 @@ def traps(folder: Path) -> Iterator[Case]:
     yield from (Case(f"trap: {name}", *others) for name, *others in rows)  # type: ignore[arg-type]
 
 
+def there(path: Path, _: Path) -> list[Path]:
+    """A file that is there, in place of one that is written to a folder."""
+    return [path]
+
+
 def good(flows: Sequence[Path], samples: Sequence[Path]) -> Iterator[Case]:
     """Good files, for false alarms."""
     for path in flows:
         name = f"good: {path.parent.name}/{path.stem}"
-        yield Case(name, "flow", lambda _, p=path: [p], (), 0, f"not {SLIP}", "inspect")
+        yield Case(name, "flow", partial(there, path), (), 0, f"not {SLIP}", "inspect")
     units = ("--length-unit", "px", "--velocity-unit", "px/frame")
     scale = ("--scale", "0.1 mm/px")
     known: dict[str, tuple[str, ...]] = {"openpiv": (*units, *scale), "insight": scale}
@@ -528,7 +527,7 @@ def good(flows: Sequence[Path], samples: Sequence[Path]) -> Iterator[Case]:
         more = known.get(path.stem.partition("_")[0], ())
         flags = ("--steady", "--frame-rate", "15 Hz", *more, *GRAINS, "--force")
         alarm = "not stated twice|changes nothing|peak locking"
-        yield Case(f"good: {path.stem}", path.suffix[1:], lambda _, p=path: [p], flags, 0, alarm)
+        yield Case(f"good: {path.stem}", path.suffix[1:], partial(there, path), flags, 0, alarm)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
