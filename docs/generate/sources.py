@@ -358,6 +358,7 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "windows.points": lambda: span(windows(0, averaged=False)),
     "windows.four_points": lambda: span(windows(4, averaged=False)),
     "windows.four_averaged": lambda: span(windows(4, averaged=True)),
+    "windows.four_low": lambda: span(windows(4, averaged=True, end=0)),
     "windows.table": table(windows_table),
     "contradictions.table": table(contradictions_table),
     "contradictions.right": lambda: right(tried(good=False)),

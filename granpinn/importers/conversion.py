@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow
+from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow, FlowFileWarning
 from granpinn.data.scaling import scales_of
 from granpinn.importers import points
 from granpinn.importers.building import grid_flow, scattered_flow
@@ -24,6 +25,8 @@ from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
 from granpinn.importers.statements import calibration, settled, warn_of_displacement
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
+
+MENDED = 2.0  # spacings of a window that averaging mends (bench/studies/window)
 
 
 def convert(
@@ -110,6 +113,15 @@ def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str,
         raise DataFileError(
             f"--window must be a length below the width of the field of vectors, got "
             f"{settings.window!r}: give the side of a window of the last pass, such as '32 px'"
+        )
+    spacing = float(np.median(np.diff(np.unique(fields.x)))) * frame.length
+    if not fields.scattered and window > 1.01 * MENDED * spacing:
+        warnings.warn(
+            f"the windows are {window / spacing:.2g} spacings wide, and averaging mends "
+            f"{MENDED:g}: mu(I) may be some percent too large, which the error bars do not "
+            "contain; use windows that overlap by half",
+            FlowFileWarning,
+            stacklevel=3,
         )
     return {WINDOW: window}
 

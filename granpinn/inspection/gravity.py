@@ -338,5 +338,5 @@ CHECK = Check("gravity", Gravity, make, seconds=0.06, explains=True)
 
 
 def _times(factor: float) -> str:
-    """A factor with two digits; two behind the point where it is near 1."""
-    return f"{factor:.2f}" if 1 < factor < 2 else digits(factor)
+    """A factor with two digits, with three where it is near 1."""
+    return f"{factor:.3g}" if factor < 2 else digits(factor)

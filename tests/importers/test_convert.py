@@ -13,7 +13,7 @@ import pytest
 from granpinn import Config, identify
 from granpinn.commands.convert import main, parse
 from granpinn.config import Network
-from granpinn.data import read_flow
+from granpinn.data import FlowFileWarning, read_flow
 from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
 from tests.importers import scene
 from tests.importers.test_pivlab_text import export
@@ -142,8 +142,10 @@ def test_side_walls_and_sigma(tmp_path: Path, series: list[str], capsys: Any) ->
 def test_the_window_is_kept_in_meters(series: list[str]) -> None:
     given = {"scale": "0.5 mm/px", "frame_rate": "500 Hz", "solid_fraction": 0.6}
     given |= {"grain_diameter": "0.8 mm", "grain_density": "2500 kg/m^3"}
-    flow = read(series, window="32 px", **given)
-    assert flow.attributes["interrogation_window"] == pytest.approx(32 * 0.5e-3)
+    flow = read(series, window="16 px", **given)
+    assert flow.attributes["interrogation_window"] == pytest.approx(16 * 0.5e-3)
+    with pytest.warns(FlowFileWarning, match="windows are 4 spacings wide, and averaging mends 2"):
+        read(series, window="32 px", **given)
     assert "interrogation_window" not in read(series, **given).attributes
     for wrong in ("9 m", "0 px", "32 s"):
         with pytest.raises(DataFileError, match="window"):

@@ -63,9 +63,9 @@ def frames(name: str, write: Callable[[Path, int], object]) -> Callable[[Path], 
 
 def by_name(module: str, function: str) -> Callable[..., Any]:
     """A writer of tests/importers, imported when it is called."""
-    return lambda *args: getattr(importlib.import_module(f"tests.importers.{module}"), function)(
-        *args
-    )
+    return lambda *args, **options: getattr(
+        importlib.import_module(f"tests.importers.{module}"), function
+    )(*args, **options)
 
 
 def mat(version: str, content: str) -> Callable[[Path], object]:
