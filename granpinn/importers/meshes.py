@@ -81,6 +81,12 @@ def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str
             "--fields u=NAME"
         )
     centers, velocity = frame["points"], frame["velocity"]
+    if not np.isfinite(centers).all():
+        raise DataFileError(
+            f"{path} must have finite coordinates, got nan or inf in "
+            f"{int((~np.isfinite(centers)).any(axis=1).sum())} of {len(centers)} cells: export it "
+            "again"
+        )
     layers = np.unique(np.round((centers[:, 2] - centers[0, 2]) / (np.ptp(centers) or 1), 6))
     if layers.size > 2:
         raise DataFileError(

@@ -70,6 +70,7 @@ COMMANDS: dict[str, tuple[Callable[[], Any], str]] = {
     "ok": (lambda: 0, "ok"),
     "refused": (lambda: refuse("granpinn.train: no\n"), "refused"),
     "could not go on": (lambda: refuse("granpinn.train: no\n", 1), "could not go on"),
+    "bug": (lambda: refuse("granpinn.train: E: this is a bug of granpinn\n", 1), "bug"),
     "two sentences": (lambda: refuse("granpinn.train: a\ngranpinn.train: b\n"), "no single"),
     "no sentence": (lambda: refuse(""), "no single sentence"),
     "other code": (lambda: 3, "exit code 3"),

@@ -65,6 +65,14 @@ def _cloud(made: Any) -> Any:
     return cloud
 
 
+def test_coordinates_that_are_not_finite(tmp_path: Path) -> None:
+    grid = mesh(0, scene.PIXELS).cast_to_unstructured_grid()
+    grid.points[3, 0] = -np.inf
+    grid.save(tmp_path / "a.vtu")
+    with pytest.raises(DataFileError, match="must have finite coordinates, got nan or inf in"):
+        read_vectors(tmp_path / "a.vtu")
+
+
 def test_scattered_points_and_other_meshes(tmp_path: Path) -> None:
     cloud = mesh(0, scene.PIXELS, kind="vtp", at="points")
     vectors = cloud.point_data["U"]

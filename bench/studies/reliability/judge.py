@@ -56,6 +56,8 @@ def by_code(found: Outcome, command: str) -> str:
         return "ok"
     if found.code not in (1, 2):
         return f"exit code {found.code}"
+    if "this is a bug of granpinn" in found.errors:
+        return "bug"
     sentences = [line for line in found.errors.splitlines() if line.startswith("granpinn.")]
     lines = [line for line in found.errors.strip().splitlines() if line]
     name = f"granpinn.{command.split('-')[0]}: "
@@ -88,7 +90,8 @@ def foreign(found: Outcome, folder: Path, valid: Outcome | None) -> set[str]:
 
 def _own_places() -> tuple[str, ...]:
     paths = sysconfig.get_paths()
-    places = (sys.prefix, sys.base_prefix, paths["stdlib"], str(Path(granpinn.__file__).parents[1]))
+    own = str(Path(granpinn.__file__).parents[1])
+    places = (sys.prefix, sys.base_prefix, paths["stdlib"], own, *filter(None, sys.path))
     home = Path.home()
     return (*places, str(home / ".cache" / "matplotlib"), str(home / ".config" / "matplotlib"))
 
