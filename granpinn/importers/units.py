@@ -60,7 +60,14 @@ def unit(text: str, what: str) -> Any:
         powers = _NAME_WITH_POWER.sub(lambda m: f"{m[1]}**{m[2].lstrip('^*')}", cleaned)
         try:
             return _registry().Unit(powers.replace("·", "*"))
-        except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError):
+        except (
+            pint.errors.PintError,
+            LookupError,
+            ValueError,
+            TypeError,
+            AttributeError,
+            SyntaxError,
+        ):
             pass
     raise DataFileError(
         f"{what} must be a unit such as mm, px/frame or m/s, got {text[:MAX_QUANTITY]!r}"

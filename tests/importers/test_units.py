@@ -97,3 +97,8 @@ def test_what_is_missing_is_named() -> None:
         units.factor("m/frame", "velocity", "u", px=1.0)
     with pytest.raises(DataFileError, match="u must be a unit of velocity, got 'm'"):
         units.factor("m", "velocity", "u")
+
+
+def test_a_power_of_zero_is_no_unit() -> None:
+    with pytest.raises(DataFileError, match="t must be a unit such as mm"):
+        units.unit("ms0", "t")
