@@ -83,7 +83,11 @@ def draw_law(curve: Axes, result: Result) -> str:
         curve.plot(I, found.curve.mu, color=BLUE, lw=2.2, label="identified", zorder=3)
         if found.curve.low is not None and found.curve.high is not None:
             ends = found.curve.low, found.curve.high
-            curve.fill_between(I, *ends, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+            known = [found.curve.determines(k) for k in range(len(I))]
+            band = curve.fill_between(I, *ends, where=known, color=BLUE, alpha=0.2, lw=0)
+            band.set_label("90 % band")
+            if not all(known):
+                caption += f". Where there is no band, mu(I) is {NOT_DETERMINED}"
     if (compared := result.checks.get("comparison_of_laws")) is not None:
         others = [c for c in compared.laws if c.law != result.law.name]
         caption += _compared(curve, others, I)

@@ -19,6 +19,7 @@ from granpinn.results import (
     Residuals,
     Result,
     Timing,
+    brief,
     read_results,
     write_csv,
     write_results,
@@ -209,3 +210,10 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1.1, "+- "), (1.8, "mu(I)   not determined at I = 0.01 to 0.2")]
+)
+def test_the_curve_in_a_line(factor: float, words: str) -> None:
+    assert any(words in line for line in brief.lines(make_result(law=law(factor))))
