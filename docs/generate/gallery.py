@@ -55,9 +55,9 @@ CASES = {
     ),
     "chute": Case(
         "A layer flows down a chute",
-        "A simulated layer starts to flow on a slope of 27 degrees.",
+        "A simulated layer of 20 grain diameters starts to flow on a slope of 27 degrees.",
         (
-            "granpinn simulate chute --slope 27 --out chute.h5",
+            "granpinn simulate chute --slope 27 --height 20 --d 1 --out chute.h5",
             "granpinn train chute.h5 --out chute",
         ),
         of_run("chute", "profiles", "friction_law"),
@@ -80,7 +80,7 @@ CASES = {
         "Networks with different seeds, on vectors with noise of 10 %. Their scatter is part of "
         "the error bars.",
         ("granpinn train --noise 0.1 --members 8 --out ensemble",),
-        of_run("ensemble", "friction_law", "inertial_number"),
+        of_run("ensemble", "friction_law"),
     ),
     "own-law": Case(
         "A law of your own",
