@@ -6,7 +6,6 @@ import os
 import random
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -62,8 +61,6 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
     from tests.command.pageless import stand_ins  # it loads the command
 
-    run = importlib.import_module("granpinn.command.training_run")
-    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
     for owner, name, value in stand_ins():
         monkeypatch.setattr(owner, name, value)
 
@@ -79,9 +76,6 @@ def no_balance(monkeypatch: pytest.MonkeyPatch) -> None:
 def figures(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """`figures(*names)`: the page with these figures and those of checks; each takes a second."""
     album = importlib.import_module("granpinn.figures.album")
-    run = importlib.import_module("granpinn.command.training_run")
-    # Processes of their own would draw other figures than those of the tests.
-    monkeypatch.setattr(run, "drawers", lambda folder: nullcontext())
 
     def only(*names: str) -> None:
         monkeypatch.setattr(album, "FIGURES", {name: album.FIGURES[name] for name in names})

@@ -16,24 +16,22 @@ from PIL.PngImagePlugin import PngInfo
 DOCS = Path(__file__).parents[1]
 OUTPUT = DOCS / "results" / "demonstration.txt"
 PICTURE = DOCS / "images" / "result.png"
-WIDTH = 750  # pixels of each half
+PICTURED = ("friction_law", "pressure")
+HEIGHT = 900  # pixels
 
 
 def record(figures: Path, printed: str) -> None:
-    """Writes the output of a run, and a picture of its law, pressure and velocity."""
-    names = ("friction_law", "pressure", "velocity")
-    law, *maps = (Image.open(figures / f"{name}.png").convert("RGB") for name in names)
-    law, *maps = (
-        image.resize((WIDTH, image.height * WIDTH // image.width), Image.Resampling.LANCZOS)
-        for image in (law, *maps)
-    )
-    picture = Image.new("RGB", (2 * WIDTH, law.height), "white")
-    picture.paste(law, (0, 0))
-    gap = (law.height - sum(image.height for image in maps)) // 3
-    top = gap
-    for image in maps:
-        picture.paste(image, (WIDTH, top))
-        top += image.height + gap
+    """Writes the output of a run, and a picture of its law and its pressure."""
+    images = [Image.open(figures / f"{name}.png").convert("RGB") for name in PICTURED]
+    images = [
+        image.resize((image.width * HEIGHT // image.height, HEIGHT), Image.Resampling.LANCZOS)
+        for image in images
+    ]
+    picture = Image.new("RGB", (sum(image.width for image in images), HEIGHT), "white")
+    left = 0
+    for image in images:
+        picture.paste(image, (left, 0))
+        left += image.width
     info = PngInfo()
     info.add_text("output", printed)  # a test compares it with the text
     picture.save(PICTURE, pnginfo=info, optimize=True)

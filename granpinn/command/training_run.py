@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 
 from granpinn import report, results
 from granpinn.checks import wanted
@@ -12,11 +14,9 @@ from granpinn.command import flow_warnings
 from granpinn.command.new_lines import NewLines
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
-from granpinn.fit.case import choose_device
 from granpinn.identification.answer import FIELDS, require_kept
 from granpinn.identification.single import identify
 from granpinn.output import objection_to_folder, owned
-from granpinn.report.drawing import drawers
 from granpinn.results import Result
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.result import in_words
@@ -64,8 +64,9 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
     listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
-    on_gpu = rank == 0 and choose_device(config.device).type == "cuda"
-    with drawers(folder) if on_gpu else nullcontext() as draw, ExitStack() as at_end:
+    if rank == 0:  # matplotlib takes a second to load; the training leaves the interpreter idle
+        Thread(target=import_module, args=("granpinn.report.page",)).start()
+    with ExitStack() as at_end:
         at_end.callback(listener.stop)
         result: Result = identify(
             config.flow,
@@ -78,9 +79,7 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
         if rank > 0:
             return result
         listener.stage(FIGURES.name)
-        page = attempt(lambda: report.build(folder, draw=draw))
-        if draw is not None and isinstance(page, NotDone):  # a process may have ended
-            page = attempt(lambda: report.build(folder))
+        page = attempt(lambda: report.build(folder))
     if isinstance(page, NotDone):
         result = result.without(REPORT, page.why)
         results.write_results(result, folder / "results.json")

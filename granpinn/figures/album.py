@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
 from granpinn.figures import curves, maps, profiles, residual
-from granpinn.figures.style import Drawing, NothingToDraw, encoded, for_phones, save
+from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, Result
 from granpinn.results.attempt import NotDone, attempt
@@ -29,22 +29,17 @@ class Source(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A figure that was drawn: its file, title and caption, and its narrow PNG for phones."""
+    """A figure that was drawn: its file, title and caption."""
 
     path: Path
     title: str
     caption: str
-    phone: bytes = b""
 
     @property
     def words(self) -> str:
         """The caption after the title, which it does not repeat."""
         rest = self.caption.removeprefix(self.title)
         return rest if rest != self.caption else f". {self.caption}"
-
-
-# Draws the figures of these names.
-Draw = Callable[[Sequence[str]], Iterable[Picture | NotDone]]
 
 
 class Missing(NamedTuple):
@@ -99,38 +94,25 @@ def figures_of(result: Result) -> dict[str, tuple[str, Callable[[Source], Drawin
 
 
 def draw_all(
-    source: Source,
-    folder: Path,
-    pdf: bool = False,
-    draw: Draw | None = None,
+    source: Source, folder: Path, pdf: bool = False
 ) -> tuple[list[Picture], list[Missing]]:
     """Write every possible figure to `folder`; remove old files of figures that are missing.
 
     Args:
         pdf: write every figure as a PDF too.
-        draw: draws the figures of these names elsewhere (report/drawing.py); by default they are
-            drawn here.
     """
     make_folder(folder)
-    figures, pictures, missing = figures_of(source.result), [], []
-    names = list(figures)
-    made = draw(names) if draw else (draw_one(source, folder, name, pdf) for name in names)
-    for name, picture in zip(names, made, strict=True):
+    pictures, missing = [], []
+    for name, (title, draw) in figures_of(source.result).items():
+        path = folder / f"{name}.png"
+        picture = attempt(partial(_write, draw, source, path, title, pdf))
         if isinstance(picture, NotDone):
-            path = folder / f"{name}.png"
             path.unlink(missing_ok=True)
             path.with_suffix(".pdf").unlink(missing_ok=True)
-            missing.append(Missing(figures[name][0], picture.why))
+            missing.append(Missing(title, picture.why))
         else:
             pictures.append(picture)
     return pictures, missing
-
-
-def draw_one(source: Source, folder: Path, name: str, pdf: bool = False) -> Picture | NotDone:
-    """Write a figure to a folder that exists, or the reason why it cannot be drawn."""
-    title, draw = figures_of(source.result)[name]
-    path = folder / f"{name}.png"
-    return attempt(partial(_write, draw, source, path, title, pdf))
 
 
 def _write(
@@ -140,6 +122,4 @@ def _write(
     save(drawing.figure, path)
     if pdf:
         save(drawing.figure, path.with_suffix(".pdf"))
-    with for_phones():
-        narrow = encoded(draw(source).figure)
-    return Picture(path, title, drawing.caption, narrow)
+    return Picture(path, title, drawing.caption)

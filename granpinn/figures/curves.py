@@ -51,7 +51,11 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     low, high = _over_the_data(curve, result)
     I = fields.values["I"][after_start(fields)]
     beyond = np.mean((low > I) | (high < I))
-    return Drawing(figure, f"{caption}. {100 * beyond:.0f} % of all points lie beside the axis.")
+    return Drawing(
+        figure,
+        f"{caption}. {100 * beyond:.0f} % of all points lie beside the axis."
+        " The axis of mu does not begin at 0.",
+    )
 
 
 def _over_the_data(axes: Axes, result: Result) -> tuple[float, float]:

@@ -15,19 +15,19 @@ from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
     VALUE_MAP,
+    WIDTH,
     Drawing,
     NothingToDraw,
     label,
     new_figure,
     styled,
-    width,
 )
 from granpinn.results import Fields
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
 UNCERTAINTY_MAP = "magma"
-WIDE = 0.8  # maps with a smaller height / width are stacked
-LEAST = 5.0  # inches; on a narrower figure all maps are stacked
+WIDE = 1.3  # maps with a smaller height / width are stacked
+TALLEST = 1.9  # inches of a stacked map
 
 
 class Window(NamedTuple):
@@ -103,11 +103,11 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
     figure, panels = new_maps(fields, window, 3 if has_reference else 2)
     values = value_norm(simulated)
     draw_map(panels[0], fields, window, simulated, values, VALUE_MAP, label("$p$", unit))
-    panels[0].set_title("(a) simulated")
+    panels[0].set_title("(a) $p$ simulated")
     reach = _quantile(gap, 0.99) or 1.0
     text = label(r"$|\Delta p|$", unit)
     draw_map(panels[1], fields, window, gap, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
-    panels[1].set_title("(b) difference")
+    panels[1].set_title(r"(b) $|\Delta p|$")
     caption = f"Simulated pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
     caption += "(a) simulated, (b) its difference from the predicted pressure"
     if has_reference:
@@ -115,7 +115,7 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
         reach = _quantile(np.abs(error), 0.99) or 1.0
         limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
         draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
-        panels[2].set_title("(c) error")
+        panels[2].set_title("(c) error of $p$")
         caption += ", (c) its error against the reference"
     return Drawing(
         figure,
@@ -154,12 +154,12 @@ def _compare(fields: Fields, k: int, quantity: MapQuantity) -> Drawing:
     values = value_norm(both)
     text = label(quantity.symbol, quantity.unit)
     draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
-    panels[0].set_title("(a) predicted")
+    panels[0].set_title(f"(a) {quantity.symbol} predicted")
     caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}"
     if known is None:
         return Drawing(figure, caption + ": predicted.")
     draw_map(panels[1], fields, window, known, values, VALUE_MAP, text)
-    panels[1].set_title(f"(b) {quantity.known_name}")
+    panels[1].set_title(f"(b) {quantity.symbol} of the {quantity.known_name}")
     difference = quantity.predicted - known
     reach = _quantile(np.abs(difference), 0.99) or 1.0
     text = label(rf"$\Delta${quantity.symbol}", quantity.unit)
@@ -180,19 +180,19 @@ def aspect_of(fields: Fields, window: Window) -> float:
     return float(height / width) if width > 0 and height > 0 else 1.0
 
 
-def stacked(aspect: float) -> bool:
-    """Whether maps stand one above the other."""
-    return aspect < WIDE or width() < LEAST
+def stacked_height(aspect: float) -> float | None:
+    """Height in inches of maps that stand one above the other; None: they stand side by side."""
+    return min((WIDTH - 1.6) * aspect, TALLEST) if aspect < WIDE else None
 
 
 def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
     """A figure with `count` maps: one above the other for wide grains, else side by side."""
     aspect = aspect_of(fields, window)
-    if stacked(aspect):
-        figure = new_figure(((width() - 1.6) * aspect + 0.5) * count + 0.3)
+    if height := stacked_height(aspect):
+        figure = new_figure((height + 0.5) * count + 0.3)
         grid = figure.subplots(count, 1, squeeze=False, sharex=True, sharey=True)
     else:
-        figure = new_figure(min(((width() - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
+        figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
         grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
     for axes in grid.ravel():
         label_axes(axes, fields)

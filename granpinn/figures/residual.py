@@ -7,7 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.ticker import PercentFormatter
 
-from granpinn.figures.maps import Window, aspect_of, draw_map, grain_window, label_axes, stacked
+from granpinn.figures.maps import (
+    Window,
+    aspect_of,
+    draw_map,
+    grain_window,
+    label_axes,
+    stacked_height,
+)
 from granpinn.figures.style import (
     BLACK,
     ORANGE,
@@ -16,7 +23,6 @@ from granpinn.figures.style import (
     NothingToDraw,
     new_figure,
     styled,
-    width,
 )
 from granpinn.results import Fields
 from granpinn.results.zones import D2_STAGNANT, shearing
@@ -33,9 +39,9 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     """Map at one time and histogram over all times of |e| / (rho |g|), strong form."""
     window = grain_window(fields, k)
     aspect = aspect_of(fields, window)
-    if stacked(aspect):
-        figure = new_figure((width() - 1.6) * aspect + 3.0)
-        field_map, histogram = figure.subplots(2, 1, height_ratios=((width() - 1.6) * aspect, 2.0))
+    if height := stacked_height(aspect):
+        figure = new_figure(height + 3.0)
+        field_map, histogram = figure.subplots(2, 1, height_ratios=(height, 2.0))
     else:
         figure = new_figure(4.2)
         field_map, histogram = figure.subplots(1, 2)

@@ -6,11 +6,9 @@ readable for colour-blind readers and in grey print.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import wraps
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec
 
@@ -37,12 +35,10 @@ STYLE = {
     "lines.linewidth": 1.6,
     "xtick.labelsize": 9,
     "ytick.labelsize": 9,
-    "figure.dpi": 150,
+    "figure.dpi": 180,
     "figure.facecolor": "white",
 }
-WIDTH = 6.6  # inches; one column of the report
-PHONE_WIDTH = 3.9
-_width: ContextVar[float] = ContextVar("width", default=WIDTH)
+WIDTH = 5.4  # inches; the letters can be read on a phone and are not large on a desk
 
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, YELLOW, GREY, BLACK = "#56B4E9", "#E69F00", "#8a8a8a", "#111111"
@@ -81,24 +77,9 @@ def styled(draw: Callable[P, Drawing]) -> Callable[P, Drawing]:
     return wrapper
 
 
-def width() -> float:
-    """Width of new figures in inches."""
-    return _width.get()
-
-
-@contextmanager
-def for_phones() -> Iterator[None]:
-    """Inside, new figures have the width of a phone, with the letters as large as before."""
-    token = _width.set(PHONE_WIDTH)
-    try:
-        yield
-    finally:
-        _width.reset(token)
-
-
 def new_figure(height: float) -> Figure:
     """An empty figure, without pyplot and its global state; its height in inches."""
-    return Figure(figsize=(width(), height), layout="constrained")
+    return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def label(symbol: str, unit: str | None) -> str:
@@ -114,18 +95,10 @@ def label(symbol: str, unit: str | None) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG or PDF, whose bytes depend on the figure only: no date, no version."""
-    with replacing(path) as temporary:
-        temporary.write_bytes(encoded(figure, path.suffix[1:]))
-
-
-def encoded(figure: Figure, kind: str = "png") -> bytes:
-    """The figure as a "png" or a "pdf"."""
-    memory = BytesIO()
-    with _look():
-        if kind == "png":  # savefig would draw twice: once for the layout alone
+    with replacing(path) as temporary, temporary.open("wb") as file, _look():
+        if path.suffix == ".png":  # savefig would draw twice: once for the layout alone
             canvas: Any = FigureCanvasAgg(figure)
-            canvas.print_png(memory, metadata={"Software": None})
+            canvas.print_png(file, metadata={"Software": None})
         else:
             unstated = dict.fromkeys(("Creator", "Producer", "CreationDate"))
-            figure.savefig(memory, format=kind, metadata=unstated)
-    return memory.getvalue()
+            figure.savefig(file, format=path.suffix[1:], metadata=unstated)

@@ -50,7 +50,6 @@ def build(
     run_dir: str | Path,
     time: float | None = None,
     pdf: bool = False,
-    draw: album.Draw | None = None,
 ) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
@@ -58,7 +57,6 @@ def build(
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
-        draw: as in `album.draw_all`.
 
     Raises:
         ResultsFileError: there is no valid results.json.
@@ -66,8 +64,8 @@ def build(
     folder = Path(run_dir)
     figures = folder / "figures"
     source, problems = read(folder, time)
-    pictures, missing = album.draw_all(source, figures, pdf, draw)
-    taken = sum(4 * (p.path.stat().st_size + len(p.phone)) // 3 for p in pictures)
+    pictures, missing = album.draw_all(source, figures, pdf)
+    taken = sum(4 * p.path.stat().st_size // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - taken)
     film = attempt(lambda: films.shoot(album.fields_of(source), source.frame, budget))
     if isinstance(film, NotDone):

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
-import torch
 
 from granpinn import identify, results
 from granpinn.command import training_run
 from granpinn.figures import album
-from granpinn.report.drawing import drawers
 from tests.command.late_parts import missing, raising, run
 from tests.runs import tiny
 
@@ -83,31 +79,3 @@ def test_a_folder_that_vanishes_is_an_error(
     assert run(flow_file, "--out", folder) == 1
     err = capsys.readouterr().err.splitlines()[-1]
     assert err.startswith(f"granpinn.train: {folder} was removed during the run")
-
-
-def test_processes_draw_the_same_figures(
-    flow_file: Path, tmp_path: Path, figures: Callable[..., None]
-) -> None:
-    """As after a training on a GPU."""
-    figures("friction_law")
-    identify(flow_file, tiny(steps=3, simulated_pressure__frames=1), run_dir=tmp_path)
-    page = training_run.report.build(tmp_path).read_bytes()
-    names = ["friction_law", "pressure_simulated"]
-    before = {name: (tmp_path / "figures" / f"{name}.png").read_bytes() for name in names}
-    with drawers(tmp_path) as draw:
-        drawn = list(draw(names))
-        assert training_run.report.build(tmp_path, draw=lambda _: drawn).read_bytes() == page
-    assert [picture.path.read_bytes() for picture in drawn] == [*before.values()]
-
-
-def test_a_process_that_ends_draws_nothing(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, figures: Callable[..., None]
-) -> None:
-    """Such as for want of memory; the command draws the figures then."""
-    figures("friction_law")
-    broken = nullcontext(raising(BrokenProcessPool("a process ended")))
-    monkeypatch.setattr(training_run, "choose_device", lambda name: torch.device("cuda"))
-    monkeypatch.setattr(training_run, "drawers", lambda folder: broken)
-    assert run(flow_file, "--out", tmp_path / "run") == 0
-    assert missing(results.read_results(tmp_path / "run" / "results.json")) == {}
-    assert (tmp_path / "run" / "figures" / "friction_law.png").exists()

@@ -75,7 +75,7 @@ def test_errors_grow_with_what_went_wrong(name: str) -> None:
         (USUAL._replace(misfit=0.02), USUAL._replace(misfit=0.9), "misfit"),
         (USUAL._replace(law=0.02), USUAL._replace(law=0.5), "law"),
         (USUAL._replace(x=(0.02, 0.1)), USUAL._replace(x=(0.02, 0.03)), "reach"),
-        (USUAL, USUAL._replace(mu=(0.4, 3.0)), "contrast"),
+        (USUAL, USUAL._replace(mu=(0.4, 6.0)), "contrast"),
     ],
 )
 def test_beyond_the_fit_errors_grow_in_proportion(

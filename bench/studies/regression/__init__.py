@@ -1,1 +1,0 @@
-"""What do differences and a regression find without a network?"""
