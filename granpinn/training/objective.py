@@ -32,6 +32,7 @@ class Member:
         data: may be shared by members.
         fixed: values of the fixed parameters of the law; by default `LawParameter.start`.
         flow: where the data come from, for the identity of a run (identity.py).
+        group: members with the same number have one friction law; None: a law of its own.
     """
 
     problem: Problem
@@ -40,6 +41,7 @@ class Member:
     law: Law
     fixed: Mapping[str, float]
     flow: Flow | None = None
+    group: int | None = None
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class Objective:
         laws: the friction law of each member.
         operators: the operators for these laws.
         distinct: training sets of the members, each once.
+        groups: numbers of the members that have one friction law; each member is in one group.
         share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
@@ -82,6 +85,7 @@ class Objective:
         self.operators = operators_of(self.laws)
         if any(m.problem.spec.widths != self.spec.widths for m in members):
             raise ValueError("members of one run must have networks of the same widths")
+        self.groups = _groups(members)
         self.distinct, self.set_of = _distinct(members)
         self.sets = [s.pooled() for s in self.distinct]
         self.share, parts = share
@@ -110,6 +114,7 @@ class Objective:
         self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
         self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
         self.physics = like.new_tensor([m.problem.physics for m in members])
+        self._in_group = self._companions(device)
 
     def _moved(self, name: str, device: torch.device) -> Tensor:
         """An array of all sets, one after another on the device; each set has its part of it."""
@@ -136,6 +141,29 @@ class Objective:
             places.append([point, len(s.points), surface, len(s.surface_points)])
             point, surface = point + len(s.points), surface + len(s.surface_points)
         return [places[i] for i in self.set_of]
+
+    def group_of(self, member: int) -> list[int]:
+        """The members that have the friction law of a member, itself included."""
+        return next(group for group in self.groups if member in group)
+
+    def _companions(self, device: torch.device) -> Tensor | None:
+        """The group of every member, filled up with E [E, W]; None if every law is its own."""
+        E, longest = len(self.members), max(map(len, self.groups))
+        if longest == 1:
+            return None
+        rows = [self.group_of(e) for e in range(E)]
+        return torch.tensor([row + [E] * (longest - len(row)) for row in rows], device=device)
+
+    def over_groups(self, grad_theta: Tensor) -> Tensor:
+        """The sum of the gradients [E, N] over the group of every member [E, N].
+
+        All members of a group add the same numbers in the same order: their sums are equal bit for
+        bit. A NaN stays in its group.
+        """
+        if self._in_group is None:
+            return grad_theta
+        with_zero = torch.cat([grad_theta, torch.zeros_like(grad_theta[:1])])
+        return with_zero[self._in_group].sum(1)
 
     def data(self, member: int) -> TrainingSet:
         """All points of a member, pooled and on the device.
@@ -243,6 +271,32 @@ class Objective:
             source=None if data.source is None else data.source[inside],
         )
         return found[1]
+
+
+def _groups(members: Sequence[Member]) -> list[list[int]]:
+    """The members that have one law, in the order of their first ones.
+
+    Raises:
+        ConfigError: members of a group have other laws, or other given values.
+    """
+    groups: dict[object, list[int]] = {}
+    for e, member in enumerate(members):
+        groups.setdefault(("alone", e) if member.group is None else member.group, []).append(e)
+    for first, *others in groups.values():
+        law, fixed = members[first].law, dict(members[first].fixed)
+        for e in others:
+            if members[e].law.name != law.name or dict(members[e].fixed) != fixed:
+                raise ConfigError(
+                    f"flows with one law must have the same law with the same given values, got "
+                    f"{law.name} with {fixed} and {members[e].law.name} with "
+                    f"{dict(members[e].fixed)}: give these values in the settings"
+                )
+        if others and (law.curve or law.cohesion):
+            raise ConfigError(
+                f"flows with one law need a law of parameters without a unit, got {law.name}: "
+                "take another --law"
+            )
+    return list(groups.values())
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:
