@@ -36,6 +36,8 @@ EXAMPLES = """examples:
       the same with eight networks, for a steadier value; on a GPU nearly as fast as one
   python -m granpinn.train collapse.h5 --out run --max-time 600
       the same, planned to end within 10 minutes
+  python -m granpinn.train heap.h5 chute.h5 --one-law --out run
+      one friction law from several flows of one material
   python -m granpinn.train --out run --resume
       continue an interrupted run
   python -m granpinn.train collapse.h5 --out paper --recipe paper --steps 30000
@@ -59,14 +61,20 @@ def parse(argv: Sequence[str]) -> Arguments:
     argv = switches(argv)
     parser = Parser(
         prog=program("train"),
-        usage="%(prog)s [FLOW.h5 --out DIR] [settings]",
+        usage="%(prog)s [FLOW.h5 ... --out DIR] [settings]",
         description="Identify the friction law and the pressure of a granular flow.",
         epilog=EXAMPLES.replace("python -m granpinn.train", program("train")),
         formatter_class=_Help,
         argument_default=argparse.SUPPRESS,
         allow_abbrev=False,
     )
-    parser.add_argument("flow", nargs="?", metavar="FLOW", help="the flow file (HDF5)")
+    parser.add_argument("flow", nargs="*", metavar="FLOW", help="the flow file (HDF5)")
+    parser.add_argument(
+        "--one-law",
+        action="store_true",
+        default=False,
+        help="identify one friction law from several flow files of one material",
+    )
     parser.add_argument("--config", metavar="FILE.toml", help="settings from a file; flags win")
     parser.add_argument("--help-all", action="help", help="show every setting")
     parser.add_argument(
@@ -78,8 +86,16 @@ def parse(argv: Sequence[str]) -> Arguments:
     _add_settings(parser, everything="--help-all" in argv)
     given = vars(parser.parse_args(argv))
     file, verbose = given.pop("config", None), given.pop("verbose")
+    flows, one_law = given.pop("flow", []), given.pop("one_law")
+    if len(flows) > 1 and not one_law:
+        raise ConfigError(
+            f"expected one flow file, got {len(flows)}: --one-law identifies one friction law from "
+            "several flows of one material; else train each by itself"
+        )
     known = settings_of(Config)
     flags = {key: convert(text, known[key].kind, flag_of(key)) for key, text in given.items()}
+    if flows:
+        flags |= {"flow": flows[0], "further_flows": tuple(flows[1:])}
     values = read_toml(Path(file)) if file else {}
     if flags.get("recipe", values.get("recipe")) != values.get("recipe", flags.get("recipe")):
         raise ConfigError(
@@ -143,7 +159,7 @@ def _add_settings(parser: argparse.ArgumentParser, everything: bool) -> None:
     for name, kind in sections_of(Config).items():
         groups[name] = parser.add_argument_group(name, kind.__doc__) if everything else parser
     for key, stated in settings_of(Config).items():
-        if key == "flow":
+        if key in ("flow", "further_flows"):
             continue
         group, flag = groups[key.rpartition(".")[0]], flag_of(key)
         text = stated.help.replace("%", "%%")

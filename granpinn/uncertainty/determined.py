@@ -10,6 +10,7 @@ say so themselves.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,27 +21,34 @@ from granpinn.results import Parameters, Result
 from granpinn.results.determined import Determined
 from granpinn.results.summary import friction_sd
 from granpinn.uncertainty import error_bars, error_model
-from granpinn.uncertainty.error_model import Known, ends_of, interval
+from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
 
 LARGEST = 0.15  # its 90 % interval is wider than a quarter
 
 
-def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:
+def determined(
+    result: Result, inertial_number: Floats, weight: Floats, ranges: Sequence[Pair] = ()
+) -> Determined | None:
     """What the data determine; None for laws other than mu(I) and flows without shear.
 
     Args:
         inertial_number: of the points that shear [n].
         weight: of these points in the fit [n].
+        ranges: of I of all flows that have this law; (): this flow only.
     """
     if result.law.name != mu_of_i.LAW.name:
         return None
+    shear = range_of(inertial_number, weight, result.parameters["I0"].value)
+    return None if shear is None else determined_over(result, shear, ranges)
+
+
+def determined_over(result: Result, shear: Range, ranges: Sequence[Pair] = ()) -> Determined:
+    """What data with a range of I determine of mu(I); `ranges` as for `determined`."""
     mu_s, mu_2, I0 = result.theta
-    shear = range_of(inertial_number, weight, I0)
-    if shear is None:
-        return None
     bars, at = result.error_bars, np.array([shear.I])
     real = bars is not None and bars.grains is not None
-    lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2), real=real))
+    every = ranges or [(shear.low, shear.high)]
+    lost = lost_of([Known(ends_of(ends, I0), (mu_s, mu_2), real=real) for ends in every])
     mu, std, mu_90 = float(result.friction_law.friction(at, *result.theta)[0]), None, None
     if result.covariance is not None and bars is not None:
         std = float(friction_sd(at, result, result.covariance)[0])
@@ -75,10 +83,10 @@ def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] 
     return None if used is None else _quantiles(*used)
 
 
-def lost_of(known: Known) -> tuple[str, ...]:
-    """The parameters that are not determined."""
-    sd = error_bars.sd_of(known, error_model.load())
-    pairs = zip(error_bars.NAMES, sd, known.mu, strict=True)
+def lost_of(flows: Sequence[Known]) -> tuple[str, ...]:
+    """The parameters that are not determined by one flow, or by all flows that have one law."""
+    sd = error_bars.sd_of(flows, error_model.load())
+    pairs = zip(error_bars.NAMES, sd, flows[0].mu, strict=True)
     return tuple(name for name, s, mu in pairs if s > LARGEST * mu)
 
 

@@ -11,6 +11,14 @@ of real grains from mu(I) (error_model.py), and J continues the line through bot
 scatter of K > 1 members over seeds. A is the effect of assumptions, such as the offset of the
 surface line (sensitivity.py).
 
+Several flows f with one law: the errors of the method are independent between flows, so generalised
+least squares over the ends of all gives
+
+$$ J M J^T \to \Big( \sum_f (J_f M_f J_f^T)^{-1} \Big)^{-1} . $$
+
+The departure of real grains from mu(I) is that of the material. So G counts once, with its level
+and its tilt over the range of I of all flows, and does not average out.
+
 Intervals are from Student's distribution and symmetric in log mu, so friction stays positive.
 """
 
@@ -28,7 +36,15 @@ from granpinn.physics.laws import DEFAULT, LAWS, Law
 from granpinn.results import Covariance, Parameter, Residuals
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
-from granpinn.uncertainty.error_model import ErrorModel, Known, Pair, continued, interval, load
+from granpinn.uncertainty.error_model import (
+    ErrorModel,
+    Known,
+    Pair,
+    continued,
+    interval,
+    line,
+    load,
+)
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
 NAMES = ("mu_s", "mu_2")
@@ -78,12 +94,16 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    members: Members, known: Known, model: ErrorModel, assumed: Sequence[Assumed] = ()
+    members: Members, flows: Sequence[Known], model: ErrorModel, assumed: Sequence[Assumed] = ()
 ) -> Estimate:
-    """Error bars of the center `known.mu` of an ensemble."""
+    """Error bars of the center `mu` of an ensemble.
+
+    Args:
+        flows: one flow, or all flows that have this law, with the same `mu`.
+    """
     parts = {
-        "method": continued(model.method(known), known),
-        "grains": continued(model.grains(known), known),
+        "method": method(flows, model),
+        "grains": grains(flows, model),
         "scatter": scatter(members),
         "assumptions": covariance(assumed, NAMES),
     }
@@ -91,23 +111,43 @@ def estimate(
     half, sd = model.half_width(), np.sqrt(np.diag(C)).tolist()
     parameters = {
         name: Parameter(mu, False, s, interval(mu, s, half))
-        for name, mu, s in zip(NAMES, known.mu, sd, strict=True)
+        for name, mu, s in zip(NAMES, flows[0].mu, sd, strict=True)
     }
-    method = _pair(parts.pop("method"))
     bars = ErrorBars(
-        method=method,
+        method=_pair(parts.pop("method")),
         **{name: _pair(matrix) if matrix.any() else None for name, matrix in parts.items()},
         freedom=model.freedom,
         half_width=half,
-        outside=model.outside(known),
+        outside=tuple(dict.fromkeys(words for known in flows for words in model.outside(known))),
         provenance=model.provenance,
     )
     return Estimate(parameters, Covariance(NAMES, tuple(map(tuple, C.tolist()))), bars)
 
 
-def sd_of(known: Known, model: ErrorModel) -> Pair:
+def method(flows: Sequence[Known], model: ErrorModel) -> Float64:
+    """Covariance of (mu_s, mu_2) by the errors of the method [2, 2], independent between flows."""
+    if len(flows) == 1:
+        return continued(model.method(flows[0]), flows[0])
+    total = np.zeros((2, 2))
+    for known in flows:
+        by_mu = np.diag(1 / known.ends) @ line(known.x)  # log mu at both ends by (mu_s, mu_2)
+        total += by_mu.T @ np.linalg.solve(model.method(known), by_mu)
+    return np.asarray(np.linalg.inv(total))
+
+
+def grains(flows: Sequence[Known], model: ErrorModel) -> Float64:
+    """Covariance of (mu_s, mu_2) by the departure of real grains from mu(I) [2, 2].
+
+    It is common to all flows, over the range of I of all.
+    """
+    x = min(known.x[0] for known in flows), max(known.x[1] for known in flows)
+    every = flows[0]._replace(x=x, real=any(known.real for known in flows))
+    return continued(model.grains(every), every)
+
+
+def sd_of(flows: Sequence[Known], model: ErrorModel) -> Pair:
     """Standard deviations of (mu_s, mu_2) in runs of which no more is known."""
-    return _pair(continued(model.method(known) + model.grains(known), known))
+    return _pair(method(flows, model) + grains(flows, model))
 
 
 def scatter(members: Members) -> Float64:
@@ -170,7 +210,7 @@ def judge(
         return without("no grains shear")
     if missing := unknown(assumed):
         return without(f"the effect of the {' and '.join(missing)} is not known")
-    found = estimate(members, known, load(), assumed)
+    found = estimate(members, [known], load(), assumed)
     bars = found.bars
     if not known.real:  # grains of all kinds were tested, of simulated flows collapses
         unlike = tuple(f"a flow that is {words.partition(':')[0]}" for words in symmetries)

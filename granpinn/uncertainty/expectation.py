@@ -73,7 +73,7 @@ def expected(found: Inspection, noise: float = 1.0) -> dict[str, float]:
         return {}
     model = error_model.load()
     if law.name == mu_of_i.LAW.name:
-        pairs = zip(law.free, error_bars.sd_of(known, model), known.mu, strict=True)
+        pairs = zip(law.free, error_bars.sd_of([known], model), known.mu, strict=True)
         return {name: s / mu for name, s, mu in pairs}
     most = math.sqrt(np.diag(model.method(known) + model.grains(known)).max())
     return {name: math.hypot(noise * getattr(p, name), most) for name in law.free}
@@ -193,7 +193,7 @@ def _range(found: Inspection) -> list[str]:
     if law.law != mu_of_i.LAW.name or found.undetermined is not None or shear is None:
         return []
     mu_s, mu_2, I0 = law.theta
-    lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2)))
+    lost = lost_of([Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2))])
     if not lost:
         return []
     return [

@@ -124,7 +124,7 @@ def test_error_bars_are_the_sum_of_their_parts() -> None:
     three = Members((0, 1, 2), {"mu_s": (0.39, 0.40, 0.42), "mu_2": (0.64, 0.66, 0.60)})
     line = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
     known = USUAL._replace(real=True)
-    found = error_bars.estimate(three, known, MODEL, (line,))
+    found = error_bars.estimate(three, [known], MODEL, (line,))
     parts = continued(MODEL.method(known) + MODEL.grains(known), known)
     parts = parts + np.cov([three.values["mu_s"], three.values["mu_2"]]) / 3
     parts = parts + np.outer([0.02, -0.05], [0.02, -0.05])
@@ -133,12 +133,12 @@ def test_error_bars_are_the_sum_of_their_parts() -> None:
     assert bars.assumptions == pytest.approx((0.02, 0.05))
     squares = [np.square(p) for p in (bars.method, bars.grains, bars.scatter, bars.assumptions)]
     np.testing.assert_allclose(np.sum(squares, axis=0), np.diag(parts), rtol=1e-12)
-    alone = error_bars.estimate(ALONE, USUAL, MODEL).bars
+    alone = error_bars.estimate(ALONE, [USUAL], MODEL).bars
     assert (alone.grains, alone.scatter, alone.assumptions) == (None, None, None)
 
 
 def test_intervals_are_those_of_student_and_hold_no_negative_friction() -> None:
-    found = error_bars.estimate(ALONE, USUAL, MODEL).parameters
+    found = error_bars.estimate(ALONE, [USUAL], MODEL).parameters
     half = stats.t.ppf(0.95, 8.0)
     for parameter in found.values():
         low, high = parameter.interval_90
@@ -146,7 +146,7 @@ def test_intervals_are_those_of_student_and_hold_no_negative_friction() -> None:
         assert math.log(high / parameter.value) == pytest.approx(reach)
         assert math.log(parameter.value / low) == pytest.approx(reach)
     lost = Known((0.1, 0.1 + 1e-6), MU, misfit=5.0, law=3.0, noise=2.0)
-    for parameter in error_bars.estimate(ALONE, lost, error_model.load()).parameters.values():
+    for parameter in error_bars.estimate(ALONE, [lost], error_model.load()).parameters.values():
         low, high = parameter.interval_90
         assert 0 < low < parameter.value < high < math.inf
 
@@ -162,7 +162,7 @@ def test_intervals_cover_as_often_as_stated(seed: int) -> None:
     for row in e:
         mu = np.linalg.solve(line(X), (line(X) @ MU) * np.exp(row))
         members = Members((0,), {"mu_s": (mu[0],), "mu_2": (mu[1],)})
-        found = error_bars.estimate(members, USUAL._replace(mu=tuple(mu.tolist())), MODEL)
+        found = error_bars.estimate(members, [USUAL._replace(mu=tuple(mu.tolist()))], MODEL)
         ends = [p.interval_90 for p in found.parameters.values()]
         held += [low <= t <= high for (low, high), t in zip(ends, MU, strict=True)]
     assert s.shape == (2,)
@@ -218,3 +218,45 @@ def test_a_model_that_breaks_a_rule_is_refused(
     (tmp_path / "model.json").write_text(json.dumps(content | changes), encoding="utf-8")
     with pytest.raises(ValueError, match=sentence):
         error_model.load(tmp_path / "model.json")
+
+
+OTHER = USUAL._replace(x=(0.2, 0.6), real=True)
+
+
+def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
+    """Generalised least squares over both ends of both flows, drawn from the model."""
+    flows = [USUAL, OTHER]
+    J = np.vstack([line(known.x) for known in flows])
+    C = np.zeros((4, 4))
+    for k, known in enumerate(flows):
+        ends = slice(2 * k, 2 * k + 2)
+        C[ends, ends] = np.outer(known.ends, known.ends) * MODEL.method(known)
+    weights = np.linalg.inv(C)
+    fit = np.linalg.solve(J.T @ weights @ J, J.T @ weights)
+    rng = np.random.default_rng(seed)
+    drawn = rng.multivariate_normal(J @ MU, C, 20_000) @ fit.T
+    found = error_bars.method(flows, MODEL)
+    np.testing.assert_allclose(found, np.cov(drawn.T), rtol=0.1)
+    np.testing.assert_allclose(found, fit @ C @ fit.T, rtol=1e-9)
+
+
+def test_the_same_flow_twice_halves_the_variance_of_the_method_only() -> None:
+    once, twice = [OTHER], [OTHER, OTHER]
+    np.testing.assert_allclose(
+        error_bars.method(twice, MODEL), error_bars.method(once, MODEL) / 2, rtol=1e-9
+    )
+    np.testing.assert_array_equal(error_bars.grains(twice, MODEL), error_bars.grains(once, MODEL))
+
+
+def test_the_departure_of_grains_is_over_the_range_of_all_flows() -> None:
+    found = error_bars.grains([USUAL, OTHER], MODEL)
+    every = OTHER._replace(x=(USUAL.x[0], OTHER.x[1]))
+    np.testing.assert_array_equal(found, continued(MODEL.grains(every), every))
+    assert not error_bars.grains([USUAL], MODEL).any()
+
+
+def test_a_flow_that_reaches_far_determines_mu_2_of_all() -> None:
+    narrow = USUAL._replace(x=(0.02, 0.04))
+    wide = error_bars.sd_of([narrow, OTHER._replace(real=False)], MODEL)
+    assert wide[1] < error_bars.sd_of([narrow], MODEL)[1] / 5
+    assert wide[0] < error_bars.sd_of([OTHER._replace(real=False)], MODEL)[0]
